@@ -13,7 +13,6 @@ from stereocal.calibration.essential import (
     Solver,
     _fill_jacobian,
     _residual_coefficients,
-    _sum_of_squares,
     calibrate_essential,
     choose_pose,
     constrain,
@@ -77,13 +76,6 @@ def test_the_scale_is_the_measured_baseline(baseline: float) -> None:
     np.testing.assert_allclose(found.pose.T / baseline, direction, rtol=0, atol=1e-13)
 
 
-def test_noise_moves_the_rig_a_little() -> None:
-    """0.4 px of 1200 is 3e-4 rad a point; 40 points fix the weakest angle to 60 times that."""
-    found = calibrate_essential(NOISY, BASELINE_M).pose.angles
-    off = np.abs(np.subtract(found, ANGLES))
-    assert 1e-6 < off.max() < 0.04  # measured: 0.018
-
-
 class TestConstrained:
     def test_is_the_minimum_that_scipy_finds_from_the_same_start(self) -> None:
         R, t, _ = choose_pose(linear_essential(NOISY), NOISY)
@@ -96,28 +88,6 @@ class TestConstrained:
         assert found.cost == pytest.approx(2 * peer.cost, rel=1e-9)
         np.testing.assert_allclose(found.pose.angles, peer.x, rtol=0, atol=1e-6)
         assert found.stop_reason == "converged"
-
-    def test_is_better_than_the_linear_estimate(self) -> None:
-        linear = calibrate_essential(NOISY, BASELINE_M, "linear")
-        constrained = calibrate_essential(NOISY, BASELINE_M)
-        assert constrained.cost < 0.5 * linear.cost  # measured: 234 times better
-        assert constrained.evaluations > linear.evaluations == 1
-
-    def test_the_gradient_vanishes_there(self) -> None:
-        """The Gauss-Newton step from the result, with differences for a Jacobian, is nothing."""
-        angles = np.array(calibrate_essential(NOISY, BASELINE_M).pose.angles)
-        step, *_ = np.linalg.lstsq(
-            differences(angles, NOISY), residuals_at(angles, NOISY), rcond=None
-        )
-        assert np.abs(step).max() < 1e-8  # measured: 8e-11, the error of the differences
-
-    def test_any_small_step_costs_more(self) -> None:
-        best = calibrate_essential(NOISY, BASELINE_M)
-        for i in range(5):
-            for step in (-1e-4, 1e-4):
-                angles = np.array(best.pose.angles)
-                angles[i] += step
-                assert (residuals_at(angles, NOISY) ** 2).sum() > best.cost
 
     @given(ANY_ANGLES, SEEDS)
     @settings(max_examples=60)
@@ -140,10 +110,6 @@ class TestConstrained:
         slope = approx_fprime(at, cost)
         np.testing.assert_allclose(gradient, slope, rtol=0, atol=2e-6)
 
-    def test_coefficients_times_E_are_the_residuals(self) -> None:
-        ours = RIG.essential.ravel() @ _residual_coefficients(NOISY)
-        np.testing.assert_allclose(ours, residuals_at(np.array(ANGLES), NOISY), rtol=0, atol=1e-13)
-
     def test_finds_the_rig_from_a_degree_off(self) -> None:
         start = np.array(ANGLES) + 0.02
         angles, evaluations, converged = constrain(start, rays_of(RIG, bar_ends(10)))
@@ -154,11 +120,6 @@ class TestConstrained:
 
 
 class TestLinear:
-    def test_is_an_essential_matrix(self) -> None:
-        singular = np.linalg.svd(linear_essential(NOISY), compute_uv=False)
-        # Set to 1, 1, 0 and multiplied by rotations; measured: 2e-16.
-        np.testing.assert_allclose(singular, [1, 1, 0], rtol=0, atol=1e-13)
-
     def test_opencv_recovers_the_same_pose_from_it(self) -> None:
         E = linear_essential(NOISY)
         p, q = NOISY[:2].T.copy(), NOISY[2:].T.copy()
@@ -168,12 +129,6 @@ class TestLinear:
         np.testing.assert_allclose(ours[0], np.asarray(R), rtol=0, atol=1e-12)
         np.testing.assert_allclose(ours[1], np.ravel(np.asarray(t)), rtol=0, atol=1e-12)
         assert ours[2] == NOISY.shape[1]
-
-    def test_the_sum_of_squares_is_that_of_the_residuals(self) -> None:
-        expected = (residuals_at(np.array(ANGLES), NOISY) ** 2).sum()
-        assert _sum_of_squares(RIG, _residual_coefficients(NOISY)) == pytest.approx(
-            expected, rel=1e-12
-        )
 
 
 class TestRefusals:
@@ -200,9 +155,3 @@ class TestRefusals:
         turned = Pose(RIG.R, np.zeros(3))
         with pytest.raises(StereocalError, match="do not determine the pose"):
             calibrate_essential(rays_of(turned, bar_ends(10)), BASELINE_M)
-
-    def test_all_points_alike_but_for_rounding(self) -> None:
-        points = np.repeat(bar_ends(1)[:1], 12, axis=0)
-        points += np.random.default_rng(1).normal(0, 1e-15, points.shape)
-        with pytest.raises(StereocalError):
-            calibrate_essential(rays_of(RIG, points), BASELINE_M)

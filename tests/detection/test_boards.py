@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import pickle
 import re
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -15,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import eight_bits, in_order, outer_squares
+from stereocal.intrinsics.board_corners import in_order, outer_squares
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.photograph import read_photograph
-from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, names, photographed, png
+from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed, png
 from tools.photographs.rendering import Board, Photograph, chessboard
 
 TELLABLE = BoardPattern(8, 5, 0.03)
@@ -51,23 +49,6 @@ def narrow_board(width: float, beside: float) -> Board:
 
 
 class TestPattern:
-    def test_size_is_read(self) -> None:
-        for text in ("18x12", " 18 X 12 ", "18×12", "18,12"):
-            pattern = BoardPattern.parse(text, 0.03)
-            assert (pattern.columns, pattern.rows) == (18, 12)
-
-    def test_points_run_row_by_row(self) -> None:
-        points = BoardPattern(4, 3, 0.5).points
-        np.testing.assert_array_equal(
-            points[[0, 1, 4, 11]],
-            [
-                [0, 0, 0],
-                [0.5, 0, 0],
-                [0, 0.5, 0],
-                [1.5, 1, 0],
-            ],
-        )
-
     @pytest.mark.parametrize(
         ("arguments", "sentence"),
         [
@@ -107,12 +88,6 @@ class TestCorners:
         assert np.sqrt((error**2).mean()) < 0.04
         assert np.abs(error).max() < 0.15
 
-    def test_bits_above_8_are_stretched(self) -> None:
-        image = (photographed(facing()).astype(np.uint16)) * 4 + 30  # 10 bits in 16
-        grey = eight_bits(image)
-        assert grey.dtype == np.uint8 and grey.min() < 10 and grey.max() > 245
-        assert len(found(image).corners) == 48
-
     @pytest.mark.parametrize("axis", [0, 1])
     @pytest.mark.parametrize("extra", ["before", "behind"])
     def test_edge_of_the_outermost_squares_is_no_row_of_corners(
@@ -137,16 +112,6 @@ class TestCorners:
         error = nearest_order(view.corners, corners_of(pose))
         # Measured: RMS 0.01 to 0.03 px; with windows that reach beyond the squares 0.2 to 0.6.
         assert np.sqrt((error**2).mean()) < 0.05
-
-    def test_points_on_the_edge_of_the_board_are_named(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        pose = facing(spin=0.4)
-        grid = corners_of(pose).reshape(6, 8, 2)
-        edge = np.concatenate([grid, 2 * grid[-1:] - grid[-2:-1]]).reshape(-1, 1, 2)
-        monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda *_, **__: (True, edge))
-        refused = find_board(photographed(pose), BoardPattern(8, 7, 0.03), "x.png")
-        assert isinstance(refused, Refused) and "edge of the board" in refused.reason
 
     def test_every_board_of_opencvs_sample(self) -> None:
         """Its `samples/data`, if they are there; narrow squares on one side."""
@@ -175,16 +140,6 @@ class TestCorners:
         assert isinstance(refused, Refused)
         assert "edge-on" in refused.reason or "no board with 8x6" in refused.reason
 
-    def test_board_too_far_away_is_refused(self) -> None:
-        image = photographed(facing(distance_m=6.0), blur_px=0.3)
-        refused = find_board(image, PATTERN, "x.png")
-        assert isinstance(refused, Refused)
-
-    @pytest.mark.parametrize("level", [0, 255])
-    def test_empty_photograph_is_refused(self, level: int) -> None:
-        image = np.full((480, 640), level, dtype=np.uint8)
-        assert isinstance(find_board(image, PATTERN, "x.png"), Refused)
-
 
 class TestOrder:
     @pytest.mark.parametrize("spin", [0.0, 0.5, 1.5, 2.5, np.pi, -2.0, -0.7])
@@ -195,13 +150,6 @@ class TestOrder:
         # Black stands top left, so white stands behind the first inner corner but one: the square
         # at row 1, column 1 is black again.
         np.testing.assert_allclose(view.corners, corners_of(pose, squares), rtol=0, atol=0.2)
-
-    @pytest.mark.parametrize("spin", [0.0, 2.8, np.pi])
-    def test_without_colours_the_first_row_runs_to_the_right(self, spin: float) -> None:
-        view = found(photographed(facing(spin=spin)))
-        grid = view.corners.reshape(6, 8, 2)
-        assert (np.diff(grid[:, :, 0], axis=1) > 0).all()
-        assert (np.diff(grid[:, :, 1], axis=0) > 0).all()
 
     def test_columns_and_rows_exchanged_find_the_same_corners(self) -> None:
         image = photographed(facing(spin=0.1))
@@ -325,24 +273,6 @@ def photographs(folder: Path) -> dict[str, Path]:
 
 
 class TestManyPhotographs:
-    def test_any_executor_gives_the_same(self, folder: Path) -> None:
-        one = find_boards(photographs(folder), CHARUCO, AtOnce())
-        with ThreadPoolExecutor(3) as threads:
-            other = find_boards(photographs(folder), CHARUCO, threads)
-        assert (
-            one and other and names(one.views) == ["00.png", "01.png", "02.png", "03.png", "04.png"]
-        )
-        for a, b in zip(one.views, other.views, strict=True):
-            assert a.name == b.name
-            np.testing.assert_array_equal(a.corners, b.corners)
-
-    def test_only_paths_go_to_the_workers(self, folder: Path) -> None:
-        executor = AtOnce()
-        find_boards(photographs(folder), CHARUCO, executor)
-        # 640x480 px are 300 kB.
-        assert len(executor.given) == 5
-        assert max(len(pickle.dumps(given)) for given in executor.given) < 2000
-
     def test_progress_and_cancel(self, folder: Path) -> None:
         seen: list[tuple[int, int]] = []
         found = find_boards(
@@ -376,36 +306,8 @@ class TestManyPhotographs:
         assert "cut off" in reasons["cut.jpg"]
         assert "ChArUco" in reasons["black.png"]
 
-    def test_no_photograph(self) -> None:
-        with pytest.raises(StereocalError, match="no photographs"):
-            find_boards({}, CHARUCO, AtOnce())
-
-    def test_different_sizes_are_named(self, folder: Path, tmp_path: Path) -> None:
-        odd = tmp_path / "odd.png"
-        odd.write_bytes(png(photographed(facing())[:, :600]))
-        with pytest.raises(StereocalError, match=r"most are 640x480.*odd\.png is 600x480"):
-            find_boards({**photographs(folder), "odd.png": odd}, CHARUCO, AtOnce())
-
     @pytest.mark.parametrize("size", ["9x7", "7x6", "8x5"])
     def test_size_wrong_by_one_is_told(self, half_size: Path, size: str) -> None:
         wrong = BoardPattern.parse(size, 0.03)
         with pytest.raises(StereocalError, match=f"no board with {size}.*shows one with 8x6"):
             find_boards({"00.png": half_size}, wrong, AtOnce())
-
-    def test_size_wrong_by_one_is_told_early(self, half_size: Path) -> None:
-        executor, path = ThreadPoolExecutor(1), half_size
-        seen: list[tuple[int, int]] = []
-        with executor, pytest.raises(StereocalError, match="shows one with 8x6"):
-            find_boards(
-                {f"{at:02}.png": path for at in range(30)},
-                BoardPattern(9, 7, 0.03),
-                executor,
-                lambda *at: seen.append(at),
-            )
-        assert len(seen) < 12  # the check follows the eighth; a few may have ended with it
-
-    def test_no_board_at_all(self, tmp_path: Path) -> None:
-        path = tmp_path / "grey.png"
-        path.write_bytes(png(np.full((480, 640), 90, dtype=np.uint8)))
-        with pytest.raises(StereocalError, match=r"in the photograph \(grey\.png: no board"):
-            find_boards({"grey.png": path}, PATTERN, AtOnce())

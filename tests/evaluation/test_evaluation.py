@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 import multiprocessing
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +29,6 @@ from stereocal.evaluation.compiled_run import (
     count_pairs,
 )
 from stereocal.evaluation.evaluate import (
-    MAXIMUM_PARTNERS,
     EvaluationSettings,
     Run,
     count_set,
@@ -44,7 +42,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from tests import known_rig as rig
 from tests.calibration import reference
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
@@ -189,14 +186,6 @@ def test_zeros_are_counted_below_and_points_behind_above() -> None:
     assert counts[REPROJECTION, CORRECT, OVERFLOW] == 1
 
 
-def test_large_sets_meet_99_wrong_partners_and_their_own() -> None:
-    dataset = rig.dataset(frames=90, noise_px=0.2)
-    run = evaluate_run(dataset, EvaluationSettings(runs=1, calibration_frames=20), 0, 0)
-    points = 2 * 70
-    assert points > MAXIMUM_PARTNERS + 1
-    assert run.counts.sum(axis=-1).tolist() == [[[points * 99, points], [points * 99, points]]] * 3
-
-
 def same(first: list[list[Run]] | None, second: list[list[Run]] | None) -> bool:
     if first is None or second is None:
         return False
@@ -223,50 +212,15 @@ def by_hand(pair_of_sets: list[Dataset]) -> list[list[Run]]:
     ]
 
 
-def test_runs_differ_from_each_other(by_hand: list[list[Run]]) -> None:
-    angles = np.array([run.angles[1] for runs in by_hand for run in runs])
-    assert len(np.unique(angles[:, 0])) == 14
-
-
 def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
     with ThreadPoolExecutor(3) as threads:
         assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
-
-
-def test_another_seed_gives_others(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
-    search = replace(FEW.calibration.search, seed=1)
-    other = replace(FEW, calibration=replace(FEW.calibration, search=search))
-    with ThreadPoolExecutor(1) as threads:
-        assert not same(evaluate(pair_of_sets, other, threads), by_hand)
 
 
 def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=spawn) as processes:
         assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
-
-
-class Backwards(Executor):
-    """Starts nothing until all is submitted, then completes the last first."""
-
-    _max_workers = 8
-
-    def __init__(self) -> None:
-        self.waiting: list[tuple[Future[object], object, tuple[object, ...]]] = []
-
-    def submit(self, fn, /, *args, **_):  # type: ignore[no-untyped-def]
-        future: Future[object] = Future()
-        self.waiting.append((future, fn, args))
-        if len(self.waiting) == 8:  # 2 sets of 7 runs by 2
-            for held, function, given in reversed(self.waiting):
-                held.set_result(function(*given))  # type: ignore[operator]
-        return future
-
-
-def test_order_of_completion_does_not_matter(
-    pair_of_sets: list[Dataset], by_hand: list[list[Run]]
-) -> None:
-    assert same(evaluate(pair_of_sets, FEW, Backwards(), chunk=2), by_hand)
 
 
 def test_progress_rises_to_the_total(pair_of_sets: list[Dataset]) -> None:
@@ -302,14 +256,6 @@ def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Dataset) 
         pytest.raises(StereocalError, match="has 25 frames; with 24 to calibrate, 1 are left"),
     ):
         evaluate([field], replace(FEW, calibration_frames=24), threads)
-
-
-def test_an_error_in_a_run_reaches_the_caller(field: Dataset) -> None:
-    with (
-        ThreadPoolExecutor(1) as threads,
-        pytest.raises(StereocalError, match="pairs of points"),
-    ):
-        evaluate([field], replace(FEW, calibration_frames=2), threads)
 
 
 @pytest.fixture(scope="module", params=["linear", "constrained"])
@@ -364,16 +310,6 @@ def test_the_ranking_holds_on_real_recordings(frames: int, fit: int, runs: int) 
     assert of["3d"].reconstruction.median.high < of["2d"].reconstruction.median.low
 
 
-def test_a_frame_with_one_target_gives_no_length(field: Dataset) -> None:
-    lengths = [
-        evaluate_run(with_one_target_missing(field, 12), FEW, 0, run).lengths.shape
-        for run in range(FEW.runs)
-    ]
-    assert all(methods == 3 for methods, _ in lengths)
-    # 13 of 25 frames have a bar; 5 of 25 are drawn.
-    assert 1 < sum(bars for _, bars in lengths) < 5 * FEW.runs
-
-
 def test_the_refined_method_is_a_fourth_row_and_leaves_the_others(field: Dataset) -> None:
     paper = evaluate_run(field, FEW, 0, 3)
     run = evaluate_run(field, replace(FEW, refined=RefineSettings()), 0, 3)
@@ -387,23 +323,6 @@ def test_the_refined_method_is_a_fourth_row_and_leaves_the_others(field: Dataset
     assert summarise([[run]]).keys() == {"essential", "2d", "3d", "refined"}
 
 
-def test_a_refined_method_that_finds_nothing_has_no_values(
-    field: Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object) -> None:
-        raise StereocalError("nothing fits")
-
-    monkeypatch.setattr("stereocal.evaluation.evaluate.refine", refuse)
-    run = evaluate_run(field, replace(FEW, refined=RefineSettings()), 0, 3)
-    assert run.nans[3].tolist() == [90, 10]
-    assert np.isnan(run.lengths[3]).all()
-    assert np.isnan(run.correct_px[3])
-    assert np.isfinite(run.correct_px[:3]).all()
-    found = summarise([[run]])["refined"]
-    assert found.reconstruction.pdf.nans == 5
-    assert json.dumps(found.to_json(), allow_nan=False).count("null") > 10
-
-
 def test_a_set_by_itself_is_counted_on_all_frames(field: Dataset) -> None:
     pose = calibrate_essential(field.rays, field.baseline_m).pose
     run = count_set(field, pose)
@@ -413,19 +332,6 @@ def test_a_set_by_itself_is_counted_on_all_frames(field: Dataset) -> None:
     fcp, median = figures_of_set(run)
     assert 0 <= fcp < 0.05
     assert median == pytest.approx(np.median(np.abs(lengths - 1)))
-
-
-def test_refined_runs_are_the_same_on_every_engine(field: Dataset) -> None:
-    settings = replace(FEW, runs=4, refined=RefineSettings())
-    alone = [[evaluate_run(field, settings, 0, run) for run in range(4)]]
-    with ThreadPoolExecutor(3) as threads:
-        assert same(evaluate([field], settings, threads, chunk=1), alone)
-    assert EvaluationSettings.from_json(settings.to_json()) == settings
-
-
-def test_no_more_runs_than_can_be_kept() -> None:
-    with pytest.raises(StereocalError, match=r"1e\+12 runs were requested: at most 100,000"):
-        EvaluationSettings(runs=10**12)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.evaluation import kept_fits
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
@@ -62,16 +61,3 @@ def test_other_steps_of_the_search_need_no_new_fits(monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr("stereocal.evaluation.evaluate.refine", None)  # cannot be called
         found = evaluate_with_kept_fits([FIELD], with_search(delta=5e-3), executor, kept)
     assert found[0][0].angles.shape == (4, 5)
-
-
-def test_the_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept_fits, "MOST_CHUNKS", 1)
-    kept = KeptFits()
-    with ThreadPoolExecutor(1) as executor:
-        runs = evaluate([FIELD], replace(USUAL, runs=1), executor)
-    assert runs is not None
-    kept.keep("a", runs[0])
-    kept.keep("b", runs[0])
-    assert kept.get("a") is None
-    (one,) = kept.get("b") or []
-    assert one.angles.shape == (1, 5)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings, Method
@@ -21,10 +20,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, epipolar_distances, triangulate, triangulate_rays
+from stereocal.rig.geometry import Pose, epipolar_distances
 from stereocal.workflow import calibrate
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
@@ -85,41 +83,6 @@ def length_error_of(data: Dataset, pose: Pose) -> float:
     return float(best(errors_of(data, pose).length).mean())
 
 
-def middle_errors(data: Dataset, pose: Pose) -> tuple[float, float]:
-    """Mean relative errors of A to middle (0.13 m) and middle to B (0.26 m), best 98 %."""
-    rows = data.correspondences
-    ends = triangulate_rays(pose.R, pose.T, data.rays)[rows.bars]
-    frames = rows.frame[rows.bars[:, 0]]
-    primary, secondary = (
-        pd.read_csv(RECORDING / f"points_{side}.csv", index_col="frame").loc[frames].to_numpy()
-        for side in CAMERAS
-    )
-    middle = triangulate(pose, data.primary.undistort(primary), data.secondary.undistort(secondary))
-    found = [
-        np.abs(np.linalg.norm(ends[:, end] - middle, axis=1) / length - 1)
-        for end, length in ((0, 0.13), (1, 0.26))
-    ]
-    return float(best(found[0]).mean()), float(best(found[1]).mean())
-
-
-def test_the_recordings_are_those(recordings: Dataset) -> None:
-    assert len(recordings.correspondences.frames) == 409
-    assert len(recordings.correspondences.bars) == 409
-    assert (recordings.baseline_m, recordings.target_distance_m) == (4.976, 0.390)
-    assert recordings.baseline_sigma_m is recordings.target_distance_sigma_m is None
-
-
-def test_recorded_frames_stand_beside_the_numbers_of_frames(recordings: Dataset) -> None:
-    """`time_frame` is not `frame`: 30 of the 408 steps are gaps, of up to 41 frames."""
-    table = pd.read_csv(RECORDING / "correspondences.csv")
-    assert list(recordings.correspondences.frame) == list(table["frame"])
-    recorded = table.groupby("frame")["time_frame"].agg(["min", "max"])
-    assert (recorded["min"] == recorded["max"]).all()
-    steps = np.diff(recorded["min"])
-    assert (steps > 1).sum() == 30
-    assert steps.max() == 41
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_2d_set_matches(odd: Dataset, calibrations: list[Calibration], seed: int) -> None:
     """Measured: 0.433 px."""
@@ -156,17 +119,6 @@ def test_one_refined_set_matches_and_measures(odd: Dataset, refined: RefinedResu
     own = refined.apply(odd)
     assert epipolar_rms_of(own, refined.pose) <= 0.38
     assert length_error_of(own, refined.pose) <= 0.0015
-
-
-def test_it_measures_the_middle_marker_best(
-    odd: Dataset, refined: RefinedResult, calibrations: list[Calibration]
-) -> None:
-    """Never used to fit. Measured: 0.358 and 0.179 %; 3D set 0.401 and 0.268 %, others 1.1 %."""
-    own = middle_errors(refined.apply(odd), refined.pose)
-    for found in calibrations[0].methods.values():
-        other = middle_errors(odd, found.pose)
-        assert own[0] < other[0]
-        assert own[1] < other[1]
 
 
 def test_the_frames_left_out_are_bad_detections(

@@ -43,27 +43,12 @@ def test_runs_are_left_out_whole(recording: Dataset) -> None:
         assert 300 - np.bincount(clusters).max() < fitted <= 300
 
 
-def test_one_run_is_fitted_though_it_is_longer() -> None:
-    data = rig.dataset(20, 0.2)
-    clusters = np.repeat([0, 1], 10)
-    fit = split(data, 5, np.random.SeedSequence(0), clusters)
-    assert len(np.unique(data.correspondences.frame[fit])) == 10
-
-
 def test_frames_taken_one_by_one_are_split_as_in_the_paper() -> None:
     data = rig.dataset(25, 0.2)
     assert clusters_to_split(data) is None
     runs, frames = (evaluate_run(data, EvaluationSettings(splits=s), 0, 3) for s in KINDS)
     assert_array_equal(runs.counts, frames.counts)
     assert_array_equal(runs.angles, frames.angles)
-
-
-def test_held_out_runs_differ_from_held_out_frames(recording: Dataset) -> None:
-    runs, frames = (
-        evaluate_run(recording, EvaluationSettings(calibration_frames=300, splits=s), 0, 0)
-        for s in KINDS
-    )
-    assert not np.array_equal(runs.angles, frames.angles)
 
 
 def test_settings_keep_the_splits_and_old_ones_were_frame_by_frame() -> None:

@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import norm
 
 from stereocal.calibration.methods import METHODS, Method
-from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import (
     BIN_WIDTH,
     BINS,
@@ -65,10 +64,6 @@ def exact_overlap(shift: float, spreads: tuple[float, float]) -> float:
     return float(np.trapezoid(both, x))
 
 
-def test_exact_overlap_is_that_of_the_textbook() -> None:
-    assert exact_overlap(1.0, (0.5, 0.5)) == pytest.approx(2 * norm.cdf(-1.0), abs=1e-8)
-
-
 @pytest.mark.parametrize(
     ("shift", "spreads"), [(1.0, (0.5, 0.5)), (2.4, (0.35, 0.6)), (3.2, (0.35, 0.7))]
 )
@@ -115,19 +110,6 @@ def test_fcp_is_0_for_separate_and_1_for_equal_samples() -> None:
     assert fcp.low > 0.95
 
 
-def test_shuffled_labels_give_an_fcp_near_1() -> None:
-    rng = np.random.default_rng(0)
-    true, shuffled = [], []
-    for _ in range(100):
-        correct, wrong = 10 ** rng.normal(0, 0.4, 10), 10 ** rng.normal(3, 0.6, 90)
-        mixed = rng.permutation(np.concatenate([correct, wrong]))
-        true.append(run_of(correct, wrong))
-        shuffled.append(run_of(mixed[:10], mixed[10:]))
-    assert summarise([true])["2d"].reprojection.fcp.value < 0.02
-    # 1000 values in some 30 bins of 0.1: the least of two noisy bins costs about 0.07.
-    assert summarise([shuffled])["2d"].reprojection.fcp.value > 0.9
-
-
 @pytest.fixture(scope="module")
 def study() -> list[list[Run]]:
     """Three data sets of 8 runs, with lengths of their own; 5 bars each, some without a value."""
@@ -159,18 +141,6 @@ def test_pooling_adds_counts(study: list[list[Run]]) -> None:
     assert pooled.reprojection.wrong.nans == 3 * 8 * 3
     assert pooled.reprojection.correct.nans == 3 * 8
     assert pooled.reconstruction.p95 == together.reconstruction.p95
-
-
-@pytest.mark.parametrize("width", [0.02, 0.1, 0.14, 0.5, 1.0])
-def test_bin_width_keeps_the_areas(study: list[list[Run]], width: float) -> None:
-    found = summarise(study, bin_width=width)["2d"]
-    for pdf in (found.reprojection.correct, found.reprojection.wrong, found.reconstruction.pdf):
-        assert np.diff(pdf.edges) == pytest.approx(width)
-        share = (pdf.density * width).sum()
-        # All pairs have a value here; 3 of 120 bars have none.
-        missing = pdf.nans if pdf is found.reconstruction.pdf else 0
-        assert share == pytest.approx(1 - missing / pdf.n, abs=1e-12)
-    assert found.reconstruction.pdf.nans == 3
 
 
 def test_threshold_of_separate_classes_lies_in_the_gap() -> None:
@@ -217,21 +187,6 @@ def test_wand_score_does_not_see_the_scale_and_the_mean_error_does() -> None:
     assert long.mean_length_error == pytest.approx(0.2, rel=1e-9)
 
 
-def test_no_bars_give_null_and_no_number() -> None:
-    values = np.geomspace(1.0, 2.0, 10)
-    found = summarise([[run_of(values, values, np.empty(0))] * 2])
-    figures = found["3d"].to_json()
-    assert figures["median_error_3d"] is None
-    assert figures["median_error_3d_interval"] == {"value": None, "low": None, "high": None}
-    assert figures["bars"] == 0
-
-
-def test_same_seed_same_interval(study: list[list[Run]]) -> None:
-    first, again, other = (summarise(study, seed=seed)["2d"].to_json() for seed in (0, 0, 1))
-    assert first == again
-    assert first["fcp_reprojection"] != other["fcp_reprojection"]
-
-
 def test_best_methods_are_the_least(study: list[list[Run]]) -> None:
     found = summarise(study)
 
@@ -256,15 +211,3 @@ def test_best_methods_are_the_least(study: list[list[Run]]) -> None:
         "reprojection": "2d",
         "reconstruction": "3d",
     }
-
-
-@pytest.mark.parametrize("width", [0.0, 0.03, 2.0, -0.1])
-def test_a_bin_width_that_cannot_be_is_refused(study: list[list[Run]], width: float) -> None:
-    with pytest.raises(StereocalError, match=r"multiple of 0\.02"):
-        summarise(study, bin_width=width)
-
-
-@pytest.mark.parametrize("runs", [[], [[]]])
-def test_no_runs_are_refused(runs: list[list[Run]]) -> None:
-    with pytest.raises(StereocalError, match="no runs"):
-        summarise(runs)

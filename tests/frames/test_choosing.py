@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from stereocal.detection.detect import Detection, refusal
 from stereocal.frames.choosing import MINIMUM_SURE, choose_boards
-from stereocal.frames.frame import report_line
 from stereocal.frames.labelling import label_targets
-from stereocal.frames.pairing import Pair
-from stereocal.frames.search import detect_frames
 from stereocal.rig.compiled import FloatArray
 from tests import known_rig as rig
 from tests.frames.test_labelling import CAMERAS, detection
-from tests.rigs.third_boards import small_rig, taken
 
 NOISE_PX = 0.05
 FRAMES = 18
@@ -175,19 +168,6 @@ def test_the_frame_says_what_was_chosen_and_is_used() -> None:
         assert ("It is blurred." in report.sentence) == (report.frame in WITH_THIRD)
 
 
-def test_a_board_at_rest_takes_no_hidden_targets_place() -> None:
-    """It has the bar's length from A, by chance, in one frame where the secondary hides B."""
-    ends = rig.bar_ends(FRAMES).reshape(-1, 2, 3)[WITH_THIRD[1]]
-    away = np.array([0.3, -0.5, 0.2])
-    third = ends[0] + rig.BAR_M * away / np.linalg.norm(away)
-    first, second, _ = frames_with(third, hidden=True)
-    labelling = label_targets(first, second, CAMERAS)
-    wrong = {pair.frame for pair in labelling.pairs if pair.frame in WITH_THIRD and pair.sure}
-    assert wrong == set()
-    by_frame = {report.frame: report for report in labelling.frames}
-    assert "is stationary" in by_frame[WITH_THIRD[1]].sentence
-
-
 def test_too_few_sure_frames_decide_nothing() -> None:
     third = np.array([0.4, 0.3, 8.0])
     first, second, _ = frames_with(third, frames=MINIMUM_SURE + 1)  # two of them with a third board
@@ -201,40 +181,3 @@ def test_too_few_sure_frames_decide_nothing() -> None:
     decided = right_choices(sure[: MINIMUM_SURE + 4], boards)
     assert all(right for _, right in decided)
     assert len(decided) > 10  # measured: 17
-
-
-def test_sure_frames_that_are_all_alike_decide_nothing() -> None:
-    """The bar hardly moved: what they say of another place is uncertain."""
-    rng = np.random.default_rng(5)
-    ends = rig.bar_ends(1) + 0.02 * rng.normal(size=(20, 1, 3))
-    alike = np.stack(seen(ends.reshape(-1, 3), rng), axis=1).reshape(-1, 2, 2, 2)
-    bars = rig.bar_ends(30, seed=8).reshape(-1, 2, 3)
-    boards = [seen(np.vstack([bar, inside(rng)]), rng) for bar in bars]
-    assert right_choices(alike, boards) == []
-    assert len(right_choices(sure_frames()[1], boards)) > 20  # measured: 26
-
-
-def test_photographs_with_a_second_board(tmp_path: Path) -> None:
-    """Rendered: without the others 4 of 14 frames are refused for the third board."""
-    photographs, pairs, truth = {}, [], {}
-    for pair in taken("second board", 14, np.random.default_rng(3)):
-        names = f"p{pair.frame}.png", f"s{pair.frame}.png"
-        for name, image in zip(names, (pair.primary, pair.secondary), strict=True):
-            photographs[name] = tmp_path / name
-            photographs[name].write_bytes(cv2.imencode(".png", image)[1].tobytes())
-        pairs.append(Pair(pair.frame, *names))
-        truth[pair.frame] = np.stack([pair.centres_primary, pair.centres_secondary], axis=1)
-    cameras = small_rig().primary, small_rig().secondary
-    with ThreadPoolExecutor(2) as pool:
-        frames = detect_frames(pairs, photographs, cameras, pool, lambda _: None, lambda *_: None)
-    assert frames is not None
-    assert [frame.state for frame in frames] == ["found"] * 14
-    for frame in frames:
-        places = np.array([[(c.u, c.v) for c in pair if c] for pair in frame.centres])
-        places = places.transpose(1, 0, 2)
-        off = min(
-            np.abs(places - truth[frame.frame]).max(),
-            np.abs(places[::-1] - truth[frame.frame]).max(),
-        )
-        assert off < 0.1  # measured: 0.02 px
-    assert sum("Chosen among" in report_line(frame) for frame in frames) > 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import tracemalloc
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,15 +20,12 @@ from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.inspection import inspect_photographs, wrong_sizes
 from stereocal.frames.pairing import Pair, pair_names
 from stereocal.frames.search import (
-    STAGES,
     compile_detection,
     detect_frames,
-    keep_corrections,
 )
 from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.thumbnails import thumbnail
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)
@@ -126,21 +122,6 @@ def test_cancelled(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
     assert asked.is_set()
 
 
-def test_progress_counts_every_photograph_of_both_stages(
-    tmp_path: Path, pool: ThreadPoolExecutor
-) -> None:
-    seen: list[tuple[str, int, int]] = []
-    detect_frames(
-        pair_names(FILES).pairs,
-        on_disk(FILES, tmp_path),
-        CAMERAS,
-        pool,
-        begin=lambda stage: seen.append((stage, 0, 0)),
-        progress=lambda done, total: seen.append((seen[-1][0], done, total)),
-    )
-    assert seen == [(stage, i, 14 if i else 0) for stage in STAGES for i in range(15)]
-
-
 def test_sizes_without_a_camera_file(tmp_path: Path) -> None:
     files = {f"left{i}.png": png(np.zeros((40, 60), np.uint8)) for i in (1, 2, 3)}
     files |= {f"right{i}.png": png(np.zeros((20 + i, 60), np.uint8)) for i in (1, 1, 3)}
@@ -157,18 +138,6 @@ def test_sizes_without_a_camera_file(tmp_path: Path) -> None:
     }
 
 
-def test_a_persons_work_is_kept() -> None:
-    def one(number: int, source: str, name: str = "l", use: bool = True) -> Frame:
-        centre = Centre(1.0, 2.0, None, source)
-        return Frame(number, (name, "r"), ((centre, None), (None, None)), "found", "", use)
-
-    before = [one(1, "manual"), one(2, "detected"), one(3, "corrected", "other")]
-    before.append(one(4, "detected", use=False))
-    found = [one(number, "detected") for number in (1, 2, 3, 4, 5)]
-    kept = keep_corrections(found, before)
-    assert kept == [before[0], found[1], found[2], before[3], found[4]]
-
-
 def test_a_compiled_search_finds_the_drawn_boards() -> None:
     seen: list[Detection] = []
     with pytest.MonkeyPatch.context() as patch:
@@ -178,29 +147,6 @@ def test_a_compiled_search_finds_the_drawn_boards() -> None:
         compile_detection()
     # Only a photograph with targets runs all that is to be compiled.
     assert seen[0].targets is not None
-
-
-@pytest.mark.soak
-def test_memory_stays_flat(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
-    """The peak of 40 frames is about that of 8: no photograph is held after its turn."""
-    there = on_disk(FILES, tmp_path)
-    peaks = []
-    for count in (8, 40):
-        # The same files under many names; each is read anew.
-        names = [(f"left{i}.png", f"right{i}.png") for i in range(count)]
-        pairs = [Pair(i, *both) for i, both in enumerate(names)]
-        photographs = {
-            name: there[f"{camera}/{'left' if camera == 'primary' else 'right'}{i % 7 + 1}.png"]
-            for i, both in enumerate(names)
-            for camera, name in zip(("primary", "secondary"), both, strict=True)
-        }
-        tracemalloc.start()
-        frames = detect_frames(pairs, photographs, CAMERAS, pool, lambda _: None, lambda *_: None)
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-        assert frames is not None and len(frames) == count
-    # Measured 4.7 and 4.9 MB; which two photographs two threads hold at once is chance.
-    assert peaks[1] < 2.5 * peaks[0]
 
 
 class TestProject:
@@ -229,24 +175,6 @@ class TestProject:
         store.clear()
         assert not store.rows and not store.photographs and store.frames is None
 
-    @pytest.mark.parametrize(
-        ("pairs", "says"),
-        [
-            ([(1, "left1.png", "right1.png"), (1, "left2.png", "right2.png")], "two rows"),
-            ([(1, "left1.png", "right1.png"), (2, "left1.png", "right2.png")], "belongs to"),
-            ([(1, "left1.png", "left1.png")], "belongs to another frame or camera"),
-            ([(1, "left1.png", "right7.png")], "choose a photograph"),
-        ],
-    )
-    def test_tables_that_contradict_themselves(
-        self, pairs: list[tuple[int, str, str]], says: str, store: ProjectPhotographs
-    ) -> None:
-        self.give(store, ["left1.png", "right1.png", "left2.png", "right2.png"])
-        before = store.rows
-        with pytest.raises(StereocalError, match=says):
-            store.keep_rows([PairRow(Pair(*pair)) for pair in pairs])
-        assert store.rows == before
-
     def test_frames_become_the_projects_table(self, store: ProjectPhotographs) -> None:
         pair = (Centre(1.0, 2.0, 0.1), Centre(3.0, 4.0, 0.1))
         store.keep_frames([Frame(5, ("l", "r"), (pair, pair), "found")])
@@ -258,13 +186,6 @@ class TestProject:
         with pytest.raises(StereocalError, match="No target"):
             store.keep_frames([Frame(5, ("l", "r"), (pair, pair), "found", use=False)])
         assert store.frames is not None and not store.frames[0].use
-
-    def test_a_thumbnail_is_made_once(self, store: ProjectPhotographs) -> None:
-        store.add({"left1.png": store.keep("left1.png", FILES["primary/left1.png"])})
-        frame = Frame(1, ("left1.png", "gone.png"), ((None, None), (None, None)), "refused")
-        first = thumbnail(store, frame)
-        assert thumbnail(store, frame) == first
-        assert thumbnail(store, frame.moved(0, 0, Centre(9.0, 9.0))) != first
 
 
 class TestCommand:
@@ -295,28 +216,3 @@ class TestCommand:
         rows = read_table((survey / "correspondences.csv").read_bytes(), "t").strict("t")
         assert len(rows) == 14 and rows.has_sigmas and (rows.source == 0).all()
         assert main(["calibrate", str(survey), "--out", out]) == 0
-
-    @pytest.mark.parametrize(
-        ("gone", "says"),
-        [
-            (["dataset.json"], "there is no dataset.json"),
-            (["primary.json"], "the primary's camera file 'primary.json' is missing"),
-            (["primary/*"], "None of the 7 photographs could be paired by name"),
-            (["primary/*", "secondary/*"], "there is no photograph in it"),
-        ],
-    )
-    def test_bad_input(
-        self,
-        gone: list[str],
-        says: str,
-        survey: Path,
-        tmp_path: Path,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
-        for pattern in gone:
-            for path in survey.glob(pattern):
-                path.unlink()
-        table = tmp_path / "out" / "t.csv"
-        assert main(["detect", str(survey), "--out", str(table)]) == 2
-        assert says in capsys.readouterr().err
-        assert not table.parent.exists()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import cast
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,12 +17,10 @@ from stereocal.frames.frame import (
     Frame,
     State,
     correspondences_of,
-    describe_frames,
     pack_frames,
-    report_line,
     unpack_frames,
 )
-from stereocal.frames.thumbnails import HEIGHT, WIDTH, box_around, side_by_side, tile
+from stereocal.frames.thumbnails import HEIGHT, WIDTH, box_around, tile
 
 PRIMARY: CentrePair = (Centre(10.0, 20.0, 0.1), Centre(30.0, 40.0, 0.2, "corrected"))
 SECONDARY: CentrePair = (Centre(11.0, 21.0, None, "manual"), Centre(31.0, 41.0, 0.3))
@@ -59,12 +55,6 @@ def test_there_and_back(given_frames: list[Frame]) -> None:
     assert unpack_frames(pack_frames(given_frames)) == given_frames
 
 
-@given(st.binary(max_size=200))
-def test_damaged_files_are_refused(content: bytes) -> None:
-    with pytest.raises(StereocalError):
-        unpack_frames(content)
-
-
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -97,25 +87,11 @@ def test_the_table_has_what_both_cameras_see_in_used_frames() -> None:
     np.testing.assert_array_equal(back.source, rows.source)
 
 
-def test_no_target_at_all_says_why() -> None:
-    refused = Frame(4, ("l", "r"), ((None, None), (None, None)), "refused", "l: too dark.", False)
-    with pytest.raises(StereocalError, match=r"No target .* The first: frame 4: refused: l: too"):
-        correspondences_of([refused])
-
-
 def test_swapped_and_moved() -> None:
     swapped = frame().swapped(1)
     assert swapped.centres == (PRIMARY, SECONDARY[::-1])
     assert swapped.swapped(1) == frame()
     assert frame().moved(0, 1, None).targets_in_both == [0]
-
-
-def test_what_is_said() -> None:
-    three = [frame(1), frame(2, "doubtful", use=False), frame(3).moved(0, 0, None)]
-    assert describe_frames(three) == (
-        "3 frames: 2 found, 1 doubtful, 0 refused. 2 are used, 1 of them with both targets."
-    )
-    assert report_line(frame(7)) == "frame 7: found, sigma at most 0.300 px"
 
 
 class TestThumbnails:
@@ -129,10 +105,6 @@ class TestThumbnails:
         at = round((200 - top + 0.5) * scale - 0.5), round((200 - left + 0.5) * scale - 0.5)
         assert drawn[at].tolist() == [115, 158, 0]
 
-    def test_without_targets_the_whole_photograph(self) -> None:
-        assert box_around((None, None), (400, 600)) == (0, 0, 600, 400)
-        assert (tile(None, (None, None)) == 128).all()
-
     @given(st.tuples(centres, centres), st.integers(16, 900), st.integers(16, 900))
     def test_any_centres_in_any_image(self, pair: CentrePair, width: int, height: int) -> None:
         left, top, right, bottom = box_around(pair, (height, width))
@@ -141,13 +113,3 @@ class TestThumbnails:
         if len(inside) == sum(one is not None for one in pair):
             assert all(left <= c.u <= right and top <= c.v <= bottom for c in inside)
         assert tile(np.zeros((height, width), np.uint8), pair).shape == (HEIGHT, WIDTH, 3)
-
-    def test_12_bits_in_16_are_shown_bright(self) -> None:
-        ramp = np.tile(np.linspace(0, 4095, 600), (400, 1)).astype(np.uint16)
-        assert tile(ramp, (None, None)).max() > 250
-
-    def test_both_as_one_picture(self) -> None:
-        part = tile(self.image, (None, None))
-        content = np.frombuffer(side_by_side(part, part), np.uint8)
-        read = cast(np.ndarray, cv2.imdecode(content, cv2.IMREAD_UNCHANGED))
-        assert read.shape == (HEIGHT, 2 * WIDTH + 4, 3)

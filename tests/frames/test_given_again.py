@@ -67,27 +67,6 @@ def test_where_no_frame_is_used_the_data_set_is_taken_without_a_table(
     assert store.frames is not None and not any(frame.use for frame in store.frames)
 
 
-def test_cameras_that_the_found_targets_do_not_fit_are_refused(store: ProjectPhotographs) -> None:
-    before = store.project.inputs
-    with pytest.raises(StereocalError, match="outside its image") as raised:
-        store.give(camera_files(store.project, 0.1), store.photographs, baseline_m=7.5)
-    assert raised.type is StereocalError, "a page would offer to leave out rows of the data set"
-    assert store.project.inputs == before
-
-
-def test_a_search_in_photographs_that_were_changed_meanwhile_is_not_kept(
-    store: ProjectPhotographs,
-) -> None:
-    searched, found = store.photographs, store.frames
-    assert found is not None
-    replaced(store, found[0].files[0])
-    left, table = store.frames, store.project.table
-    assert left == found[1:]
-    with pytest.raises(StereocalError, match="changed while the targets were looked for"):
-        store.keep_found([frame.swapped(0) for frame in found], searched)
-    assert store.frames == left and store.project.table == table
-
-
 def table_frames(store: ProjectPhotographs) -> set[int]:
     table = store.project.table
     assert table is not None
@@ -107,20 +86,3 @@ def test_what_was_found_in_a_photograph_that_was_replaced_goes(store: ProjectPho
     assert kept[first.frame] == fresh[review.frames.index(first)]
     assert kept[other.frame] == other
     assert first.frame in table_frames(store)
-
-
-def test_where_all_photographs_are_replaced_nothing_is_found(store: ProjectPhotographs) -> None:
-    for name in store.photographs:
-        replaced(store, name)
-    assert store.frames is None and store.project.table is None
-
-
-def test_a_table_of_its_own_outlives_photographs_that_are_replaced(
-    store: ProjectPhotographs,
-) -> None:
-    assert store.project.table is not None
-    content = store.project.table[1]
-    store.project.give({"correspondences": ("own.csv", content)})
-    for name in store.photographs:
-        replaced(store, name)
-    assert store.project.table == ("own.csv", content)

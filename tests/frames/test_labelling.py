@@ -123,23 +123,6 @@ def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
     assert all(agree(labelling, primary, secondary))
 
 
-def test_few_frames_are_not_checked() -> None:
-    primary, secondary = bars(5)
-    labelling = labelled(primary, secondary)
-    assert {report.state for report in labelling.frames} == {"unchecked"}
-    assert "6 frames" in labelling.frames[0].sentence
-    assert len(labelling.pairs) == 10
-    assert not any(pair.sure for pair in labelling.pairs)
-    assert all(np.isnan(report.residual_px) for report in labelling.frames)
-
-
-def test_equal_frames_determine_nothing() -> None:
-    primary, secondary = bars()
-    same = [np.repeat(points[:1], 8, axis=0) for points in (primary, secondary)]
-    states = {report.state for report in labelled(same[0], same[1]).frames}
-    assert states <= {"unchecked", "doubtful"}
-
-
 def test_doubts_and_refusals_are_passed_on() -> None:
     primary, secondary = bars()
     first = {i: detection(both) for i, both in enumerate(primary)}
@@ -156,8 +139,3 @@ def test_doubts_and_refusals_are_passed_on() -> None:
     assert "Too much light." in by_frame[5].sentence
     assert "no photograph of the secondary" in by_frame[6].sentence
     assert len(labelling.pairs) == 2 * (FRAMES - 2)
-
-
-def test_nothing_at_all() -> None:
-    labelling = label_targets({}, {}, CAMERAS)
-    assert (labelling.pairs, labelling.frames) == ((), ())

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal.frames.pairing import Pair, Pairing, natural, number_pairs, pair_names
+from stereocal.frames.pairing import Pair, Pairing, number_pairs, pair_names
 
 STYLES = {
     "left01": ("left{n:02}.png", "right{n:02}.png"),
@@ -123,35 +123,8 @@ def test_nothing_to_pair_is_said(names: list[str], sentence: str) -> None:
     assert sentence in found.sentence
 
 
-def test_never_by_order() -> None:
-    names = [f"{folder}/DSC_{n}.jpg" for folder, n in (("one", 11), ("one", 12), ("two", 31))]
-    assert not pair_names([*names, "two/DSC_32.jpg"]).pairs
-
-
-def test_three_cameras_are_ambiguous() -> None:
-    found = pair_names([f"cam{camera}/{n}.png" for camera in range(3) for n in range(4)])
-    assert found.ambiguous
-    assert twos(found) == {(f"cam0/{n}.png", f"cam1/{n}.png") for n in range(4)}
-    assert "can also be read with cam1 and cam2" in found.sentence
-
-
-def test_words_that_contradict_are_ambiguous() -> None:
-    names = [f"cam0_right_{n}.png" for n in range(3)] + [f"cam1_left_{n}.png" for n in range(3)]
-    assert not pair_names(names).pairs or pair_names(names).ambiguous
-
-
-def test_surer_words_win() -> None:
-    found = pair_names(["1/left.png", "1/right.png", "2/left.png", "2/right.png"])
-    assert twos(found) == {("1/left.png", "1/right.png"), ("2/left.png", "2/right.png")}
-    assert not found.ambiguous
-
-
 def test_frames_are_counted_where_no_number_tells_them_apart() -> None:
     pairs = {"*a": ("la", "ra"), "*b": ("lb", "rb"), "*9": ("l9", "r9")}
     assert [pair.frame for pair in number_pairs(pairs)] == [1, 2, 3]
     long = {f"*{n}{'0' * 40}": (f"l{n}", f"r{n}") for n in (7, 8)}
     assert [pair.frame for pair in number_pairs(long)] == [1, 2]
-
-
-def test_numbers_sort_as_numbers() -> None:
-    assert sorted(["img10", "img9", "Img1"], key=natural) == ["Img1", "img9", "img10"]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -12,11 +10,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
-from stereocal.frames.video.decoding import encoded_frames, read_times, score_frames
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
-from stereocal.frames.video.times import every, gaps_of, pair_times, period_of, stillest
 from stereocal.system.photograph import GreyImage, decode_photograph
-from tests.videos import HEIGHT, WIDTH, number_in, picture, write_video
+from tests.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
 
@@ -64,21 +60,6 @@ def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None
     assert not report.frames_missing
 
 
-def test_avi(tmp_path: Path) -> None:
-    videos = (
-        write_video(tmp_path / "a.avi", constant(30), "mpeg4", ticks=25),
-        write_video(tmp_path / "b.avi", constant(30), "mpeg4", ticks=25),
-    )
-    found = taken(videos, VideoSettings("every", 7))[1]
-    assert sorted(number_in(image) for name, image in found.items() if "primary" in name) == [
-        0,
-        7,
-        14,
-        21,
-        28,
-    ]
-
-
 def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) -> None:
     kept = [k for k in range(60) if k not in (20, 41, 42)]
     videos = (
@@ -110,23 +91,6 @@ def test_a_variable_rate_has_no_gap_but_a_dropped_frame_is_one(tmp_path: Path) -
     assert report.taken == 119
 
 
-def test_starts_are_aligned_or_not(tmp_path: Path) -> None:
-    """The secondary's file begins 7 frames later."""
-    later = constant(40, 7 / RATE)
-    videos = (
-        write_video(tmp_path / "a.mkv", constant(40)),
-        write_video(tmp_path / "b.mkv", later, numbers=range(7, 47)),
-    )
-    aligned = taken(videos, VideoSettings("every", 5))[1]
-    assert number_in(aligned["primary/000006.png"]) == 5
-    assert number_in(aligned["secondary/000006.png"]) == 12
-    clocks = taken(videos, VideoSettings("every", 5, later_s=0.0))[1]
-    for name, image in clocks.items():
-        assert number_in(image) == int(name.split("/")[1].split(".")[0]) - 1
-    with pytest.raises(StereocalError, match="no frames of the same moment"):
-        extract(videos, VideoSettings("every", 5, later_s=100.0), lambda *_: None)
-
-
 def still_at(k: int) -> GreyImage:
     """A target that stands still in frames 10 to 14 and 40 to 44, and moves and blurs else."""
     image = picture(k)
@@ -148,42 +112,11 @@ def test_the_sharpest_still_frame_of_each_second(tmp_path: Path) -> None:
     assert numbers[0] in range(10, 15) and numbers[1] in range(40, 45)
 
 
-def test_the_segments_of_a_long_video_give_each_frame_one_score(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("stereocal.frames.video.extract.SEGMENT", 25)
-    path = write_video(tmp_path / "a.mp4", constant(60))
-    seen: list[tuple[int, int]] = []
-    report = extract(
-        (path, path),
-        VideoSettings("still"),
-        lambda *_: None,
-        progress=lambda done, total: seen.append((done, total)),
-    )
-    assert report is not None and report.taken == 3
-    assert seen[-1] == (3, 3)
-    whole = score_frames(path, 0.0, 10.0)
-    assert len(whole) == 60 and np.isfinite(whole).all()
-
-
 def test_cancelled(tmp_path: Path) -> None:
     path = write_video(tmp_path / "a.mp4", constant(30))
     for choice in ("every", "still"):
         settings = VideoSettings(choice)
         assert extract((path, path), settings, lambda *_: None, cancelled=lambda: True) is None
-
-
-def test_gaps_and_pairs_of_plain_times() -> None:
-    times = np.array([0.0, 1.0, 2.0, 4.0, 5.0, 6.0, 7.0, 10.0, 11.0])
-    assert [(gap.at_s, gap.missing) for gap in gaps_of(times)] == [(2.0, 1), (7.0, 2)]
-    assert period_of(times) == 1.0
-    pairs = pair_times(np.arange(10.0), np.arange(20.0) / 2)
-    assert pairs.frames.tolist() == [[k, 2 * k] for k in range(10)]
-    assert every(pairs, 3).tolist() == [0, 3, 6, 9]
-    twice = pair_times(np.arange(20.0) / 2, np.arange(10.0))
-    assert len(np.unique(twice.frames[:, 1])) == len(twice.frames)
-    one = np.ones((10, 2))
-    assert len(stillest(pairs, np.arange(10.0), one, 0 * one)) == 10
 
 
 def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
@@ -210,29 +143,3 @@ def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
         extract((good, bad), VideoSettings("every", 5), lambda *_: None)
     except StereocalError as error:
         assert "b.mp4" in str(error)
-
-
-def test_frames_are_lossless_or_jpeg(tmp_path: Path) -> None:
-    path = write_video(tmp_path / "a.mp4", constant(10))
-    seconds = read_times(path).seconds
-    png, jpeg = (encoded_frames(path, seconds[[2, 5]].tolist(), k)[1] for k in (True, False))
-    assert png is not None and jpeg is not None
-    assert png.startswith(b"\x89PNG") and jpeg.startswith(b"\xff\xd8")
-    image = decode_photograph(png, "a.png")
-    assert image.shape == (HEIGHT, WIDTH) and number_in(image) == 5
-
-
-def test_without_av_the_message_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = write_video(tmp_path / "a.mp4", constant(3))
-    real = builtins.__import__
-
-    def without_av(name: str, *given: Any, **named: Any) -> Any:
-        if name == "av":
-            raise ImportError(name)
-        return real(name, *given, **named)
-
-    monkeypatch.setattr(builtins, "__import__", without_av)
-    with pytest.raises(StereocalError, match="stereocal\\[video\\]"):
-        read_times(path)

@@ -4,36 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
-import subprocess
-import sys
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import pytest
 import yaml
 
-from stereocal.calibration.methods import CalibrationSettings
 from stereocal.cli import main
-from stereocal.formats.dataset_files import read_dataset
 from stereocal.matching.application import Outcome, digest_of
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import methods_md
 from stereocal.paper_kit.references import PAPER, PROGRAM, references_bib
 from stereocal.paper_kit.table import table_csv
-from stereocal.rig.dataset import Dataset
 from stereocal.verdict.in_words import digits, interval, percent
-from tests.paper_kit.answers import FIELD, answer_of, of_field, of_recording
+from tests.paper_kit.answers import FIELD, of_field
 
 ROOT = Path(__file__).parents[2]
-
-
-def detected(dataset: Dataset) -> Dataset:
-    """As if two points were set by hand, and the others found in photographs."""
-    source = np.zeros(len(dataset.correspondences), dtype=np.int64)
-    source[:2] = 2
-    return replace(dataset, correspondences=replace(dataset.correspondences, source=source))
 
 
 def test_a_kit_holds_all_parts() -> None:
@@ -86,28 +72,6 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     assert ".." not in text
 
 
-def test_without_a_validation_it_says_less() -> None:
-    text = methods_md(of_recording())
-    for word in ("held-out", "runs", "FCP", "bootstrap", "(figure"):
-        assert word not in text
-    assert "in the forecast" in text
-    assert "by the forecast, 95 % of lengths are within" in text
-    left_out = of_recording().calibration.screening.left_out
-    assert f"{len(left_out)} frames that contradicted the others" in text
-    assert all(str(frame) in text for frame in left_out)
-
-
-def test_without_a_forecast_it_says_what_is_recommended() -> None:
-    settings = CalibrationSettings(frames_left_out=(3, 4), frames_put_back=(5,), essential="linear")
-    text = methods_md(answer_of(detected(read_dataset(FIELD)), settings, runs=0))
-    assert "Frames 3 and 4 were left out by hand. Frame 5 was kept by hand." in text
-    assert "To match points, the 2D set is recommended." in text
-    assert "To reconstruct positions and lengths, the 3D set is recommended." in text
-    assert "eight-point algorithm" in text
-    assert "refined" not in text
-    assert "detected in the photographs; 2 pairs were corrected or set by hand." in text
-
-
 def test_what_was_done_with_the_points_is_said_and_nothing_else() -> None:
     found = of_field()
     used = {
@@ -130,14 +94,6 @@ def test_what_was_done_with_the_points_is_said_and_nothing_else() -> None:
         assert kit.read("methods.md").decode().startswith(text)
     # A result of version 1.0 does not say with which sets it was made.
     assert methods_md(found, replace(done, used={})) == methods_md(found)
-
-
-def test_a_caution_stands_first() -> None:
-    found = of_field()
-    doubted = replace(found, recommendation=replace(found.recommendation, caution="Half is wrong."))
-    assert methods_md(doubted).startswith(
-        "# Calibration\n\n**Do not rely on this result: Half is wrong.**\n"
-    )
 
 
 def test_the_table_is_that_of_the_summary() -> None:
@@ -171,20 +127,3 @@ def test_the_command_writes_a_kit(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["calibrate", str(FIELD), "--out", str(out), "--runs", "4", "--kit"]) == 0
     assert zipfile.is_zipfile(out / "paper_kit.zip")
-
-
-def test_a_kit_of_foreign_figures_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked = ["--kit", "--validation", str(tmp_path / "summary.json")]
-    assert main(["calibrate", str(FIELD), "--out", str(tmp_path / "out"), *asked]) == 2
-    assert "give --kit or --validation" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_matplotlib_is_imported_for_a_kit_only() -> None:
-    code = "import stereocal.cli, stereocal.ui.results, sys; print('matplotlib' in sys.modules)"
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert run.stdout.strip() == "False"

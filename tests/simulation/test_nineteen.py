@@ -8,32 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.simulated import write_nineteen
 from stereocal.simulation.nineteen import (
     BAR_SIGMA_M,
     BARS_M,
     BASELINE_SIGMA_M,
     BASELINES_M,
-    NOISE_PX,
     simulate_nineteen,
 )
 
 SHIPPED = Path(__file__).parents[2] / "sample_data" / "nineteen"
-
-
-def test_same_seed_writes_the_same_bytes(tmp_path: Path) -> None:
-    for name, seed in (("first", 3), ("second", 3), ("other", 4)):
-        write_nineteen(tmp_path / name, seed, datasets=2, frames=4)
-    files = sorted(p.relative_to(tmp_path / "first") for p in (tmp_path / "first").glob("*/*"))
-    assert {str(file.parent) for file in files} == {"01", "02"}
-    assert len(files) == 2 * 5
-    for file in files:
-        first = (tmp_path / "first" / file).read_bytes()
-        assert first == (tmp_path / "second" / file).read_bytes()
-    table = "01/correspondences.csv"
-    assert (tmp_path / "first" / table).read_bytes() != (tmp_path / "other" / table).read_bytes()
 
 
 def test_shipped_ones_are_what_the_code_makes() -> None:
@@ -53,10 +37,6 @@ def test_shipped_ones_are_what_the_code_makes() -> None:
         assert (shipped.baseline_sigma_m, shipped.target_distance_sigma_m) == (0.005, 0.0005)
         assert truth["T"] == pytest.approx(scene.rig.pose.T.tolist(), abs=1e-9)
         assert truth["target_distance_m"] == pytest.approx(scene.bar_length_m, abs=1e-12)
-
-
-def test_small_files() -> None:
-    assert sum(file.stat().st_size for file in SHIPPED.rglob("*")) < 500_000
 
 
 def test_lengths_span_the_papers_ranges_with_the_errors_of_a_range_finder() -> None:
@@ -87,25 +67,3 @@ def test_lenses_are_off_as_a_lab_leaves_them_and_the_same_everywhere(seed: int) 
         assert 2.98 < np.hypot(*(given.K - true.K)[:2, 2]) < 5.02
         assert all(getattr(d, side).to_json() == given.to_json() for _, d in made)
     assert made[0][1].primary.to_json() != made[0][1].secondary.to_json()
-
-
-def test_noise_is_that_of_the_detection() -> None:
-    noise = np.concatenate(
-        [
-            d.correspondences.primary - s.rig.primary.project(s.points_m[0])
-            for s, d in simulate_nineteen(0)
-        ]
-    )
-    # 1900 numbers: 4 standard errors of their standard deviation are 6.5 %.
-    assert noise.std() == pytest.approx(NOISE_PX, rel=0.065)
-
-
-def test_data_sets_differ_in_more_than_their_lengths() -> None:
-    made = simulate_nineteen(0, datasets=4, frames=4)
-    rolls = [s.rig.pose.angles.roll for s, _ in made]
-    assert len({round(roll, 6) for roll in rolls}) == 4
-
-
-def test_no_data_sets_are_refused() -> None:
-    with pytest.raises(StereocalError, match="at least 1"):
-        simulate_nineteen(0, datasets=0)

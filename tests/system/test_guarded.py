@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -80,41 +79,6 @@ def test_children_that_were_killed_are_started_again(guard: Guard, file: Path) -
     guard.check("fine", file, "a")
 
 
-def test_a_slow_file_does_not_hold_up_the_others(guard: Guard, file: Path) -> None:
-    slow = threading.Thread(target=lambda: guard.refused("wait", {"a": file}))
-    slow.start()
-    wait_until(file.with_suffix(".begun").exists)
-    for at in range(20):
-        file.with_name(f"{at}").write_bytes(str(at).encode())
-        guard.check("fine", file.with_name(f"{at}"), "a")
-    assert slow.is_alive()
-    file.with_suffix(".go_on").touch()
-    slow.join(SLOW)
-    assert not slow.is_alive()
-
-
-def test_a_server_that_can_start_no_process_says_so(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fails(*_: object) -> None:
-        raise OSError(11, "Resource temporarily unavailable")
-
-    monkeypatch.setattr("multiprocessing.context.SpawnProcess.start", fails)
-    with pytest.raises(StereocalError, match="cannot start its process for checking"):
-        Guard(deadly.READERS).check("fine", file, "a")
-
-
-def test_many_at_once(guard: Guard, tmp_path: Path) -> None:
-    files = {}
-    for at in range(6):
-        files[f"{at}.png"] = tmp_path / f"{at}"
-        files[f"{at}.png"].write_bytes(bytes([at]))
-    assert guard.refused("fine", files) == {}
-    refused = guard.refused("abort", files)
-    assert list(refused) == list(files)
-    assert "5.png: the file makes its decoder fail" in str(refused["5.png"])
-
-
 SERVER = """
 import sys
 from pathlib import Path
@@ -178,19 +142,6 @@ def test_the_real_readers_in_the_child(tmp_path: Path) -> None:
     try:
         assert guard.refused("photograph", files) == {}
         guard.check_content("table", b"PAR1 is none", "a.parquet", ".parquet")
-    finally:
-        guard.close()
-
-
-def test_a_large_photograph(tmp_path: Path) -> None:
-    done, content = cv2.imencode(".png", np.zeros((50, 60), np.uint8))
-    assert done
-    large = tmp_path / "large.png"
-    large.write_bytes(content.tobytes())
-    os.truncate(large, 390_000_000)  # below the largest upload; holes, not data
-    guard = Guard(READERS, children=1)
-    try:
-        guard.check("photograph", large, "large.png")
     finally:
         guard.close()
 

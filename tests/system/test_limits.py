@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import io
-import math
 import zipfile
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
 import cv2
@@ -19,8 +17,6 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
 from stereocal.matching.point_table import PointTable
-from stereocal.rig.parameters import RigParameters
-from stereocal.system.limits import VARIABLES, Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import photographs_in
 from stereocal.system.zip_files import open_zip
@@ -34,23 +30,6 @@ def zipped(count: int, size: int = 10) -> bytes:
         for at in range(count):
             archive.writestr(f"{at}.csv", bytes(size))
     return packed.getvalue()
-
-
-def test_every_limit_has_a_variable_and_is_documented() -> None:
-    assert set(VARIABLES) == {field.name for field in fields(Limits)}
-    documented = (Path(__file__).parents[2] / "docs" / "deploy.md").read_text(encoding="utf-8")
-    for field in fields(Limits):
-        assert f"| `{VARIABLES[field.name]}` | {field.default:,} |" in documented
-        given = Limits.from_environment({VARIABLES[field.name]: "7"})
-        assert getattr(given, field.name) == 7
-    assert Limits.from_environment({}) == Limits()
-    assert math.isinf(Limits.from_environment({"STEREOCAL_MOST_FILES": "inf"}).files)
-
-
-@pytest.mark.parametrize("value", ["many", "0", "-3", "nan", "1e"])
-def test_nonsense_is_named(value: str) -> None:
-    with pytest.raises(StereocalError, match=f'STEREOCAL_MOST_RATIO is "{value}": .* 1 or above'):
-        Limits.from_environment({"STEREOCAL_MOST_RATIO": value})
 
 
 def _open(content: bytes) -> None:
@@ -135,15 +114,6 @@ def test_a_zip_with_a_long_list_is_refused_before_the_list_is_held(
             open_zip(source, "a.zip"),
         ):
             pass
-
-
-def test_tables_of_absurd_width_and_files_of_absurd_length(tmp_path: Path) -> None:
-    with pytest.raises(StereocalError, match="3003 columns are too many"):
-        _table(b"frame,u,v" + b",w" * 3000 + b"\n", tmp_path)
-    path = tmp_path / "p.json"
-    path.write_bytes(b" " * 16_000_001)
-    with pytest.raises(StereocalError, match="too large for a parameter file"):
-        RigParameters.load(path)
 
 
 def test_a_sentence_is_short_and_can_be_shown_whatever_it_quotes() -> None:

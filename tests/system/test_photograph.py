@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import subprocess
 import sys
-import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -13,8 +12,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
 from stereocal.system.photograph import (
@@ -120,12 +117,6 @@ def test_10_12_and_16_bits_stay_raw(suffix: str, highest: int) -> None:
     assert np.array_equal(read, image)
 
 
-def test_pgm_that_says_its_white_is_4095_stays_raw() -> None:
-    image = picture(np.uint16, highest=4095)
-    content = b"P5\n# a camera\n%d %d\n4095\n" % (WIDTH, HEIGHT) + image.astype(">u2").tobytes()
-    assert np.array_equal(decode_photograph(content, "a"), image)
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize(("suffix", "channels"), [(".png", 3), (".png", 4), (".tiff", 3)])
 def test_colours_become_grey_by_weights(dtype: type, suffix: str, channels: int) -> None:
@@ -151,20 +142,6 @@ def test_orientation_is_never_applied(orientation: int) -> None:
     chunks = chunks_of(encoded(picture(), ".png"))
     png = png_of([chunks[0], (b"eXIf", exif(orientation)), *chunks[1:]])
     assert np.array_equal(decode_photograph(png, "a"), picture())
-
-
-@pytest.mark.parametrize(("order", "big"), [("<", False), (">", False), ("<", True)])
-def test_tiff_of_either_byte_order_and_size(order: str, big: bool) -> None:
-    read = decode_photograph(tiff(order=order, big=big), "a")
-    assert read.shape == (20, 32)
-    assert np.array_equal(read.ravel(), np.arange(640) % 251)
-
-
-def test_preview_in_a_tiff_does_not_count_as_a_second_image() -> None:
-    content = bytearray(tiff(pages=2))
-    at = content.rfind(struct.pack("<HHII", 277, 3, 1, 1))
-    content[at : at + 12] = struct.pack("<HHII", 254, 4, 1, 1)
-    assert decode_photograph(bytes(content), "a").shape == (20, 32)
 
 
 def test_a_jpeg_with_a_preview_after_it_is_read_and_a_preview_does_not_hide_a_cut() -> None:
@@ -230,53 +207,6 @@ def test_what_cannot_be_used_is_said(content: bytes, sentence: str) -> None:
         decode_photograph(content, "left 7.png")
     assert str(raised.value).startswith("left 7.png: ")
     assert sentence in str(raised.value)
-
-
-def test_claimed_size_costs_no_memory() -> None:
-    content = png_of([(b"IHDR", HUGE), (b"IDAT", zlib.compress(bytes(1000))), (b"IEND", b"")])
-    tracemalloc.start()
-    with pytest.raises(StereocalError):
-        decode_photograph(content, "a.png")
-    assert tracemalloc.get_traced_memory()[1] < 1_000_000
-    tracemalloc.stop()
-
-
-def test_missing_file_and_folder(tmp_path: Path) -> None:
-    with pytest.raises(StereocalError, match=r"no\.png cannot be read"):
-        read_photograph(tmp_path / "no.png")
-    with pytest.raises(StereocalError, match="cannot be read"):
-        read_photograph(tmp_path)
-
-
-VALID = {
-    ".png": PNG,
-    ".jpg": JPEG,
-    ".tiff": encoded(picture(), ".tiff"),
-    ".bmp": encoded(picture(), ".bmp"),
-    ".pgm": encoded(picture(), ".pgm"),
-    ".tif": tiff(big=True),
-}
-
-
-@settings(max_examples=150, deadline=None)
-@given(
-    suffix=st.sampled_from(sorted(VALID)),
-    changes=st.lists(st.tuples(st.integers(0, 3000), st.integers(0, 255)), max_size=4),
-    cut=st.integers(0, 6000),
-)
-def test_damaged_files_are_read_or_refused_and_nothing_else(
-    suffix: str, changes: list[tuple[int, int]], cut: int
-) -> None:
-    content = bytearray(VALID[suffix][:cut])
-    for at, value in changes:
-        if at < len(content):
-            content[at] = value
-    try:
-        read = decode_photograph(bytes(content), "a")
-    except StereocalError as error:
-        assert str(error).startswith("a: ")
-    else:
-        assert read.ndim == 2 and read.dtype in (np.uint8, np.uint16)
 
 
 def test_nothing_is_written_to_the_terminal() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import tracemalloc
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,12 +14,9 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import (
-    is_photograph,
-    of_the_bar,
     photographs_in,
     unpack_photographs,
 )
-from stereocal.system.zip_files import open_zip
 
 
 def png(seed: int, width: int = 40, height: int = 30) -> bytes:
@@ -56,14 +52,6 @@ def test_folder(tmp_path: Path) -> None:
     assert not (tmp_path / "unused").exists()
 
 
-def test_boards_beside_the_bar_are_no_photographs_of_it() -> None:
-    names = ["rig/primary/1.png", "rig/secondary/1.png", "rig/boards_primary/1.png"]
-    there = {name: Path(name) for name in names}
-    assert list(of_the_bar(there)) == names[:2]
-    without = {name: path for name, path in there.items() if "secondary" not in name}
-    assert of_the_bar(without) == without
-
-
 def test_zip(tmp_path: Path) -> None:
     (tmp_path / "a.zip").write_bytes(zipped(FILES))
     seen = []
@@ -87,14 +75,6 @@ def test_no_path_of_a_zip_is_written_to(name: str, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["in"]
 
 
-def test_nothing_half_written(tmp_path: Path) -> None:
-    content = bytearray(zipped({"a.png": png(1, 200, 200)}))
-    content[2000:2100] = bytes(100)
-    with pytest.raises(StereocalError, match="not a valid zip"):
-        unpack_photographs(bytes(content), "a.zip", tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
@@ -113,13 +93,6 @@ def test_what_cannot_be_used_is_said(content: bytes, sentence: str, tmp_path: Pa
     assert not (tmp_path / "in").exists()
 
 
-def test_nothing_there(tmp_path: Path) -> None:
-    with pytest.raises(StereocalError, match="no such folder or file"):
-        photographs_in(tmp_path / "none", tmp_path)
-    with pytest.raises(StereocalError, match="no photograph in it"):
-        photographs_in(tmp_path, tmp_path)
-
-
 def test_a_size_that_lies_does_not_swell(tmp_path: Path) -> None:
     bomb = zipped({"a.png": bytes(40_000_000)})
     lie = bomb.replace((40_000_000).to_bytes(4, "little"), (10).to_bytes(4, "little"))
@@ -128,33 +101,3 @@ def test_a_size_that_lies_does_not_swell(tmp_path: Path) -> None:
     except StereocalError:
         return
     assert found["a.png"].stat().st_size <= 10
-
-
-def test_memory_stays_flat(tmp_path: Path) -> None:
-    """Unpacking and reading: the peak of 60 photographs is that of 6, within a tenth."""
-    peaks = []
-    for count in (6, 60):
-        files = {f"{i}.png": png(i, 800, 600) for i in range(count)}
-        path = tmp_path / f"{count}.zip"
-        path.write_bytes(zipped(files, zipfile.ZIP_STORED))
-        del files
-        tracemalloc.start()
-        for photograph in photographs_in(path, tmp_path / str(count)).values():
-            assert read_photograph(photograph).size == 480_000
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    # Measured 2.2 MB either way: a piece of the zip, then a file and its image.
-    assert peaks[1] < 1.1 * peaks[0]
-    assert peaks[0] < 5_000_000
-
-
-def test_names_of_photographs() -> None:
-    assert is_photograph("a/B.TIF") and is_photograph("a\\b.jpeg")
-    assert not any(map(is_photograph, ["a.txt", "._a.png", ".git/a.png", "__MACOSX/a.png", "png"]))
-
-
-def test_pieces_are_all_of_a_file() -> None:
-    content = np.random.default_rng(0).bytes(3_000_000)
-    with open_zip(zipped({"a": content}), "z") as opened:
-        pieces = list(opened.pieces("a"))
-    assert len(pieces) > 2 and b"".join(pieces) == content

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import closing, suppress
+from contextlib import suppress
 
 import pytest
 
@@ -68,20 +68,6 @@ def test_results_come_in_the_order_of_the_tasks(make: Callable[[], Executor | No
     assert steps == [(done, 99) for done in range(1, 100)]
 
 
-def test_nothing_at_all() -> None:
-    assert list(run_tasks(squares(0), ThreadPoolExecutor(1), 0)) == []
-
-
-def test_few_are_begun_before_the_first_has_ended() -> None:
-    taken: list[int] = []
-    by_hand = ByHand()
-    every = run_tasks(squares(10_000, taken), by_hand, 10_000, cancelled=lambda: len(taken) > 0)
-    with pytest.raises(StoppedError):
-        next(every)
-    assert taken == list(range(2 + SPARE))
-    assert all(future.cancelled() for future, _ in by_hand.waiting)
-
-
 @pytest.mark.parametrize("ahead", [1, 2, 5])
 def test_no_more_than_so_many_are_held(ahead: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What has ended and waits for the first counts too."""
@@ -128,23 +114,6 @@ def test_an_error_comes_in_its_turn_and_what_has_ended_is_kept() -> None:
     with pytest.raises(ZeroDivisionError):
         next(found)
     assert pieces == {"3": 2, "2": 3}
-
-
-def test_a_stop_does_not_wait_for_a_task() -> None:
-    opened, began = threading.Event(), time.monotonic()
-    with ThreadPoolExecutor(1) as threads:
-        tasks = (Task(f"{number}", opened.wait, (60,)) for number in range(5))
-        with pytest.raises(StoppedError):
-            list(run_tasks(tasks, threads, 5, cancelled=lambda: time.monotonic() > began + 0.1))
-        opened.set()
-
-
-def test_when_it_is_closed_what_has_not_begun_is_dropped() -> None:
-    by_hand = ByHand()
-    with closing(run_tasks(squares(50), by_hand, 50, lambda *_: None)) as every:
-        threading.Timer(0.05, by_hand.end, [0]).start()
-        next(every)
-    assert all(future.cancelled() for future, _ in by_hand.waiting)
 
 
 def test_a_job_that_begins_waits_for_few_tasks_of_another() -> None:

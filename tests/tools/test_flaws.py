@@ -38,15 +38,6 @@ def test_only_the_frame_concerned_changes(flaw: dict[str, object]) -> None:
         np.testing.assert_array_equal(sound.centres_primary, other.centres_primary)
 
 
-def test_glare_is_in_one_camera_about_its_target() -> None:
-    sound, other = taken()[1], taken(glare=90.0, camera="secondary", target=1)[1]
-    assert np.array_equal(sound.primary, other.primary)
-    brighter = other.secondary.astype(float) - sound.secondary
-    v, u = np.unravel_index(int(brighter.argmax()), brighter.shape)
-    assert np.hypot(*(other.centres_secondary[1] - [u, v])) < 15
-    assert brighter.min() >= 0
-
-
 def test_motion_blurs_along_its_direction_and_leaves_the_centre() -> None:
     sound, other = taken()[1], taken(motion_m=(0.03, 0.0, 0.0))[1]
     for images in ((sound.primary, other.primary), (sound.secondary, other.secondary)):
@@ -58,14 +49,6 @@ def test_motion_blurs_along_its_direction_and_leaves_the_centre() -> None:
         assert along < 0.8
         assert across > along
     assert all(is_x_corner(other.primary, centre, 8) for centre in other.centres_primary)
-
-
-def test_a_leaf_hides_a_target_from_one_camera() -> None:
-    pair = taken(leaf=1.7, target=1)[1]
-    assert is_x_corner(pair.primary, pair.centres_primary[0])
-    u, v = pair.centres_primary[1].astype(int)
-    assert np.ptp(pair.primary[v - 4 : v + 5, u - 4 : u + 5]) == 0
-    assert all(is_x_corner(pair.secondary, centre) for centre in pair.centres_secondary)
 
 
 def test_the_sample_has_three_doubtful_frames_and_a_refused_one() -> None:

@@ -10,8 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
-from stereocal.field.printing.print_target import SEPARATION
 from stereocal.formats.camera_file import read_camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
@@ -21,13 +19,11 @@ from tools.photographs.__main__ import main
 from tools.photographs.backgrounds import WALL_M, outdoors
 from tools.photographs.bars import (
     BarSettings,
-    facing,
     photograph_bars,
-    place_boards,
     place_visible_bars,
 )
 from tools.photographs.rendering import Photograph, PhotographSettings
-from tools.photographs.sample import JPEG_QUALITY, describing_files, jpeg, prepare_photographs
+from tools.photographs.sample import describing_files, prepare_photographs
 
 SHIPPED = Path(__file__).parents[2] / "sample_data" / "photographs"
 PLAIN = PhotographSettings(read_noise=0.0, full_well_e=np.inf, vignetting=0.0)
@@ -90,54 +86,6 @@ def test_pairs_are_made_one_at_a_time_and_by_the_seed() -> None:
     assert first.primary.dtype == np.uint16
 
 
-def test_boards_face_the_viewpoint_but_for_the_tilt() -> None:
-    rng = np.random.default_rng(0)
-    viewpoint = np.array([0.4, -0.2, 0.1])
-    for tilt in (0.0, 0.5, 1.0472):
-        centre = rng.uniform([-2, -2, 6], [2, 2, 20])
-        pose = facing(centre, viewpoint, tilt, *rng.uniform(-3, 3, 2))
-        away = (centre - viewpoint) / np.linalg.norm(centre - viewpoint)
-        # arccos loses half the digits near 1.
-        assert np.arccos(min(pose.R[:, 2] @ away, 1.0)) == pytest.approx(tilt, abs=1e-7)
-        assert np.array_equal(pose.T, centre)
-    # Both orders of black and white, all tilts of the range, and the nearer board drawn last.
-    steep = BarSettings(tilt_rad=(0.8, 1.04))
-    firsts, tilts = set(), []
-    for _ in range(40):
-        ends = np.array([[0.0, 0.0, 8.0], [0.5, 0.0, 9.0]])
-        objects = place_boards(ends, np.zeros(3), steep, rng)
-        assert len(objects) == 4
-        far, near = objects[-2:]
-        assert np.array_equal(far.camera_from_board.T, ends[1])
-        assert np.array_equal(near.camera_from_board.T, ends[0])
-        firsts.add(near.board.cells[0, 0])
-        tilts.append(np.arccos(near.camera_from_board.R[2, 2]))
-    assert firsts == {35.0, 205.0}
-    assert min(tilts) >= 0.8
-    assert max(tilts) <= 1.04
-    assert len(place_boards(ends, np.zeros(3), replace(steep, rod_m=0.0), rng)) == 2
-
-
-def test_boards_do_not_hide_each_other() -> None:
-    rig = field_rig()
-    scene = place_visible_bars(rig, np.random.default_rng(0), 60, FIELD_BAR_M)
-    for points, camera in zip(scene.points_m, (rig.primary, rig.secondary), strict=True):
-        pixels = camera.project(points).reshape(-1, 2, 2)
-        nearest = points.reshape(-1, 2, 3)[:, :, 2].min(axis=1)
-        side = camera.K[0, 0] * BarSettings.board_m / nearest
-        apart = np.linalg.norm(pixels[:, 1] - pixels[:, 0], axis=1) / side
-        # Measured across the line of sight to A; foreshortening takes up to a tenth.
-        assert apart.min() > 0.9 * SEPARATION
-    with pytest.raises(StereocalError, match="hide each other"):
-        place_visible_bars(rig, np.random.default_rng(0), 1, FIELD_BAR_M, board_m=0.7)
-
-
-def test_bars_that_are_not_possible() -> None:
-    for wrong in ({"board_m": 0.0}, {"rod_m": -1.0}, {"tilt_rad": (0.5, 0.2)}):
-        with pytest.raises(StereocalError):
-            replace(BarSettings(), **wrong)
-
-
 def test_both_cameras_see_the_same_background() -> None:
     rig = small_scene(0, 1).rig
     pictures = outdoors(rig, np.random.default_rng(4), 0.0, chessboard_about=False)
@@ -185,11 +133,6 @@ def test_command_writes_the_photographs(tmp_path: Path, capsys: pytest.CaptureFi
         assert image.shape == (1728, 2336)
         for target in "AB":
             assert is_x_corner(image, np.array(frame[f"pixels_{which}"][target]))
-
-
-def test_photographs_of_more_bits_are_not_squeezed_into_jpeg() -> None:
-    with pytest.raises(StereocalError, match="8 bits"):
-        jpeg(np.zeros((4, 4), np.uint16), JPEG_QUALITY)
 
 
 def test_shipped_truth_is_what_the_code_makes() -> None:

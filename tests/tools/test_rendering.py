@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -41,7 +39,6 @@ from tools.photographs.rendering import (
     x_corner_board,
 )
 
-NO_NOISE = PhotographSettings(vignetting=0.0, full_well_e=np.inf, read_noise=0.0, bits=16)
 STRAIGHT = Camera(
     np.array([[1000.0, 0.0, 50.0], [0.0, 1000.0, 50.0], [0.0, 0.0, 1.0]]), np.zeros(5), (101, 101)
 )
@@ -163,15 +160,6 @@ def test_pixels_average_what_they_see() -> None:
         assert added == pytest.approx(120.0 * 20.6 * 10.3, rel=2e-5)  # measured 3e-6
 
 
-def test_strips_join_without_a_seam() -> None:
-    """A board over many strips of rows is the same as one that begins elsewhere."""
-    camera = Camera(np.array([[300.0, 0, 100], [0, 300, 150], [0, 0, 1]]), np.zeros(5), (201, 301))
-    shifted = Camera(np.array([[300.0, 0, 100], [0, 300, 119], [0, 0, 1]]), np.zeros(5), (201, 301))
-    placed = Placed(chessboard((9, 15), 0.02), Pose(turned((0.3, 0.2, 0.4)), np.array([0, 0, 0.6])))
-    first, second = painted(camera, placed, 1.0), painted(shifted, placed, 1.0)
-    np.testing.assert_allclose(first[31:], second[:-31], rtol=0, atol=0.05)
-
-
 def test_board_from_behind_shows_no_pattern_and_boards_behind_the_camera_are_refused() -> None:
     behind = Pose(turned((0.0, np.pi, 0.0)), np.array([0.0, 0.0, 1.0]))
     picture = painted(STRAIGHT, Placed(x_corner_board(0.05, 40.0, 200.0), behind), 0.5)
@@ -196,47 +184,6 @@ def test_noise_has_the_stated_variance() -> None:
         # 200,000 pixels: the variance is known to 0.3 %.
         assert levels.var() == pytest.approx(photons + settings.read_noise**2 + rounding, rel=0.015)
         assert levels.mean() == pytest.approx(grey, abs=0.05)
-
-
-@pytest.mark.parametrize("bits", [8, 10, 12, 16])
-def test_bits(bits: int) -> None:
-    settings = replace(NO_NOISE, bits=bits)
-    grey = np.array([[-5.0, 0.0, 51.0, 102.0, 255.0, 400.0]], dtype=np.float32)
-    image = expose(grey, settings, np.random.default_rng(0))
-    assert image.dtype == (np.uint8 if bits == 8 else np.uint16)
-    highest = 2**bits - 1
-    expected = np.rint(np.array([0.0, 0.0, 0.2, 0.4, 1.0, 1.0]) * highest)
-    np.testing.assert_allclose(image[0].astype(float), expected, atol=0.5)
-
-
-def test_vignetting_darkens_the_corners_by_the_share() -> None:
-    settings = replace(NO_NOISE, vignetting=0.3)
-    image = expose(np.full((301, 401), 200.0, np.float32), settings, np.random.default_rng(0))
-    levels = image / 257.0
-    assert levels[150, 200] == pytest.approx(200.0, abs=0.01)
-    for corner in (levels[0, 0], levels[0, -1], levels[-1, 0], levels[-1, -1]):
-        assert corner == pytest.approx(200.0 * 0.7, abs=0.01)
-    edge = 200.0 * (1 - 0.3 * 401**2 / (401**2 + 301**2))
-    assert levels[150, 0] == pytest.approx(edge, abs=0.01)
-
-
-def test_same_seed_same_photograph() -> None:
-    placed = [Placed(x_corner_board(0.05), Pose(np.eye(3), np.array([0.0, 0.0, 1.0])))]
-    images = [
-        photograph(STRAIGHT, 100.0, placed, PhotographSettings(), np.random.default_rng(seed))
-        for seed in (1, 1, 2)
-    ]
-    assert np.array_equal(images[0], images[1])
-    assert not np.array_equal(images[0], images[2])
-
-
-def test_settings_and_backgrounds_that_are_not_possible() -> None:
-    for wrong in ({"bits": 7}, {"blur_px": -1.0}, {"vignetting": 1.5}, {"full_well_e": 0.0}):
-        with pytest.raises(StereocalError):
-            replace(PhotographSettings(), **wrong)
-    with pytest.raises(StereocalError, match="The background is 20x10 px"):
-        background = np.zeros((10, 20), np.float32)
-        photograph(STRAIGHT, background, [], NO_NOISE, np.random.default_rng(0))
 
 
 def test_chessboards_of_the_series_are_found_where_they_are() -> None:
@@ -264,20 +211,6 @@ def test_chessboards_of_the_series_are_found_where_they_are() -> None:
     assert np.abs(errors_px).max() < 0.1
     assert np.sqrt((errors_px**2).mean()) < 0.03
     assert np.abs(errors_px.mean(axis=(0, 1))).max() < 0.01
-
-
-def test_board_series_fills_the_image_and_is_tilted() -> None:
-    camera = PRIMARY
-    poses = draw_board_poses(camera, np.random.default_rng(0), 30)
-    corners = np.concatenate([true_corners(camera, pose) for pose in poses])
-    size = np.array(camera.image_size)
-    assert (corners > 0).all() and (corners < size - 1).all()
-    # The inner corners keep one square off the edge: 61 fields of an 8x8 grid have some.
-    fields = np.unique((corners / size * 8).astype(int), axis=0)
-    assert len(fields) >= 58
-    tilts = np.rad2deg([np.arccos(abs(pose.R[2, 2])) for pose in poses])
-    assert tilts.max() > 40.0
-    assert tilts.min() < 20.0
 
 
 def test_charuco_board_is_opencvs() -> None:

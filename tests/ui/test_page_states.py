@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -60,12 +59,6 @@ def finished(project: Project) -> Project:
     return project
 
 
-def test_no_project_has_no_marks(project: Project) -> None:
-    assert page_states(None) == {}
-    assert set(marks(project).values()) == {"missing"}
-    assert "the baseline" in page_states(project)["calibrate"].words
-
-
 def test_what_was_done_is_marked(given: Project) -> None:
     before = marks(given)
     assert before["cameras"] == before["data"] == "done"
@@ -99,19 +92,3 @@ def test_a_changed_setting_makes_its_results_stale(
 ) -> None:
     finished(given).keep_settings(setting)
     assert {name for name, mark in marks(given).items() if mark == "stale"} == stale
-
-
-def test_a_damaged_result_is_left_to_its_page(given: Project) -> None:
-    finished(given)
-    with given.database.transaction() as db:
-        db.execute("UPDATE result SET content = x'00'")
-    assert page_states(given) == {}
-
-
-def test_the_states_take_milliseconds(given: Project) -> None:
-    finished(given)
-    page_states(given)  # reads the results once
-    begun = time.perf_counter()
-    for _ in range(10):
-        page_states(given)
-    assert time.perf_counter() - begun < 2.0  # ten times; 0.02 s on a quiet machine

@@ -12,7 +12,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.further_recording import LARGEST, half_width, widened
+from stereocal.verdict.further_recording import half_width, widened
 from stereocal.workflow import calibrate
 from tests.rigs.population import figures_on
 
@@ -33,13 +33,6 @@ def test_shuffled_errors_have_little_excess_and_runs_have_theirs() -> None:
     apart = [half_width(each * np.abs(rng.standard_normal(400)), mean, rng) for each in level]
     # Student's 2.26 times 0.3, times the root of 3/10 + 1/10: 0.43, and the 0.13 in quadrature.
     assert np.median(apart) == pytest.approx(0.45, rel=0.25)
-
-
-def test_few_frames_have_no_endless_interval() -> None:
-    rng = np.random.default_rng(1)
-    wild = np.repeat(np.exp(4 * rng.standard_normal(6)), 4)
-    assert half_width(wild, mean, rng) == LARGEST
-    assert half_width(wild[:12], mean, rng) == 0.0
 
 
 def test_intervals_widen_on_both_sides_in_quadrature() -> None:

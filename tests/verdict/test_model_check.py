@@ -19,7 +19,6 @@ from stereocal.verdict.model_check import (
     BENDS,
     ModelCheck,
     cause_of_scatter,
-    notes_on_noise,
 )
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
@@ -103,26 +102,6 @@ def test_a_bar_that_bends_is_told_apart_from_noise_along_the_lines() -> None:
     assert ALONG not in bends
     assert along.count(ALONG) >= 3
     assert BENDS not in along
-
-
-def test_notes_on_the_noise() -> None:
-    rng = np.random.default_rng(3)
-    model = bent(rng)
-    bars = bar_innovations(model, model.used_rows)
-    assert any("bends" in note for note in notes_on_noise(model, bars))
-    sound = refine(rig(2), SETTINGS)
-    assert not notes_on_noise(sound, bar_innovations(sound, sound.used_rows))
-    rows = sound.dataset.correspondences
-    sigma = np.full(len(rows), 0.05)
-    told = replace(rows, sigma_primary_px=sigma, sigma_secondary_px=sigma)
-    sure = refine(replace(sound.dataset, correspondences=told), SETTINGS)
-    (note,) = notes_on_noise(sure, bar_innovations(sure, sure.used_rows))
-    assert "0.05 px" in note
-
-
-def test_few_frames_are_not_checked() -> None:
-    data = rig(3, 12)
-    assert forecast_files(calibrate(data, refined=RefineSettings())).check is None
 
 
 def test_improvements_go_the_right_way() -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from stereocal.calibration.methods import CalibrationSettings, Method
-from stereocal.evaluation.summary import Estimate
+from stereocal.calibration.methods import Method
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.rig.parameters import RigParameters
@@ -128,24 +126,6 @@ def test_a_doubted_model_lets_held_out_frames_speak(
     assert "The model does not explain these images" in found.text
 
 
-@pytest.mark.parametrize("spoiled", ["value", "low"])
-def test_what_could_not_be_computed_is_left_out(
-    calibration: Calibration, outlook: Outlook, spoiled: str
-) -> None:
-    """Never "95 % of lengths are within none %"."""
-    predictive = forecast_with(0.8, 0.9, 0.02)
-    nothing = Estimate(**{"value": 0.01, "low": 0.01, "high": 0.01, spoiled: math.nan})
-    figures = ("p95_error_3d", "wrong_let_in_at_threshold", "threshold_px")
-    forecasts = {
-        method: replace(found, **dict.fromkeys(figures, nothing))
-        for method, found in predictive.forecasts.items()
-    }
-    object.__setattr__(predictive, "forecasts", forecasts)
-    found = told(calibration, outlook, predictive)
-    assert "none" not in found.text and "nan" not in found.text
-    assert found.sentences[0].startswith("Use the refined set for both: match")
-
-
 def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     found = recommend(calibration, None, VALIDATION)
     assert (found.match.method, found.measure.method) == ("2d", "3d")
@@ -157,25 +137,6 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     assert found.sentences[1] == NO_FORECAST
     nothing = recommend(replace(calibration, refined=None), None)
     assert nothing.sentences == ("Match with the 2D set, and measure with the 3D set.", NO_REFINED)
-
-
-def test_frames_left_out_are_named(outlook: Outlook) -> None:
-    data = rig.dataset(20, 0.2).with_targets_exchanged([5])
-    settings = CalibrationSettings(frames_left_out=(3, 9))
-    left_out = calibrate(data, settings)
-    assert left_out.screening.left_out == (3, 5, 9)
-    assert left_out.screening.by_user == (3, 9)
-    assert left_out.screening.share == 1 / 20
-    text = recommend(left_out, outlook).sentences[-1]
-    assert "Left out: frame 5, which contradicts the others." in text
-    assert "Left out by you: frames 3 and 9." in text
-
-
-def test_results_that_are_no_good_are_cautioned(calibration: Calibration) -> None:
-    poor = {method: {**own, "p95_error_3d": 0.4} for method, own in VALIDATION.items()}
-    found = recommend(calibration, None, poor)
-    assert "length errors above 40 %" in found.caution
-    assert found.text.startswith("Do not rely on this result: ")
 
 
 def test_files_carry_it(calibration: Calibration, outlook: Outlook) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.undistortion import undistort_rays
@@ -62,17 +59,6 @@ def test_slopes_are_those_of_the_errors() -> None:
         np.testing.assert_allclose(J[j], expected, atol=1e-3 * np.abs(expected).max() + 1e-6)
 
 
-def test_a_lens_that_cannot_be_inverted_is_said() -> None:
-    data = rig.dataset(2)
-    rows = data.correspondences
-    pixels = np.column_stack([rows.primary, rows.secondary])
-    q = unknowns_of(data, rig.RIG, RefineSettings()).origin.copy()
-    q[7:9] *= 0.02  # rays far beyond the fold of the lens model
-    assert not undistort_rays(
-        q, lenses_of(data), pixels, data.rays.copy(), np.empty((len(rows), 2, 4))
-    )
-
-
 def test_costs_are_the_papers(data: Dataset, curves: TradeOff) -> None:
     for curve in (curves.fixed, curves.freed):
         again = costs_of(data, {i: (x.pose, x.primary, x.secondary) for i, x in enumerate(curve)})
@@ -111,13 +97,6 @@ def test_freed_lenses_lower_the_curve(data: Dataset, curves: TradeOff) -> None:
     assert max(refined[0] / ends[0], refined[1] / ends[1]) < fixed
 
 
-def test_the_fixed_curve_keeps_lenses_and_baseline(data: Dataset, curves: TradeOff) -> None:
-    for point in curves.fixed:
-        np.testing.assert_array_equal(point.primary.K, data.primary.K)
-        assert point.pose.baseline == pytest.approx(data.baseline_m, rel=1e-12)
-    assert any(not np.array_equal(point.primary.K, data.primary.K) for point in curves.freed)
-
-
 def test_a_point_can_be_saved(data: Dataset, curves: TradeOff) -> None:
     saved = curves.freed[6].parameters(data)
     read = RigParameters.loads(saved.dumps())
@@ -130,18 +109,3 @@ def test_a_point_can_be_saved(data: Dataset, curves: TradeOff) -> None:
         read.reconstruct(rows.primary, rows.secondary),
         saved.reconstruct(rows.primary, rows.secondary),
     )
-
-
-def test_progress_and_cancelling(data: Dataset) -> None:
-    seen: list[tuple[int, int]] = []
-    trade_off(data, points=3, progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(i, 12) for i in range(1, 13)]
-    assert trade_off(data, points=3, cancelled=lambda: True) is None
-
-
-def test_what_it_refuses(data: Dataset) -> None:
-    with pytest.raises(StereocalError, match="at least 3 points"):
-        trade_off(data, points=2)
-    alone = data.correspondences.where(data.correspondences.target == 0)
-    with pytest.raises(StereocalError, match="no 3D cost"):
-        trade_off(replace(data, correspondences=alone))

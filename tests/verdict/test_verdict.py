@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, CORRECT, WRONG
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.verdict.forecast import forecast_files
@@ -98,16 +95,3 @@ def test_from_data_to_verdict() -> None:
     assert answer.matching.value < 1
     assert answer.check is not None
     assert answer.check.holds
-
-
-def test_it_refuses_a_forecast_without_the_refined_set() -> None:
-    whole = forecast_with(1.0, 1.0, 0.1, draws=4)
-    without = replace(
-        whole,
-        methods=("2d", "3d"),
-        counts=whole.counts[:, :, :2],
-        correct_px=whole.correct_px[:, :, :2],
-        lengths=whole.lengths[:, :, :2],
-    )
-    with pytest.raises(StereocalError, match="refined"):
-        verdict(without, 25)
