@@ -28,6 +28,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+from tests.browser.client import Session
+from tests.browser.server import MemoryWatch, Server
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
@@ -45,8 +47,6 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_BAR_M, field_rig, observe, place_bars
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BOARD_M, DEPTHS_M, small
-from tests.browser.client import Session
-from tests.browser.server import MemoryWatch, Server
 from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings
 

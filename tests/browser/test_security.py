@@ -15,7 +15,6 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from stereocal.ui.menu import TITLES
-from tests.browser.client import Session
 from tests.browser.conftest import LONGEST_MS, serve
 from tests.browser.work import NAME
 
