@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Error, Page, expect
+from playwright.sync_api import Error, FilePayload, Page, expect
 
 from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
@@ -50,10 +50,10 @@ def photographs(page: Page) -> Iterator[Step]:
     names: list[str] = []
     for whole, content in sorted(bar_set(7).files().items()):
         names.append(whole.split("/")[1])
-        file = {"name": names[-1], "mimeType": "image/png", "buffer": content}
+        file = FilePayload(name=names[-1], mimeType="image/png", buffer=content)
 
-        def act(file: dict[str, object] = file, there: int = len(names)) -> None:
-            upload.set_input_files(file)  # type: ignore[arg-type]
+        def act(file: FilePayload = file, there: int = len(names)) -> None:
+            upload.set_input_files(file)
             expect(page.get_by_text(f"{there} photograph")).to_be_visible()
 
         yield sorted(names), act

@@ -67,7 +67,8 @@ def linear(colour: str) -> FloatArray:
 
 def difference(first: FloatArray, second: FloatArray) -> float:
     """CIEDE2000 of two colours in linear RGB."""
-    return float(deltaE_ciede2000(*(xyz2lab(linear_to_xyz(rgb)) for rgb in (first, second))))
+    one, other = (xyz2lab(linear_to_xyz(rgb)) for rgb in (first, second))
+    return float(deltaE_ciede2000(one, other))  # type: ignore[no-untyped-call]
 
 
 def linear_to_xyz(rgb: FloatArray) -> FloatArray:

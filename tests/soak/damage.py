@@ -15,7 +15,8 @@ from typing import Any
 from hypothesis import strategies as st
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
-Change = Callable[[Draw, bytes, bytes], bytes]
+Change = Callable[[Draw, bytes, bytes], Any]
+"""Bytes, of what is drawn."""
 LARGEST = 400_000
 """Bytes; what grows by repetition ends here."""
 
@@ -65,8 +66,8 @@ def damaged(draw: Draw, kind: str, sound: Sequence[bytes]) -> bytes:
 
 def never_sound() -> st.SearchStrategy[bytes]:
     """Bytes, texts, trees, and files that only begin like one that a program writes."""
-    heads = b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n', b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
-    heads += b"II*\0\x08\0\0\0", b"BM", b"P5 ", b"PK\x03\x04", b"PAR1", b"\x89HDF\r\n\x1a\n"
+    heads = [b"%YAML:1.0\n---\n", b'<?xml version="1.0"?>\n', b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"]
+    heads += [b"II*\0\x08\0\0\0", b"BM", b"P5 ", b"PK\x03\x04", b"PAR1", b"\x89HDF\r\n\x1a\n"]
     noise = st.binary(max_size=2000)
     lines = st.lists(st.lists(PIECES, max_size=6).map(b",".join), max_size=12).map(b"\n".join)
     begun = st.tuples(st.sampled_from(heads), noise).map(b"".join)
@@ -85,26 +86,26 @@ def _place(draw: Draw, content: bytes) -> int:
     return int(draw(near | near.map(lambda at: end - at) | st.integers(0, end)))
 
 
-def _flip(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _flip(draw: Draw, content: bytes, _: bytes) -> Any:
     changed = bytearray(content)
     for _each in range(draw(st.sampled_from((1, 2, 8, 64))) if changed else 0):
         changed[min(_place(draw, content), len(content) - 1)] ^= 1 << draw(st.integers(0, 7))
     return bytes(changed)
 
 
-def _cut(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _cut(draw: Draw, content: bytes, _: bytes) -> Any:
     start = _place(draw, content)
     return content[:start] + content[start + draw(st.sampled_from((1, 4, 50, 1000, LARGEST))) :]
 
 
-def _insert(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _insert(draw: Draw, content: bytes, _: bytes) -> Any:
     """A piece put in, up to so often that who looks once for each does not come to an end."""
     start, piece = _place(draw, content), draw(PIECES)
     many = draw(st.sampled_from((1, 1, 3, 60, LARGEST // 2 // (1 + len(piece)))))
     return content[:start] + piece * many + content[start:]
 
 
-def _repeat(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _repeat(draw: Draw, content: bytes, _: bytes) -> Any:
     start = _place(draw, content)
     end = start + draw(st.sampled_from((1, 10, 100, 2000)))
     return (
@@ -112,11 +113,11 @@ def _repeat(draw: Draw, content: bytes, _: bytes) -> bytes:
     )
 
 
-def _splice(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _splice(draw: Draw, content: bytes, other: bytes) -> Any:
     return content[: _place(draw, content)] + other[_place(draw, other) :]
 
 
-def _whole_number(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _whole_number(draw: Draw, content: bytes, _: bytes) -> Any:
     """A length, an offset or a count with an extreme value."""
     form = draw(st.sampled_from(("<H", ">H", "<I", ">I", "<Q", ">Q", "B")))
     most = 256 ** struct.calcsize(form) - 1
@@ -125,7 +126,7 @@ def _whole_number(draw: Draw, content: bytes, _: bytes) -> bytes:
     return content[:start] + struct.pack(form, value) + content[start + struct.calcsize(form) :]
 
 
-def _token(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _token(draw: Draw, content: bytes, other: bytes) -> Any:
     """One number or word replaced, or every number."""
     pattern = draw(st.sampled_from((rb"[-+]?\d[\d.eE+-]*", rb"[A-Za-z_]\w*")))
     found = list(re.finditer(pattern, content[:20_000]))
@@ -138,7 +139,7 @@ def _token(draw: Draw, content: bytes, other: bytes) -> bytes:
     return content[: match.start()] + new + content[match.end() :]
 
 
-def _lines(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _lines(draw: Draw, content: bytes, other: bytes) -> Any:
     """Lines lost, doubled, moved, lengthened."""
     lines = content.split(b"\n")
     at = draw(st.integers(0, len(lines) - 1))
@@ -147,18 +148,18 @@ def _lines(draw: Draw, content: bytes, other: bytes) -> bytes:
     return b"\n".join(lines)
 
 
-def _exchange(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _exchange(draw: Draw, content: bytes, _: bytes) -> Any:
     """Other ends of lines, other separators, other signs throughout."""
     old, new = draw(st.sampled_from((b"\n", b",", b"a", b"1", b" "))), draw(PIECES)
     return content.replace(old, new, 1 + LARGEST // (1 + len(new)))
 
 
-def _encoding(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _encoding(draw: Draw, content: bytes, _: bytes) -> Any:
     codec = draw(st.sampled_from(("utf-16", "utf-32", "utf-8-sig", "utf-7")))
     return content.decode("utf-8", "replace").encode(codec)
 
 
-def _deep(draw: Draw, content: bytes, _: bytes) -> bytes:
+def _deep(draw: Draw, content: bytes, _: bytes) -> Any:
     pairs = (
         (b"[", b"]"),
         (b'{"a":', b"}"),
@@ -172,7 +173,7 @@ def _deep(draw: Draw, content: bytes, _: bytes) -> bytes:
     return content[:start] + opening * depth + b"1" + closing * depth + content[start:]
 
 
-def _tree(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _tree(draw: Draw, content: bytes, other: bytes) -> Any:
     """JSON with another value, key or kind at some depth."""
     try:
         tree = json.loads(content)
@@ -198,7 +199,7 @@ def _changed(draw: Draw, tree: Any) -> Any:
     return grown
 
 
-def _member(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _member(draw: Draw, content: bytes, other: bytes) -> Any:
     """One file of a zip changed, renamed, doubled or taken out; the zip itself stays sound."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -228,7 +229,7 @@ def _member(draw: Draw, content: bytes, other: bytes) -> bytes:
     return packed.getvalue()
 
 
-def _npy(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _npy(draw: Draw, content: bytes, other: bytes) -> Any:
     """Another type or shape in the head of an array."""
     if content[:6] != b"\x93NUMPY" or len(content) < 12:
         return _flip(draw, content, other)
@@ -243,7 +244,7 @@ def _npy(draw: Draw, content: bytes, other: bytes) -> bytes:
     return content[:8] + struct.pack("<H", len(head)) + head + content[10 + length :]
 
 
-def _png(draw: Draw, content: bytes, other: bytes) -> bytes:
+def _png(draw: Draw, content: bytes, other: bytes) -> Any:
     """A chunk changed, doubled or taken out, with a right checksum all the same."""
     chunks, at = [], 8
     while content[:4] == b"\x89PNG" and at + 12 <= len(content):
