@@ -20,6 +20,7 @@ from stereocal.ui.one_set import (
     show_disagreement,
     show_download,
     show_frames_left_out,
+    show_misfit,
     show_parameters,
     show_seeds,
     show_trade_off,
@@ -84,6 +85,7 @@ try:
             project, kept, result, settings, calibration
         ),
         "How accurate, where": lambda: show_accuracy(project, result, kept, settings),
+        "Residuals by place": lambda: show_misfit(kept, settings),
         "The refined set": lambda: show_parameters(result),
     }
     field = setting(project, "one_set_view", next(iter(views)), one_of(list(views)), tabs_own=True)

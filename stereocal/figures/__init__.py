@@ -12,10 +12,8 @@ from stereocal.figures.disagreement import describe_disagreement, plot_disagreem
 from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
 from stereocal.figures.lens import (
     describe_draws,
-    describe_residual_field,
     describe_view_errors,
     plot_draws,
-    plot_residual_field,
     plot_view_errors,
 )
 from stereocal.figures.matches import describe_matches, plot_matches
@@ -33,6 +31,12 @@ from stereocal.figures.plan_errors import (
     plot_plan_baselines,
     plot_plan_depths,
     plot_plan_map,
+)
+from stereocal.figures.residual_field import (
+    describe_misfit,
+    describe_residual_field,
+    plot_misfit,
+    plot_residual_field,
 )
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.story import (
@@ -79,6 +83,7 @@ __all__ = [
     "describe_image",
     "describe_lengths",
     "describe_matches",
+    "describe_misfit",
     "describe_pair_errors",
     "describe_plan_baselines",
     "describe_plan_depths",
@@ -105,6 +110,7 @@ __all__ = [
     "plot_image",
     "plot_lengths",
     "plot_matches",
+    "plot_misfit",
     "plot_pair_errors",
     "plot_plan_baselines",
     "plot_plan_depths",

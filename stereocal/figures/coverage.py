@@ -19,6 +19,7 @@ from stereocal.figures.style import (
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.residual_field import cells_of
 
 HEIGHT = 440
 GRID_CELLS = 4
@@ -162,5 +163,4 @@ def _set_axes(figure: go.Figure, column: int, side: str, camera: Camera) -> None
 
 def _covered_cells(points: FloatArray, camera: Camera) -> int:
     """Number of cells of a grid over the image that contain a point."""
-    cells = (points + 0.5) / np.array(camera.image_size) * GRID_CELLS
-    return len(np.unique(np.clip(cells.astype(int), 0, GRID_CELLS - 1), axis=0))
+    return len(np.unique(cells_of(points, camera.image_size, (GRID_CELLS, GRID_CELLS))))

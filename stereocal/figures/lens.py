@@ -1,4 +1,4 @@
-"""Figures of a lens calibration: results of the draws, errors by photograph, residual field."""
+"""Figures of a lens calibration: results of the draws, errors by photograph."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.figures.style import FAINT, NEUTRAL, count, finish
+from stereocal.figures.style import NEUTRAL, count, finish
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
-from stereocal.intrinsics.quality import coverage, residual_field
 from stereocal.intrinsics.tables import with_error
 
 BLUE, ORANGE = "#1F83C4", "#D55E00"
 BAND = "rgba(213,94,0,0.22)"
 COLUMNS = 3
 BINS = 14
-LONGEST_ARROW = 0.9
-"""As a fraction of the spacing of the cells."""
 
 
 def plot_draws(lens: LensCalibration) -> go.Figure:
@@ -171,88 +168,4 @@ def describe_view_errors(lens: LensCalibration) -> str:
         f"Errors of {count(len(lens.view_errors), 'photograph')}: median "
         f"{np.median(lens.view_errors):.3f} px, the largest {lens.view_errors[worst]:.3f} px in "
         f"{lens.search.views[worst].name}{note}."
-    )
-
-
-def plot_residual_field(lens: LensCalibration) -> go.Figure:
-    """Positions of the corners, and the mean residual in each part of the image, enlarged."""
-    field = residual_field(lens)
-    width, height = field.image_size
-    figure = finish(go.Figure(), 480)
-    corners = np.concatenate([view.corners for view in lens.search.views])
-    figure.add_trace(
-        go.Scattergl(
-            x=corners[:, 0],
-            y=corners[:, 1],
-            mode="markers",
-            hoverinfo="skip",
-            marker={"size": 3, "color": FAINT},
-            name=f"Corners (n = {len(corners)})",
-        )
-    )
-    known = np.isfinite(field.mean[..., 0])
-    tails, arrows = field.centres[known], field.mean[known]
-    scale = arrow_scale(lens)
-    tips = tails + scale * arrows
-    lines = np.full((len(tails), 3, 2), np.nan)
-    lines[:, 0], lines[:, 1] = tails, tips
-    figure.add_trace(
-        go.Scatter(
-            x=lines[..., 0].ravel(),
-            y=lines[..., 1].ravel(),
-            mode="lines+markers",
-            line={"color": ORANGE, "width": 2},
-            name=f"Mean residual, ×{scale:g}",
-            marker={
-                "color": ORANGE,
-                "symbol": "arrow",
-                "angleref": "previous",
-                "size": np.tile([0, 9, 0], len(tails)),
-            },
-            customdata=np.repeat(np.column_stack([arrows, field.count[known]]), 3, axis=0),
-            hovertemplate="mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"
-            "of %{customdata[2]:.0f} corners<extra></extra>",
-        )
-    )
-    edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
-    figure.add_shape(edge, line={"color": NEUTRAL, "width": 1.5})
-    margin = 0.02 * width
-    figure.update_xaxes(
-        range=[-margin, width + margin],
-        title_text="u (px)",
-        showgrid=False,
-        constrain="domain",
-        nticks=6,
-    )
-    figure.update_yaxes(
-        range=[height + margin, -margin],
-        title_text="v (px)",
-        showgrid=False,
-        scaleanchor="x",
-        constrain="domain",
-        constraintoward="top",
-        nticks=6,
-    )
-    return figure
-
-
-def arrow_scale(lens: LensCalibration) -> float:
-    """Enlargement of the arrows: 1, 2 or 5 times a power of ten."""
-    field = residual_field(lens)
-    if not field.largest_px > 0:
-        return 1.0
-    cell = field.image_size[0] / field.count.shape[1]
-    wanted = LONGEST_ARROW * cell / field.largest_px
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted))
-
-
-def describe_residual_field(lens: LensCalibration) -> str:
-    """The figure in words."""
-    field = residual_field(lens)
-    return (
-        f"Mean residuals in {int(np.isfinite(field.mean[..., 0]).sum())} "
-        f"parts of the image: typically {field.typical_px:.3f} px, at most {field.largest_px:.3f} "
-        f"px; noise alone would cause {field.noise_px:.3f} px. The corners cover "
-        f"{100 * coverage(lens.search):.0f} % of the image."
     )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, RECOMMENDED_VIEWS, LensCalibration
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 
 COVERAGE_CELLS = 10
 FIELD_CELLS = (16, 12)
@@ -22,71 +21,37 @@ SYSTEMATIC = 2.0
 """Ratio of the cell means to the value expected from noise above which there is a warning."""
 
 
-@dataclass(frozen=True, eq=False)
-class ResidualField:
-    """Mean residuals over the cells of a grid on the image."""
-
-    image_size: tuple[int, int]
-    mean: FloatArray
-    """(rows, columns, 2): found minus projected corners, px; NaN with fewer than
-    `MINIMUM_IN_CELL` corners."""
-    count: IntArray
-    """(rows, columns): corners in each cell."""
-    noise_px: float
-    """Expected length of the means if the residuals were independent."""
-
-    @property
-    def centres(self) -> FloatArray:
-        """(rows, columns, 2): pixels in the middle of the cells."""
-        width, height = self.image_size
-        rows, columns = self.count.shape
-        u = (np.arange(columns) + 0.5) * width / columns - 0.5
-        v = (np.arange(rows) + 0.5) * height / rows - 0.5
-        return np.stack(np.meshgrid(u, v), axis=-1)
-
-    @property
-    def typical_px(self) -> float:
-        """Root mean square length of the means; NaN if there are none."""
-        lengths = np.linalg.norm(self.mean, axis=-1)
-        known = lengths[np.isfinite(lengths)]
-        return float(np.sqrt((known**2).mean())) if known.size else float("nan")
-
-    @property
-    def largest_px(self) -> float:
-        """Length of the longest mean; NaN if there are none."""
-        lengths = np.linalg.norm(self.mean, axis=-1)
-        return float(np.nanmax(lengths)) if np.isfinite(lengths).any() else float("nan")
-
-
 def coverage(search: BoardSearch) -> float:
     """Fraction of the image's 10 by 10 cells that contain a corner of any board."""
     corners = np.concatenate([view.corners for view in search.views])
-    cells = _cells(corners, search.image_size, (COVERAGE_CELLS, COVERAGE_CELLS))
+    cells = cells_of(corners, search.image_size, (COVERAGE_CELLS, COVERAGE_CELLS))
     return len(np.unique(cells)) / COVERAGE_CELLS**2
 
 
-def residual_field(calibration: LensCalibration) -> ResidualField:
-    """Residuals averaged over cells of the image.
+def lens_residuals(calibration: LensCalibration) -> ResidualField:
+    """Found minus projected corners, averaged over cells of the image.
 
     Noise averages out; a lens that the model does not describe or a board that is not flat remains.
     """
-    corners = np.concatenate([view.corners for view in calibration.search.views])
-    residuals = np.concatenate(calibration.residuals)
-    columns, rows = FIELD_CELLS
-    cells = _cells(corners, calibration.search.image_size, FIELD_CELLS)
-    count = np.bincount(cells, minlength=rows * columns)
-    sums = [np.bincount(cells, residuals[:, axis], rows * columns) for axis in (0, 1)]
-    enough = count >= MINIMUM_IN_CELL
-    divisor = np.where(enough, count, 1)
-    mean = np.where(enough, sums / divisor, np.nan)
-    variance = float((residuals**2).sum(axis=1).mean())
-    noise = np.sqrt((variance / divisor[enough]).mean()) if enough.any() else np.nan
-    return ResidualField(
+    return residual_field(
+        np.concatenate([view.corners for view in calibration.search.views]),
+        np.concatenate(calibration.residuals),
         calibration.search.image_size,
-        np.moveaxis(mean, 0, -1).reshape(rows, columns, 2),
-        count.reshape(rows, columns),
-        float(noise),
+        FIELD_CELLS,
+        MINIMUM_IN_CELL,
     )
+
+
+def typical_and_noise_px(calibration: LensCalibration) -> tuple[float, float]:
+    """Root mean square length of the cells' means, and what it would be of independent residuals;
+    NaN if there are none.
+    """
+    field = lens_residuals(calibration)
+    if not field.known.any():
+        return float("nan"), float("nan")
+    variance = float((np.concatenate(calibration.residuals) ** 2).sum(axis=1).mean())
+    noise = np.sqrt((variance / field.count[field.known]).mean())
+    return float(np.sqrt(np.square(field.lengths_px).mean())), float(noise)
 
 
 def advice(calibration: LensCalibration) -> list[str]:
@@ -112,10 +77,10 @@ def advice(calibration: LensCalibration) -> list[str]:
             f"The focal length is known to {100 * relative.max():.1f} % only: tilt the board by 30 "
             "to 50 degrees in different directions, and take more photographs."
         )
-    field = residual_field(calibration)
-    if field.typical_px > SYSTEMATIC * field.noise_px:
+    typical, noise = typical_and_noise_px(calibration)
+    if typical > SYSTEMATIC * noise:
         messages.append(
-            f"Systematic residuals of {field.typical_px:.2f} px are common to many photographs: "
+            f"Systematic residuals of {typical:.2f} px are common to many photographs: "
             "the board may be bent, or the lens needs another model."
         )
     return messages
@@ -159,13 +124,6 @@ def largest_shift_px(camera: Camera) -> float:
 def turned_count(search: BoardSearch) -> int:
     """The number of boards whose corner order was corrected."""
     return sum(view.turned for view in search.views)
-
-
-def _cells(corners: FloatArray, image_size: tuple[int, int], cells: tuple[int, int]) -> IntArray:
-    """(n,): the index of each corner's cell, row by row."""
-    cell = ((corners + 0.5) / image_size * cells).astype(np.int64)
-    column, row = np.clip(cell, 0, np.array(cells) - 1).T
-    return np.asarray(row * cells[0] + column)
 
 
 def _list(names: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -384,6 +384,26 @@ def unknowns_between(one: FloatArray, other: FloatArray) -> FloatArray:
 def pose_of(q: FloatArray) -> Pose:
     """The pose of the shared unknowns."""
     return Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE]))
+
+
+def rig_of(primary: Camera, secondary: Camera, q: FloatArray) -> Rig:
+    """The rig with the shared unknowns q instead of the stated lenses and pose."""
+    return Rig(camera_of(primary, q, 0), camera_of(secondary, q, 1), pose_of(q))
+
+
+def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray) -> FloatArray:
+    """(n, r): derivatives of n errors that are computed with a rig, by central differences.
+
+    Args:
+        spread: (25, r): steps of the shared unknowns, by whose factors the derivatives are.
+    """
+    q = shared_unknowns(rig)
+
+    def at(unknowns: FloatArray) -> FloatArray:
+        return errors(rig_of(rig.primary, rig.secondary, unknowns))
+
+    columns = [0.5 * (at(q + along) - at(q - along)) for along in spread.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
 
 
 def _unit(at: int) -> FloatArray:

@@ -61,13 +61,29 @@ class Rig:
         Args:
             primary_px, secondary_px: raw pixels (n, 2) of each camera.
         """
+        residual, gradient = self._sampson(primary_px, secondary_px)
+        return np.asarray(residual / np.linalg.norm(gradient, axis=1))
+
+    def epipolar_residuals(
+        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> FloatArray:
+        """The smallest shifts (n, 4) of both points of a pair off their epipolar lines, to first
+        order: u, v in the primary and in the secondary; their lengths are the `epipolar_errors`.
+        """
+        residual, gradient = self._sampson(primary_px, secondary_px)
+        return np.asarray(gradient * (residual / np.square(gradient).sum(axis=1))[:, None])
+
+    def _sampson(
+        self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """The residuals (n,) and their derivatives (n, 4) by undistorted pixels."""
         E, n = self.pose.essential, len(np.asarray(primary_px))
         one = np.column_stack([self.primary.undistort(primary_px), np.ones(n)])
         two = np.column_stack([self.secondary.undistort(secondary_px), np.ones(n)])
         focal = [np.diag(camera.K)[:2] for camera in (self.primary, self.secondary)]
         gradient = np.column_stack([(two @ E)[:, :2] / focal[0], (one @ E.T)[:, :2] / focal[1]])
         residual = np.sum(two * (one @ E.T), axis=1)
-        return np.asarray(residual / np.linalg.norm(gradient, axis=1))
+        return residual, gradient
 
     def epipolar_distances(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike

@@ -15,9 +15,11 @@ from stereocal.evaluation.summary import figures_of_set
 from stereocal.figures import (
     describe_accuracy,
     describe_disagreement,
+    describe_misfit,
     describe_trade_off,
     plot_accuracy,
     plot_disagreement,
+    plot_misfit,
     plot_trade_off,
 )
 from stereocal.figures.accuracy import Quantity
@@ -43,7 +45,7 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import curves_when_ready
 from stereocal.ui.messages import fragment
 from stereocal.ui.parameter_upload import PURPOSES
-from stereocal.ui.refined import calibrated, key_of, maps_of
+from stereocal.ui.refined import calibrated, key_of, maps_of, misfit_for
 from stereocal.ui.results import show_recommendation
 from stereocal.ui.sets_in_use import refined_switch
 from stereocal.ui.validation import kept_protocol
@@ -213,6 +215,13 @@ def show_accuracy(
     show_figure(
         plot_accuracy(maps, result, quantity), describe_accuracy(maps, quantity), "accuracy"
     )
+
+
+def show_misfit(dataset: Dataset, settings: RefineSettings) -> None:
+    """Residuals over the images: whether a lens is wrong, or all is noise."""
+    found = misfit_for(dataset, settings)
+    wide, narrow = (plot_misfit(found, small) for small in (False, True))
+    show_figure(wide, describe_misfit(found), "misfit", narrow=narrow)
 
 
 def show_download(project: Project, answer: Answer, calibrated_now: bool) -> None:

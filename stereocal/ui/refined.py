@@ -14,6 +14,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
+from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
@@ -207,6 +208,11 @@ def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
     return _maps(_key(dataset, settings), dataset, settings)
 
 
+def misfit_for(dataset: Dataset, settings: RefineSettings) -> Misfit:
+    """Residuals of the refined set over the images. Raises as `refine`."""
+    return _misfit(_key(dataset, settings), dataset, settings)
+
+
 def curves_of(
     dataset: Dataset,
     settings: RefineSettings,
@@ -259,6 +265,11 @@ def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> 
 def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
     assert key
     return jobs.compute(outlook_of, _calibration)
+
+
+@st.cache_resource(show_spinner="Looking at the residuals.", max_entries=16)
+def _misfit(key: str, _dataset: Dataset, _settings: RefineSettings) -> Misfit:
+    return jobs.compute(misfit_of, _refined(key, _dataset, _settings))
 
 
 @st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)

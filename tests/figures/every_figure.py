@@ -22,6 +22,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.lengths import check_lengths
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.misfit import misfit_of
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
@@ -69,7 +70,7 @@ def every_figure() -> dict[str, Drawn]:
     refined = refine(dataset)
     inputs = what_disagrees(refined)
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
-    curves = trade_off(dataset, points=5)
+    curves, misfit = trade_off(dataset, points=5), misfit_of(refined)
     settings = EvaluationSettings(CalibrationSettings(), 6, 20, RefineSettings())
     with ThreadPoolExecutor(2) as executor:
         runs = evaluate([dataset, dataset], settings, executor)
@@ -117,6 +118,7 @@ def every_figure() -> dict[str, Drawn]:
                 f.plot_matches(pairs, left, "primary", SET.primary.image_size),
                 f.describe_matches(pairs, left, right, 1),
             ),
+            ("misfit", f.plot_misfit(misfit), f.describe_misfit(misfit)),
             (
                 "pair_errors",
                 f.plot_pair_errors(NEAREST, 0.8),

@@ -99,6 +99,12 @@ def matches(figure: go.Figure) -> list[float]:
     return [float(len(trace.x)) for trace in named(figure, "Pair", "No partner")]
 
 
+def misfit(figure: go.Figure) -> list[float]:
+    arrows = named(figure, "Mean residual", "Apart from 0")
+    shares = re.findall(r"</b>: ([\d.]+) %", str(figure.to_dict()["layout"]))
+    return [sum(len(trace.x) for trace in arrows) / 3, *map(float, shares)]
+
+
 def pair_errors(figure: go.Figure) -> list[float]:
     (line,) = [shape for shape in figure.layout.shapes if shape.x0 == shape.x1]
     return [float(line.x0)]
@@ -199,6 +205,7 @@ SHOWN: dict[str, Callable[[go.Figure], list[float]]] = {
         image,
         lengths,
         matches,
+        misfit,
         pair_errors,
         plan_baselines,
         plan_depths,

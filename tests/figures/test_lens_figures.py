@@ -16,10 +16,10 @@ from stereocal.figures import (
     plot_residual_field,
     plot_view_errors,
 )
-from stereocal.figures.lens import arrow_scale
+from stereocal.figures.residual_field import arrow_scale
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.preview import preview
-from stereocal.intrinsics.quality import largest_shift_px, residual_field
+from stereocal.intrinsics.quality import largest_shift_px, lens_residuals, typical_and_noise_px
 from tests.intrinsics.test_intrinsics import FEW, calibrated, moved, usual
 from tests.lens import SMALL, facing, photographed, png, search
 
@@ -53,15 +53,16 @@ def test_outlying_photograph_has_a_bar_of_its_own(bent: LensCalibration) -> None
 
 def test_arrows_are_the_mean_residuals_enlarged() -> None:
     lens = usual()
-    field, scale = residual_field(lens), arrow_scale(lens)
+    field = lens_residuals(lens)
+    scale = arrow_scale([field])
     arrows = next(trace for trace in plot_residual_field(lens).data if trace.type == "scatter")
     assert f"×{scale:g}" in arrows.name
-    known = np.isfinite(field.mean[..., 0])
+    known = field.known
     drawn = np.column_stack([arrows.x, arrows.y]).reshape(-1, 3, 2)
     np.testing.assert_allclose(drawn[:, 0], field.centres[known])
     np.testing.assert_allclose((drawn[:, 1] - drawn[:, 0]) / scale, field.mean[known], atol=1e-12)
     assert np.abs(drawn[:, 1] - drawn[:, 0]).max() <= 640 / 16
-    assert f"{field.typical_px:.3f} px" in describe_residual_field(lens)
+    assert f"{typical_and_noise_px(lens)[0]:.3f} px" in describe_residual_field(lens)
 
 
 def test_preview_takes_the_distortion_away(tmp_path: Path) -> None:

@@ -63,6 +63,13 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     assert project.evaluation is None  # the page needs no validation
 
 
+def test_residuals_by_place_tell_noise_from_a_lens(app: AppTest, home: Path) -> None:
+    few_runs(open_sample(app), home)
+    one_set(app)
+    app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
+    assert "they accuse no lens" in text(app)
+
+
 def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
     project = few_runs(open_sample(app), home)
     one_set(app)

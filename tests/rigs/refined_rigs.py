@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
@@ -16,6 +17,7 @@ from tests import known_rig as rig
 BAR_M = 0.87
 DEPTHS_M = (4.0, 10.0)
 FRAMES = 25
+WAVES = 6
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,29 @@ def in_runs(dataset: Dataset, rng: np.random.Generator, length: int, noise_px: f
     changed = replace(
         rows, primary=rows.primary + moves[:, :2], secondary=rows.secondary + moves[:, 2:]
     )
+    return replace(dataset, correspondences=changed)
+
+
+def smooth_fields(rng: np.random.Generator) -> FloatArray:
+    """(4, WAVES, 4): waves of an error of the lens for each of u, v in both cameras.
+
+    Each has two wave numbers, in waves across the image, a phase, and an amplitude.
+    """
+    numbers = rng.uniform(-1.5, 1.5, (4, WAVES, 2))
+    phases = rng.uniform(0, 2 * np.pi, (4, WAVES, 1))
+    return np.concatenate([numbers, phases, rng.standard_normal((4, WAVES, 1))], axis=2)
+
+
+def with_waves(dataset: Dataset, fields: FloatArray, rms_px: float) -> Dataset:
+    """The data set seen with errors of the lenses that vary smoothly over the images."""
+    rows = dataset.correspondences
+    size = float(max(dataset.primary.image_size))
+    moved = []
+    for pixels, waves in ((rows.primary, fields[:2]), (rows.secondary, fields[2:])):
+        angles = 2 * np.pi * np.einsum("nk,awk->naw", pixels / size, waves[:, :, :2])
+        found = np.sum(waves[:, :, 3] * np.cos(angles + waves[:, :, 2]), axis=2)
+        moved.append(pixels + rms_px * found / np.sqrt(0.5 * np.square(waves[:, :, 3]).sum(axis=1)))
+    changed = replace(rows, primary=moved[0], secondary=moved[1])
     return replace(dataset, correspondences=changed)
 
 

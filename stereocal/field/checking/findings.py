@@ -28,7 +28,7 @@ from stereocal.field.checking.power import Power, Smallest
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
 from stereocal.refined.bar_fit import BASELINE
-from stereocal.refined.unknowns import camera_of, pose_of
+from stereocal.refined.unknowns import pose_of, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.rig import Rig
@@ -226,7 +226,7 @@ class Recheck:
     def repaired(self) -> Rig:
         """The rig of `best`."""
         rig, q = self.prior.rig, self.best.q
-        return Rig(camera_of(rig.primary, q, 0), camera_of(rig.secondary, q, 1), pose_of(q))
+        return rig_of(rig.primary, rig.secondary, q)
 
     @property
     def _with_pose(self) -> Fit:

@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.field.checking.fits import Fit
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
-from stereocal.refined.unknowns import camera_of, pose_of
+from stereocal.refined.unknowns import rig_of
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rig import Rig
 
@@ -59,7 +59,7 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
         outlying = best.outlying.copy()
         outlying[held] = True
         q, old = fit.minimise(outlying).q, prior.rig
-        repaired = Rig(camera_of(old.primary, q, 0), camera_of(old.secondary, q, 1), pose_of(q))
+        repaired = rig_of(old.primary, old.secondary, q)
         errors.append(
             np.stack([_errors(images, held, old), _errors(images, held, repaired)], axis=1)
         )

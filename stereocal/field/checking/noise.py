@@ -12,9 +12,8 @@ from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
-from stereocal.refined.unknowns import camera_of, pose_of
+from stereocal.refined.unknowns import rig_of
 from stereocal.rig.compiled import BoolArray, IntArray
-from stereocal.rig.rig import Rig
 
 MAXIMUM_OUTLYING = 1 / 3
 HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
@@ -137,7 +136,7 @@ def _design_effect(fit: Fit) -> tuple[float, int]:
     if len(used) < 2 or not np.isfinite(fit.cost):
         return 1.0, len(used)
     data, q = fit.dataset, fit.q
-    rig = Rig(camera_of(data.primary, q, 0), camera_of(data.secondary, q, 1), pose_of(q))
+    rig = rig_of(data.primary, data.secondary, q)
     frames = fit.frames[used]
     rows = data.correspondences.of_frames(frames)
     clusters = clusters_in(rows, rig, frames)

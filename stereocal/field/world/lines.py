@@ -33,11 +33,11 @@ from stereocal.field.world.noise import (
     Noise,
     check_inside,
     noise_of,
-    rig_errors,
     turns_at,
     usual_place,
 )
 from stereocal.field.world.observed import Line, Source
+from stereocal.refined.unknowns import rig_errors
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters

@@ -6,7 +6,6 @@ independent and standard normal, so that an observation's change is first order 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,7 +16,7 @@ from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.uncertainty import point_errors
-from stereocal.refined.unknowns import camera_of, pose_of, shared_unknowns
+from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -38,7 +37,7 @@ class Noise:
     """Standard deviation of an image coordinate."""
     source: Literal["stated", "parameter file", "assumed", "residuals"]
     spread: FloatArray
-    """(23, r): of the shared unknowns of `bar_fit`; r = 0 if the file states no covariance."""
+    """(25, r): of the shared unknowns of `bar_fit`; r = 0 if the file states no covariance."""
 
     @property
     def of_cameras(self) -> str:
@@ -64,24 +63,12 @@ def noise_of(rig: RigParameters, sigma_px: float | None = None) -> Noise:
 
 
 def _spread_of(covariance: FloatArray) -> FloatArray:
-    """(23, r): a root of a covariance (23, 23), whose entries differ in their units."""
+    """(25, r): a root of a covariance (25, 25), whose entries differ in their units."""
     sigma = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
     scale = np.where(sigma > 0, sigma, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     kept = values > SMALLEST_PART
     return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
-
-
-def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray) -> FloatArray:
-    """(n, r): derivatives by z of n errors that are computed with a rig, by central differences."""
-    q = shared_unknowns(rig)
-
-    def at(unknowns: FloatArray) -> FloatArray:
-        cameras = camera_of(rig.primary, unknowns, 0), camera_of(rig.secondary, unknowns, 1)
-        return errors(Rig(*cameras, pose_of(unknowns)))
-
-    columns = [0.5 * (at(q + along) - at(q - along)) for along in spread.T]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
 
 
 @dataclass(frozen=True, eq=False)
