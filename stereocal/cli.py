@@ -3,61 +3,55 @@
 from __future__ import annotations
 
 import argparse
+import importlib
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from stereocal.commands import (
-    calibrate,
-    check,
-    compiling,
-    convert,
-    detect,
-    evaluate,
-    import_archive,
-    intrinsics,
-    match,
-    plan,
-    print_files,
-    reconstruct,
-    reproduce,
-    sample,
-    serve,
-    simulate,
-    world,
-)
 from stereocal.commands.progress import say
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 from stereocal.version import __version__
 
-COMMANDS = (
-    calibrate,
-    evaluate,
-    import_archive,
-    detect,
-    intrinsics,
-    match,
-    reconstruct,
-    convert,
-    check,
-    world,
-    simulate,
-    plan,
-    print_files,
-    reproduce,
-    sample,
-    serve,
-    compiling,
-)
+COMMANDS = {
+    "calibrate": "calibrate",
+    "evaluate": "evaluate",
+    "import": "import_archive",
+    "detect": "detect",
+    "intrinsics": "intrinsics",
+    "match": "match",
+    "reconstruct": "reconstruct",
+    "convert": "convert",
+    "check": "check",
+    "world": "world",
+    "simulate": "simulate",
+    "plan": "plan",
+    "print": "print_files",
+    "reproduce": "reproduce",
+    "sample": "sample",
+    "serve": "serve",
+    "compile": "compiling",
+}
+"""Their files in `commands`; only that of the command in use is imported."""
+EXTRA = ("matplotlib", "plotly", "reportlab", "streamlit")
+"""What the extra `dashboard` brings and some commands need."""
+INSTALL = "pip install 'stereocal[dashboard]'"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit status, 2 after a message on stderr for invalid input."""
-    parsed = _parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
     try:
+        asked = words[0] if words and words[0] in COMMANDS else None
+        parsed = _parser(asked).parse_args(words)
         with compilations(_announce):
             return int(parsed.run(parsed) or 0)
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRA:
+            raise
+        say(f"stereocal: this needs {error.name}, which is not installed: {INSTALL}")
+        return 2
     except StereocalError as error:
         say(f"stereocal: {error}")
         return 2
@@ -82,10 +76,16 @@ def _path(text: str) -> Path:
     return Path(text)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(asked: str | None = None) -> argparse.ArgumentParser:
+    """The parser of one command, or of all."""
     parser = _Parser(prog="stereocal", description=__doc__)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add(commands)
+    for name in [asked] if asked else COMMANDS:
+        try:
+            importlib.import_module(f"stereocal.commands.{COMMANDS[name]}").add(commands)
+        except ModuleNotFoundError as error:
+            if asked or error.name not in EXTRA:
+                raise
+            commands.add_parser(name, help=f"needs {error.name}: {INSTALL}")
     return parser

@@ -22,7 +22,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import DESCRIPTION
 from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
-from stereocal.projects.archive import read_input
+from stereocal.formats.inputs import read_input
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, undetectable_errors
@@ -109,6 +109,8 @@ def run(parsed: argparse.Namespace) -> None:
         )
     dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
     if parsed.kit:
+        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
+
         compile_apart()
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
@@ -119,8 +121,6 @@ def run(parsed: argparse.Namespace) -> None:
     found = answer(calibration, outlook_of(calibration), evaluation, figures)
     files = {parsed.out / FILES[name]: own.dumps().encode() for name, own in found.sets.items()}
     if parsed.kit:
-        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
-
         files[parsed.out / "paper_kit.zip"] = paper_kit(found)
     write_all(files)
     rows = dataset.correspondences

@@ -19,10 +19,8 @@ from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
+from stereocal.formats.inputs import STORED_PROJECT, images_in_table, read_input
 from stereocal.matching.point_noise import check_sigma
-from stereocal.projects.archive import read_input
-from stereocal.projects.check import images_in_table
-from stereocal.projects.data_folder import SUFFIX
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_all
 
@@ -116,7 +114,7 @@ def _prior(path: Path) -> tuple[Path, Prior]:
 
 def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
     path = parsed.dataset
-    is_table = path.is_file() and path.suffix != SUFFIX and not zipfile.is_zipfile(path)
+    is_table = path.is_file() and path.suffix != STORED_PROJECT and not zipfile.is_zipfile(path)
     if is_table:
         return images_in_table(path, str(path), rig).stating(parsed.sigma_px)
     return images_of_bars(with_sigmas(read_input(path, parsed.lens_model), parsed), rig)

@@ -25,7 +25,7 @@ from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
-from stereocal.projects.archive import read_input
+from stereocal.formats.inputs import read_input
 from stereocal.refined.screening import screened
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all

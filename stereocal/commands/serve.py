@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
+import importlib
 import os
 import subprocess
 import sys
@@ -26,10 +26,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Run the server until it is stopped; the same as `streamlit run app.py` in a checkout."""
-    if importlib.util.find_spec("streamlit") is None:
-        raise StereocalError(
-            "The dashboard needs Streamlit, which is not installed: pip install streamlit."
-        )
+    importlib.import_module("streamlit")  # `cli` says how to install it
     options = ["--server.port", str(parsed.port)] if parsed.port is not None else []
     options += ["--server.headless", "true"] if parsed.headless else []
     command = [sys.executable, "-m", "streamlit", "run", str(ROOT / "app.py"), *options]

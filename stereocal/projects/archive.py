@@ -19,12 +19,12 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset
-from stereocal.formats.lens_model import LensModel
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.inputs import MANIFEST
 from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
 from stereocal.projects.check import CHECK
-from stereocal.projects.data_folder import SUFFIX, new_database
+from stereocal.projects.data_folder import new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
 from stereocal.projects.home import check_size
@@ -32,12 +32,11 @@ from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
-from stereocal.system.zip_files import OpenZip, open_zip, unzip
+from stereocal.system.zip_files import OpenZip, open_zip
 
-MANIFEST, MANIFEST_FORMAT = "project.json", "stereocal-project/1"
+MANIFEST_FORMAT = "stereocal-project/1"
 BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
 FOLDERS = {
     INPUT: "inputs",
@@ -231,38 +230,3 @@ def guarded_kind(part: str, file: Path) -> str | None:
     if file.suffix in PARQUET:
         return "table"
     return "photograph" if part in (BAR, *BOARDS) else None
-
-
-def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
-    """The data set of a folder or zip with `dataset.json`, of a project's zip, or of its file.
-
-    Args:
-        lens_model: as for `read_dataset`; a project already holds it.
-
-    Raises:
-        StereocalError: the path holds none of these, or an invalid one.
-    """
-    if path.suffix == SUFFIX and path.is_file():
-        project = Project(Database(path))
-        dataset = project.dataset
-        if dataset is None:
-            missing = ", ".join(project.inputs.missing)
-            raise StereocalError(f"{path}: the project is incomplete; missing: {missing}.")
-        return dataset
-    if path.is_file() and zipfile.is_zipfile(path):
-        with open_zip(path, path.name) as opened:
-            holds_project = MANIFEST in opened.names
-        if holds_project:
-            return _of_zip(path)
-    return read_dataset(path, lens_model)
-
-
-def _of_zip(path: Path) -> Dataset:
-    """The data set of a packed project."""
-    files = unzip(path, path.name, lambda member: "/" not in member)
-    if "dataset.json" not in files:
-        raise StereocalError(
-            f"{path}: the project is incomplete: open it on the dashboard, and give what the Data "
-            "page asks for."
-        )
-    return parse_dataset(files, str(path), lens_model="brown")

@@ -19,12 +19,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
-
-from pebble import ProcessPool
+from typing import TYPE_CHECKING, Any
 
 from stereocal.errors import StereocalError
 from stereocal.system.limits import MB, Limits
+
+if TYPE_CHECKING:
+    from pebble import ProcessPool
 
 Reader = Callable[..., object]
 """A module-level function of a path and perhaps more, which the child imports by its name."""
@@ -168,6 +169,8 @@ class Guard:
             return "makes its decoder fail", None
 
     def _started(self) -> ProcessPool:
+        from pebble import ProcessPool  # where nothing is decoded apart, nothing starts processes
+
         memory = SPARE + int(min(BYTES_PER_PIXEL * Limits.from_environment().megapixels * MB, 1e15))
         return ProcessPool(
             max_workers=self._children,

@@ -20,10 +20,11 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.residuals import Residuals, residuals_of
 from stereocal.figures import describe_check, plot_check
+from stereocal.formats.inputs import images_in
 from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.projects.application import ProjectApplication, parameters_in
-from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck, images_in
+from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs

@@ -21,9 +21,9 @@ from stereocal.formats.correspondences_csv import TEMPLATE, read_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.exchange.exchange import FORMATS, export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.inputs import read_input
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.units import UNITS, Unit
-from stereocal.projects.archive import read_input
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.zip_files import unzip

@@ -14,7 +14,8 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.projects.archive import guarded_kind, pack_project, read_input, unpack_project
+from stereocal.formats.inputs import read_input
+from stereocal.projects.archive import guarded_kind, pack_project, unpack_project
 from stereocal.projects.project import Project
 from tests.pages.stored_projects import FULL
 from tests.projects.test_project import FIELD, filled
@@ -58,9 +59,9 @@ def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
 def test_the_command_line_opens_it(tmp_path: Path) -> None:
     project = filled(tmp_path)
     path = packed(project, tmp_path / "project.zip")
-    for source in (path, project.database.path):
-        dataset = read_input(source)
-        assert dataset.sha256 == read_input(FIELD).sha256
+    assert read_input(path).sha256 == read_input(FIELD).sha256
+    with pytest.raises(StereocalError, match="as a zip"):
+        read_input(project.database.path)
     assert main(["calibrate", str(path), "--out", str(tmp_path / "out"), "--runs", "0"]) == 0
     assert (tmp_path / "out" / "parameters_3d.json").is_file()
 

@@ -1,0 +1,88 @@
+"""What a person may give for data: a data set, a project's zip, or a table of points to check."""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from pathlib import Path
+
+from stereocal.errors import StereocalError
+from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
+from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
+from stereocal.formats.lens_model import LensModel
+from stereocal.matching.parquet import PARQUET
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction_files import PIXELS
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import open_zip, unzip
+
+MANIFEST = "project.json"
+"""In a project's zip."""
+STORED_PROJECT = ".sqlite"
+TARGET = "target"
+"""Column of a table of bars."""
+
+
+def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
+    """The data set of a folder or zip with `dataset.json`, or of a project's zip.
+
+    Args:
+        lens_model: as for `read_dataset`; a project already holds it.
+
+    Raises:
+        StereocalError: the path holds none of these, or an invalid one.
+    """
+    if path.suffix == STORED_PROJECT:
+        raise StereocalError(
+            f"{path} is a project of the dashboard: export it there as a zip, and give that."
+        )
+    if path.is_file() and zipfile.is_zipfile(path):
+        with open_zip(path, path.name) as opened:
+            holds_project = MANIFEST in opened.names
+        if holds_project:
+            files = unzip(path, path.name, lambda member: "/" not in member)
+            if "dataset.json" not in files:
+                raise StereocalError(
+                    f"{path}: the project is incomplete: open it on the dashboard, and give what "
+                    "the Data page asks for."
+                )
+            return parse_dataset(files, str(path), lens_model="brown")
+    return read_dataset(path, lens_model)
+
+
+def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
+    """New images in an uploaded file: a zip with `dataset.json`, or a table.
+
+    Raises:
+        StereocalError: it cannot be read, or is not of this rig.
+    """
+    if content[:4] == b"PK\x03\x04":
+        return images_of_bars(parse_zip(content, label), rig)
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+        path = Path(folder) / f"table{Path(label).suffix.lower()}"
+        path.write_bytes(content)
+        return images_in_table(path, label, rig)
+
+
+def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
+    """New images in a table: bars if it has a column `target`, else matched points alone.
+
+    A table does not state the length of its bars: it is taken for that of the calibration.
+
+    Raises:
+        StereocalError: it cannot be read, or is not of this rig.
+    """
+    table = PointTable(path, PIXELS, label)
+    if TARGET not in table.names or path.suffix.lower() in PARQUET:
+        return images_of_pairs(table, rig)
+    length = rig.inputs.get("target_distance_m")
+    if not isinstance(length, float):
+        raise StereocalError(
+            f"{label}: the length of the bars is unknown. Give a data set with dataset.json, or "
+            "matched points without the column target."
+        )
+    rows = read_table(path.read_bytes(), label).strict(label)
+    dataset = Dataset(label, rig.primary, rig.secondary, rows, rig.pose.baseline, length)
+    return images_of_bars(dataset, rig)
