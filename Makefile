@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 
 PIP := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: run test soak lint types browser docs pictures benchmark audit clean
+.PHONY: run test soak lint browser docs pictures benchmark audit clean
 
 run: $(VENV)/.compiled
 	$(BIN)/streamlit run app.py
@@ -21,12 +21,11 @@ SOAK ?= whole
 soak: $(VENV)/.dev $(VENV)/.compiled
 	STEREOCAL_SOAK=$(SOAK) $(PYTEST) -m soak
 
+# All that is checked without running anything: style, layout, imports, types.
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-logo
-
-types: $(VENV)/.dev
 	$(BIN)/mypy
 
 browser: $(VENV)/.dev
