@@ -67,7 +67,7 @@ def easywand_fields(frames: int = 12, more_cameras: int = 0) -> dict[str, Any]:
         from_bottom(side, camera)
         for side, camera in zip(images(BACKGROUND), (PRIMARY, SECONDARY), strict=True)
     ] + [np.full((len(BACKGROUND), 2), np.nan)] * more_cameras
-    options = ExchangeOptions(origin=LOWER_LEFT)
+    options = ExchangeOptions(corner="lower-left")
     coefficients = [
         dlt_coefficients(easywand_camera(PRIMARY), WORLD, options),
         dlt_coefficients(easywand_camera(SECONDARY), RIG @ WORLD, options),

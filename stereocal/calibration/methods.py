@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, get_args
 
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
+from stereocal.system.described import check_described, described
 
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
 """The paper's methods."""
-SWITCHES = ("known_points", "all_frames", "time_offset", "time_drift")
-"""The settings of a calibration that are true or false."""
 ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")
 METHOD_NAMES: Mapping[Method, str] = {
     "essential": "Essential matrix",
@@ -34,27 +33,49 @@ class CalibrationSettings:
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
-    essential: Solver = "constrained"
+    essential: Solver = described(
+        "constrained",
+        "Solver of the essential matrix",
+        "Constrained: the best essential matrix. Linear: the textbook's 8-point estimate alone, as "
+        "the start of the searches.",
+        choices=get_args(Solver),
+    )
     calibration_frames: int | None = None
     """Number of frames to calibrate with, drawn at random; None for all."""
     known_points: bool = False
     """Use the 3D cost of the paper's footnote 4: known points instead of bar lengths."""
-    all_frames: bool = False
-    """Use every frame, as the paper does, without screening."""
-    frames_put_back: tuple[int, ...] = ()
-    """Numbers of frames that the screening must keep."""
-    frames_left_out: tuple[int, ...] = ()
-    """Numbers of frames to leave out, whatever the screening finds."""
-    time_offset: bool = False
-    """Find the time offset between the cameras, and shift the secondary points by it."""
-    time_drift: bool = False
-    """Find its drift too."""
+    all_frames: bool = described(
+        False,
+        "Trust every frame, as the paper does",
+        "Without screening: otherwise frames that contradict the others are left out.",
+    )
+    frames_put_back: tuple[int, ...] = described(
+        (),
+        "Frames put back",
+        "Frames to keep though they contradict the others.",
+        option="put-back",
+    )
+    frames_left_out: tuple[int, ...] = described(
+        (),
+        "Frames left out",
+        "Frames to leave out, whatever the screening finds.",
+        option="leave-out",
+    )
+    time_offset: bool = described(
+        False,
+        "Find the time offset between the cameras",
+        "For cameras that are not quite in step: how many frames later the secondary takes its "
+        "frames. Its points are shifted by that. Needs a bar that moves, in consecutive frames.",
+    )
+    time_drift: bool = described(
+        False,
+        "Find its drift too",
+        "How the time offset changes (frames per frame), for long recordings by cameras that each "
+        "run by their own clock.",
+    )
 
     def __post_init__(self) -> None:
-        if self.essential not in ("constrained", "linear"):
-            raise StereocalError(
-                f'The essential solver "{self.essential}" is unknown: constrained or linear.'
-            )
+        check_described(self)
         if self.calibration_frames is not None and self.calibration_frames < 1:
             raise StereocalError("The number of calibration frames must be at least 1.")
         if self.time_drift and not self.time_offset:
@@ -62,16 +83,10 @@ class CalibrationSettings:
 
     def to_json(self) -> dict[str, Any]:
         """All settings in one flat object."""
+        flat = asdict(self)
         return {
-            **asdict(self.search),
-            "essential": self.essential,
-            "calibration_frames": self.calibration_frames,
-            "known_points": self.known_points,
-            "all_frames": self.all_frames,
-            "frames_put_back": list(self.frames_put_back),
-            "frames_left_out": list(self.frames_left_out),
-            "time_offset": self.time_offset,
-            "time_drift": self.time_drift,
+            **flat.pop("search"),
+            **{k: list(each) if isinstance(each, tuple) else each for k, each in flat.items()},
         }
 
     @classmethod
@@ -81,21 +96,18 @@ class CalibrationSettings:
         Raises:
             StereocalError: an unknown setting, or a value of the wrong type or out of range.
         """
-        rest = dict(data)
-        own: dict[str, Any] = {
-            name: rest.pop(name)
-            for name in ("essential", "calibration_frames", *SWITCHES)
-            if name in rest
-        }
+        rest, usual = dict(data), cls()
+        names = [each.name for each in fields(cls) if each.name in rest]
+        own: dict[str, Any] = {name: rest.pop(name) for name in names}
         try:
-            for name in SWITCHES:
-                if not isinstance(own.get(name, False), bool):
+            for name, value in own.items():
+                kind = type(getattr(usual, name))
+                if kind is bool and not isinstance(value, bool):
                     raise TypeError(f"{name} is neither true nor false")
-            for name in ("frames_put_back", "frames_left_out"):
-                frames = rest.pop(name, [])
-                if not all(isinstance(frame, int) for frame in frames):
-                    raise TypeError(f"{name} is not a list of frame numbers")
-                own[name] = tuple(sorted(frames))
+                if kind is tuple:
+                    if not all(isinstance(frame, int) for frame in value):
+                        raise TypeError(f"{name} is not a list of frame numbers")
+                    own[name] = tuple(sorted(value))
             if not isinstance(own.get("calibration_frames"), int | None):
                 raise TypeError("calibration_frames is not a whole number")
             return cls(search=SearchSettings(**rest), **own)

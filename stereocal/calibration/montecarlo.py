@@ -16,6 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import FloatArray, compiled, contiguous
 from stereocal.rig.geometry import Angles, Pose, fill_pose
+from stereocal.system.described import check_described, described
 
 STEP_TOO_SMALL = "the step fell below its smallest size"
 OUT_OF_MOVES = "the largest number of moves was reached"
@@ -29,32 +30,53 @@ class SearchSettings:
         StereocalError: a value outside its range.
     """
 
-    delta: float = 1e-3
-    """Initial step, in radians (paper: 0.001)."""
-    delta_min: float = 1e-6
-    """The search ends when the step falls below this, in radians (paper: 1e-6)."""
-    acceptance: float = 0.2
-    """The step shrinks when the acceptance ratio falls below this (paper: 0.2)."""
-    shrink: float = 0.75
-    """Factor by which the step shrinks (paper: 0.75)."""
-    minimum_moves: int = 20
-    """Trials with one step before the acceptance ratio is checked (paper: 1, implied)."""
+    delta: float = described(
+        1e-3,
+        "First step Δ (rad)",
+        "How far an angle is moved at first, rad. Paper: 0.001.",
+        between=(1e-12, 0.5),
+    )
+    delta_min: float = described(
+        1e-6,
+        "Smallest step Δ min (rad)",
+        "The search ends when the step is smaller, rad. Paper: 0.000001.",
+        between=(1e-12, 0.5),
+    )
+    acceptance: float = described(
+        0.2,
+        "Acceptance ratio",
+        "The step shrinks when fewer moves than this part are accepted. Paper: 0.2.",
+        between=(1e-9, 1 - 1e-9),
+    )
+    shrink: float = described(
+        0.75,
+        "Shrink factor",
+        "What the step is multiplied by when it shrinks. Paper: 0.75.",
+        between=(0.01, 0.99),
+    )
+    minimum_moves: int = described(
+        20,
+        "Minimum moves",
+        "Moves at one step before the ratio is looked at. Paper: 1, to the letter; 20 is steadier.",
+        between=(1, 100_000),
+    )
     maximum_moves: int = 2_000_000
     """Limit of the number of trials (paper: none)."""
-    seed: int = 0
+    seed: int = described(
+        0,
+        "Seed",
+        "Source of the random numbers: the same seed gives the same files.",
+        between=(0, 2**63 - 1),
+    )
 
     def __post_init__(self) -> None:
-        for name, valid, allowed in (
-            ("delta", 0 < self.delta <= 0.5, "above 0 and at most 0.5 rad"),
-            ("delta_min", 1e-12 <= self.delta_min <= self.delta, "from 1e-12 rad to delta"),
-            ("acceptance", 0 < self.acceptance < 1, "between 0 and 1"),
-            ("shrink", 0.01 <= self.shrink <= 0.99, "from 0.01 to 0.99"),
-            ("minimum_moves", 1 <= self.minimum_moves <= 100_000, "from 1 to 100000"),
-            ("maximum_moves", self.maximum_moves >= 1, "at least 1"),
-            ("seed", 0 <= self.seed < 2**63, "a whole number from 0 to 2^63 - 1"),
-        ):
-            if not valid:
-                raise StereocalError(f"{name} is {getattr(self, name)}: it must be {allowed}.")
+        check_described(self)
+        if self.delta_min > self.delta:
+            raise StereocalError(
+                f"delta_min is {self.delta_min}: it must be at most delta, {self.delta}."
+            )
+        if self.maximum_moves < 1:
+            raise StereocalError(f"maximum_moves is {self.maximum_moves}: it must be at least 1.")
 
 
 @dataclass(frozen=True, eq=False)

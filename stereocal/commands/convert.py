@@ -8,7 +8,7 @@ from pathlib import Path
 from stereocal.commands.options import add_lens_model, image_size
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.pixel_origin import CORNERS, FLIPS, PixelOrigin
+from stereocal.formats.pixel_origin import CORNERS, FLIPS
 from stereocal.formats.units import UNITS
 from stereocal.formats.world_file import read_world
 from stereocal.rig.camera import CAMERAS
@@ -77,10 +77,12 @@ def run(parsed: argparse.Namespace) -> None:
     """Convert, and print the files written."""
     options = ExchangeOptions(
         (image_size(parsed.image_size_primary), image_size(parsed.image_size_secondary)),
-        PixelOrigin(parsed.image_origin, parsed.first_pixel, parsed.flip),
-        None if parsed.world is None else read_world(parsed.world),
-        parsed.unit,
-        parsed.lens_model,
+        unit=parsed.unit,
+        lens_model=parsed.lens_model,
+        corner=parsed.image_origin,
+        first_pixel=parsed.first_pixel,
+        flip=parsed.flip,
+        world=None if parsed.world is None else read_world(parsed.world),
     )
     if parsed.to is not None:
         rig = RigParameters.load(parsed.parameters)

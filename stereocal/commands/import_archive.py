@@ -10,9 +10,10 @@ from pathlib import Path
 from stereocal.commands.options import add_lens_model, image_size, with_sigmas
 from stereocal.commands.point_options import add_origin, two_cameras
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import THROW, Archive, ArchiveOptions, Taken
+from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.dataset_files import FREE, pack_dataset
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
 from stereocal.formats.units import UNITS
 from stereocal.rig.dataset import Dataset
@@ -54,12 +55,13 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Read the files, write the data set, print what was taken and what is missing."""
     baseline = _baseline(parsed.baseline)
+    size = image_size(parsed.image_size)
     found = gather(
         _contents(parsed.files),
-        ArchiveOptions(
+        ExchangeOptions(
+            image_sizes=(size, size),
             cameras=None if parsed.cameras is None else two_cameras(parsed.cameras),
             unit=parsed.unit,
-            image_size=image_size(parsed.image_size),
             corner=parsed.image_origin,
             first_pixel=parsed.first_pixel,
             flip=parsed.flip,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
@@ -15,65 +16,26 @@ from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
+from stereocal.system.described import descriptions
 from stereocal.system.executors import engine
 
 
 def add_search_options(parser: argparse.ArgumentParser) -> None:
-    """The settings of the search and of the essential method, as options."""
-    paper = SearchSettings()
-    for option, kind, default, text in (
-        ("--seed", int, paper.seed, "source of the random numbers"),
-        ("--delta", float, paper.delta, "first step of an angle, rad"),
-        ("--delta-min", float, paper.delta_min, "the search ends below this step, rad"),
-        ("--acceptance", float, paper.acceptance, "the step shrinks below this acceptance ratio"),
-        ("--shrink", float, paper.shrink, "factor of a shrinking step"),
-        ("--minimum-moves", int, paper.minimum_moves, "moves before the ratio is tested"),
-    ):
-        parser.add_argument(
-            option, type=kind, default=default, metavar="N", help=f"{text} (default: {default:g})"
-        )
-    parser.add_argument(
-        "--essential",
-        choices=("constrained", "linear"),
-        default="constrained",
-        help="solver of the essential method (default: constrained)",
-    )
-    parser.add_argument(
-        "--all-frames",
-        action="store_true",
-        help="use every frame, as the paper does, even those that contradict the others",
-    )
-    parser.add_argument(
-        "--put-back",
-        type=int,
-        nargs="+",
-        default=[],
-        metavar="FRAME",
-        help="frames to keep though they contradict the others",
-    )
-    parser.add_argument(
-        "--leave-out",
-        type=int,
-        nargs="+",
-        default=[],
-        metavar="FRAME",
-        help="frames to leave out, whatever the screening finds",
-    )
-    add_time_offset(parser)
-
-
-def add_time_offset(parser: argparse.ArgumentParser) -> None:
-    """The options of the time offset between the cameras."""
-    parser.add_argument(
-        "--time-offset",
-        action="store_true",
-        help="find the time offset between the cameras, and shift the secondary points by it",
-    )
-    parser.add_argument(
-        "--time-drift",
-        action="store_true",
-        help="the same, and find how the offset drifts (frames per frame)",
-    )
+    """The settings of the search and of the calibration, as they describe themselves."""
+    for settings in (SearchSettings, CalibrationSettings):
+        for name, about in descriptions(settings).items():
+            option = f"--{(about.option or name).replace('_', '-')}"
+            usual, told = about.default, dict[str, Any](dest=name, help=about.help)
+            if isinstance(usual, bool):
+                parser.add_argument(option, action="store_true", **told)
+            elif isinstance(usual, tuple):
+                parser.add_argument(
+                    option, type=int, nargs="+", default=usual, metavar="FRAME", **told
+                )
+            else:
+                told["help"] += f" (default: {usual})"
+                told |= {"choices": about.choices} if about.choices else {"metavar": "N"}
+                parser.add_argument(option, type=type(usual), default=usual, **told)
 
 
 def add_lens_model(parser: argparse.ArgumentParser) -> None:
@@ -166,21 +128,12 @@ def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
     """The settings of `add_search_options`, and of the command."""
-    return CalibrationSettings(
-        search=SearchSettings(
-            delta=parsed.delta,
-            delta_min=parsed.delta_min,
-            acceptance=parsed.acceptance,
-            shrink=parsed.shrink,
-            minimum_moves=parsed.minimum_moves,
-            seed=parsed.seed,
-        ),
-        essential=parsed.essential,
-        calibration_frames=calibration_frames,
-        known_points=parsed.known_points,
-        all_frames=parsed.all_frames,
-        frames_put_back=tuple(sorted(parsed.put_back)),
-        frames_left_out=tuple(sorted(parsed.leave_out)),
-        time_offset=parsed.time_offset or parsed.time_drift,
-        time_drift=parsed.time_drift,
+    described = (*descriptions(SearchSettings), *descriptions(CalibrationSettings))
+    return CalibrationSettings.from_json(
+        {
+            **{name: getattr(parsed, name) for name in described},
+            "calibration_frames": calibration_frames,
+            "known_points": parsed.known_points,
+            "time_offset": parsed.time_offset or parsed.time_drift,
+        }
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.errors import RefusedRowsError, RowProblem
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.system.limits import Limits
@@ -19,12 +19,7 @@ from stereocal.system.tables import (
     Column,
     Reasons,
     Values,
-    cells_of,
-    check_names,
-    delimiter_of,
-    numbers_in,
-    rows_below,
-    text_of,
+    read_rows,
 )
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
@@ -71,23 +66,14 @@ def read_table(content: bytes, source: str) -> Table:
     Raises:
         StereocalError: the file is not such a table, or is too large.
     """
-    text = text_of(content, source)
-    Limits.from_environment().check_pairs(max(text.count("\n"), text.count("\r")) - 1, source)
-    lines = text.splitlines()
-    first = next(number for number, line in enumerate(lines) if line.strip())
-    delimiter = delimiter_of(lines[first])
-    header = cells_of(lines[first], delimiter, source)[0]
-    names = [cell.strip().lower() for cell in header]
-    check_names(names, REQUIRED, (*REQUIRED, *OPTIONAL, SOURCE, TIME), source)
-    raw, problems = rows_below(text, first + 1, len(names), delimiter, source)
-    if not len(raw) and not problems:
-        raise StereocalError(f"{source}: the table has a header and no rows.")
-    raw.columns = pd.Index(names)
-    if SOURCE not in names:
+    lines = max(content.count(b"\n"), content.count(b"\r"))
+    Limits.from_environment().check_pairs(lines - 1, source)
+    rows = read_rows(content, source, REQUIRED, NUMBERS, (SOURCE,), EMPTY)
+    raw, values, reasons = rows.raw, rows.values, rows.reasons
+    if SOURCE not in raw:
         raw[SOURCE] = ""
-    if TIME not in names:
-        raw[TIME] = raw["frame"]
-    values, reasons = numbers_in(raw, NUMBERS, delimiter == ";", EMPTY)
+    if TIME not in raw:
+        values[TIME] = values["frame"]
     words = {name: raw[name].str.strip() for name in ("target", SOURCE)}
     target = words["target"].str.upper().map({name: i for i, name in enumerate(TARGETS)})
     origin = (
@@ -101,8 +87,7 @@ def read_table(content: bytes, source: str) -> Table:
         for row, cell in zip(bad.tolist(), words[name].iloc[bad].tolist(), strict=True):
             reasons.setdefault(row, f'{name} is "{cell[:40]}"; it must be {allowed}')
     codes = np.column_stack([target.fillna(0), origin.fillna(0)]).astype(np.int64)
-    reasons |= _contradictions(values, codes[:, 0], raw.index.to_numpy(), reasons)
-    problems += [RowProblem(int(raw.index[row]), reason) for row, reason in reasons.items()]
+    reasons.update(_contradictions(values, codes[:, 0], raw.index.to_numpy(), reasons))
     sound = np.ones(len(raw), dtype=bool)
     sound[list(reasons)] = False
     numbers = np.column_stack([values[name] for name in (*PIXELS, *OPTIONAL)])[sound]
@@ -120,7 +105,7 @@ def read_table(content: bytes, source: str) -> Table:
             line=raw.index.to_numpy(dtype=np.int64)[sound],
             time_frame=values[TIME][sound].astype(np.int64),
         ),
-        sorted(problems, key=lambda problem: problem.line),
+        rows.problems,
     )
 
 

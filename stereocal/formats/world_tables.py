@@ -8,20 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.field.world.observed import KINDS, Line, LineKind, Observed, Survey, Throw
 from stereocal.formats.world_file import is_json, parse_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.tables import (
-    MISSING,
     Column,
     Reasons,
     Values,
-    cells_of,
-    check_names,
-    delimiter_of,
-    numbers_in,
-    rows_below,
+    names_of,
+    read_rows,
     text_of,
 )
 
@@ -42,7 +38,7 @@ def kind_of_table(content: bytes, source: str) -> str:
     Raises:
         StereocalError: none of them.
     """
-    names, *_ = _header(text_of(content, source), source)
+    names, *_ = names_of(text_of(content, source), source)
     for kind in (POINT, LINE, FRAME):
         if kind in names:
             return kind
@@ -68,7 +64,18 @@ def read_observed(content: bytes, source: str, frame_rate: float | None = None) 
             "--frame-rate on the command line)."
         )
     required = {POINT: (POINT, *SURVEYED), LINE: (LINE, *PIXELS), FRAME: (FRAME, *PIXELS)}[kind]
-    raw, values, reasons = _rows(content, source, required)
+    if max(content.count(b"\n"), content.count(b"\r")) > MOST_ROWS:
+        raise StereocalError(f"{source}: at most {MOST_ROWS:,} rows are read for a world frame.")
+    numbers = [
+        Column(name, name not in required or name in PIXELS)
+        for name in (*PIXELS, *SURVEYED, *MEASURED)
+    ]
+    if kind == FRAME:
+        numbers.append(Column(FRAME, is_whole=True))
+    rows = read_rows(content, source, required, numbers, (POINT, LINE, FRAME, KIND, THROW))
+    raw, values, reasons = rows.raw, rows.values, rows.reasons
+    if rows.too_long:
+        rows.check(source)
     _check_sizes(raw, kind, source)
     found: Observed
     if kind == POINT:
@@ -77,9 +84,7 @@ def read_observed(content: bytes, source: str, frame_rate: float | None = None) 
         found = _lines(raw, values, reasons)
     else:
         found = _throw(raw, values, reasons, frame_rate or 0.0)
-    if reasons:
-        problems = [RowProblem(int(raw.index[row]), why) for row, why in sorted(reasons.items())]
-        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    rows.check(source)
     return found
 
 
@@ -101,38 +106,6 @@ def check_world(content: bytes, source: str) -> None:
             parse_world(content, source)
         except StereocalError:
             raise error from None
-
-
-def _header(text: str, source: str) -> tuple[list[str], str, int]:
-    """The names of the columns, the delimiter, and the lines above the rows."""
-    lines = text.splitlines()
-    first = next(number for number, line in enumerate(lines) if line.strip())
-    delimiter = delimiter_of(lines[first])
-    names = [cell.strip().lower() for cell in cells_of(lines[first], delimiter, source)[0]]
-    return names, delimiter, first + 1
-
-
-def _rows(
-    content: bytes, source: str, required: tuple[str, ...]
-) -> tuple[pd.DataFrame, Values, Reasons]:
-    """The rows as text, their numbers, and what is wrong with them."""
-    text = text_of(content, source)
-    if max(text.count("\n"), text.count("\r")) > MOST_ROWS:
-        raise StereocalError(f"{source}: at most {MOST_ROWS:,} rows are read for a world frame.")
-    names, delimiter, above = _header(text, source)
-    numbers = (*PIXELS, *SURVEYED, *MEASURED)
-    check_names(names, required, (POINT, LINE, FRAME, KIND, THROW, *numbers), source)
-    raw, problems = rows_below(text, above, len(names), delimiter, source)
-    if problems:
-        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
-    if not len(raw):
-        raise StereocalError(f"{source}: the table has a header and no rows.")
-    raw.columns = pd.Index(names)
-    columns = [Column(name, name not in required or name in PIXELS) for name in numbers]
-    if FRAME in required:
-        columns.append(Column(FRAME, is_whole=True))
-    values, reasons = numbers_in(raw, columns, delimiter == ";", MISSING)
-    return raw, values, reasons
 
 
 def _check_sizes(raw: pd.DataFrame, kind: str, source: str) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from stereocal.errors import RowProblem, StereocalError
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.system.limits import Limits
 
 MAXIMUM_COLUMNS = 2_000
@@ -40,6 +40,73 @@ class Column:
     """An empty cell is read as NaN, without an error."""
     is_whole: bool = False
     is_positive: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of a table whose first line names the columns."""
+
+    raw: pd.DataFrame
+    """All cells as text, with the lines as index."""
+    values: Values
+    reasons: Reasons
+    """To which the caller adds its own."""
+    too_long: list[RowProblem]
+    """Rows with more cells than columns, which are not in `raw`."""
+
+    @property
+    def problems(self) -> list[RowProblem]:
+        """All invalid rows, in the order of the lines."""
+        lines = self.raw.index
+        own = [RowProblem(int(lines[row]), reason) for row, reason in self.reasons.items()]
+        return sorted([*self.too_long, *own], key=lambda problem: problem.line)
+
+    def check(self, source: str) -> None:
+        """Raise a `RefusedRowsError` if rows are invalid."""
+        if self.problems:
+            raise RefusedRowsError(f"{source}: ", self.problems, "cannot be used")
+
+
+def read_rows(
+    content: bytes,
+    source: str,
+    required: Sequence[str],
+    columns: Sequence[Column],
+    texts: Sequence[str] = (),
+    empty: frozenset[str] = MISSING,
+) -> Rows:
+    """The rows of a table by the names in its first line; columns of other names are ignored.
+
+    Args:
+        required: names that must be there.
+        columns: of numbers.
+        texts: further names that must not occur twice.
+        empty: words, in lower case, that mark an empty cell.
+
+    Raises:
+        StereocalError: not such a table, or without rows.
+    """
+    text = text_of(content, source)
+    names, delimiter, above = names_of(text, source)
+    check_names(names, required, (*required, *(column.name for column in columns), *texts), source)
+    raw, too_long = rows_below(text, above, len(names), delimiter, source)
+    if not len(raw) and not too_long:
+        raise StereocalError(f"{source}: the table has a header and no rows.")
+    raw.columns = pd.Index(names)
+    return Rows(raw, *numbers_in(raw, columns, delimiter == ";", empty), too_long)
+
+
+def names_of(text: str, source: str) -> tuple[list[str], str, int]:
+    """The names of the columns in lower case, the delimiter, and the lines above the rows.
+
+    Raises:
+        StereocalError: not CSV.
+    """
+    lines = text.splitlines()
+    first = next(number for number, line in enumerate(lines) if line.strip())
+    delimiter = delimiter_of(lines[first])
+    (cells,) = cells_of(lines[first], delimiter, source)
+    return [cell.strip().lower() for cell in cells], delimiter, first + 1
 
 
 def text_of(content: bytes, source: str) -> str:

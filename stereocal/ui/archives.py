@@ -8,12 +8,13 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import THROW, Archive, ArchiveOptions
-from stereocal.formats.archives.cameras import camera_kind, camera_names, has_both_cameras
+from stereocal.formats.archives.archive import THROW, Archive
 from stereocal.formats.archives.easywand import open_easywand
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.exchange.exchange import camera_names, has_both_cameras
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.units import UNITS
 from stereocal.projects.application import ProjectApplication
@@ -36,7 +37,7 @@ def is_archive(name: str, content: bytes) -> bool:
     """
     if is_matlab(content) or (name.lower().endswith(".mat") and is_hdf5(content)):
         return True
-    return has_both_cameras(camera_kind(name, content))
+    return has_both_cameras(name, content)
 
 
 def ask_about_archive(store: ProjectApplication) -> None:
@@ -64,7 +65,7 @@ def ask_about_archive(store: ProjectApplication) -> None:
         )
 
 
-def _gathered(content: bytes, label: str, options: ArchiveOptions, known: bool) -> Archive:
+def _gathered(content: bytes, label: str, options: ExchangeOptions, known: bool) -> Archive:
     return gather({label: content}, options, baseline_known=known)
 
 
@@ -76,7 +77,7 @@ def _cameras_in(content: bytes, label: str) -> tuple[str, ...]:
     return camera_names(label, content)
 
 
-def _form(project: Project, label: str, content: bytes) -> ArchiveOptions:
+def _form(project: Project, label: str, content: bytes) -> ExchangeOptions:
     """The questions: which cameras, and, folded, what the file may not say."""
     names = read_once(_cameras_in, content, label)
     cameras = _cameras(project, names) if len(names) > 2 else None
@@ -106,10 +107,10 @@ def _form(project: Project, label: str, content: bytes) -> ArchiveOptions:
             **setting(project, "archive_usual_lens", False, yes_or_no).widget(),
         )
     size = None if None in sides else (sides[0], sides[1])
-    return ArchiveOptions(
+    return ExchangeOptions(
         cameras=cameras,
         unit=None if unit == AS_STATED else unit,
-        image_size=size,
+        image_sizes=(size, size),
         lens_model="brown" if usual else None,
     )
 

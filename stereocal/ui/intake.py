@@ -9,8 +9,6 @@ from contextlib import contextmanager
 import streamlit as st
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.formats.archives.archive import ArchiveOptions
-from stereocal.formats.archives.cameras import camera_kind, read_camera_pair
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import (
@@ -20,6 +18,8 @@ from stereocal.formats.dataset_files import (
     parse_dataset,
     parse_survey,
 )
+from stereocal.formats.exchange.exchange import format_of, read_camera_pair
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.units import UNITS as UNITS
@@ -181,8 +181,8 @@ def _try_camera(slot: Slot, name: str, content: bytes) -> None:
         _try_files({slot: (name, content)})
 
     try:
-        if camera_kind(name, content) == "ros":
-            content = write_camera(read_camera_pair({name: content}, ArchiveOptions()).primary)
+        if format_of(name, content) == "ros":
+            content = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
         read_camera(content, name)
     except FourCoefficientsError as error:
         ask_lens(error, name, take)

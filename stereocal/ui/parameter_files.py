@@ -10,7 +10,7 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.pixel_origin import CORNERS, PixelOrigin
+from stereocal.formats.pixel_origin import CORNERS
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
@@ -119,7 +119,7 @@ def dlt_options(project: Project, which: str) -> ExchangeOptions:
         **setting(project, f"dlt_first_{which}", 0.0, number(0.0, 1.0)).widget(),
         help="Coordinate of the centre of the first pixel: 1 for DLTdv, 0 for Argus and easyWand.",
     )
-    return ExchangeOptions(origin=PixelOrigin(corner, first))
+    return ExchangeOptions(corner=corner, first_pixel=first)
 
 
 def _mime(name: str) -> str:

@@ -127,7 +127,8 @@ def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
     )
     options = ExchangeOptions(unit=unit, lens_model=lens)
     if name == "dlt":
-        options = replace(options, origin=dlt_options(project, f"set_{use}").origin)
+        stated = dlt_options(project, f"set_{use}")
+        options = replace(options, corner=stated.corner, first_pixel=stated.first_pixel)
     if name not in ("dlt", "opencv"):  # the others say it
         return options
     sizes = [

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import Archive, ArchiveOptions
+from stereocal.formats.archives.archive import Archive
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.exchange.exchange import export_files
+from stereocal.formats.exchange.exchange import export_files, import_files
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from tests.archives import (
@@ -29,11 +30,11 @@ from tests.archives import (
 )
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY, images
 
-USUAL = ArchiveOptions()
+USUAL = ExchangeOptions()
 OPENCV = Rig(PRIMARY, SECONDARY, RIG)
 
 
-def easywand(options: ArchiveOptions = USUAL, **changed: Any) -> Archive:
+def easywand(options: ExchangeOptions = USUAL, **changed: Any) -> Archive:
     fields = {**easywand_fields(), **changed}
     return gather({"calib.mat": mat({"easyWandData": fields})}, options)
 
@@ -111,20 +112,20 @@ def test_the_pair_of_cameras_is_chosen() -> None:
     fields["backgroundPts"][:, 4:] = fields["backgroundPts"][:, 2:4]
     content = {"a.mat": mat({"easyWandData": fields})}
     first = gather(content, USUAL)
-    third = gather(content, ArchiveOptions(cameras=("1", "3")))
+    third = gather(content, ExchangeOptions(cameras=("1", "3")))
     assert "of 3" in first.taken[0].origin and order
     assert first.correspondences is not None and third.correspondences is not None
     assert np.array_equal(first.correspondences.secondary, third.correspondences.secondary)
     with pytest.raises(StereocalError, match="no camera 4"):
-        gather(content, ArchiveOptions(cameras=("1", "4")))
+        gather(content, ExchangeOptions(cameras=("1", "4")))
     with pytest.raises(StereocalError, match="same camera"):
-        gather(content, ArchiveOptions(cameras=("2", "2")))
+        gather(content, ExchangeOptions(cameras=("2", "2")))
 
 
 def test_a_height_that_the_points_contradict_is_asked_for() -> None:
     with pytest.raises(StereocalError, match="--image-size 640x512"):
         easywand(imageHeight=np.array([800.0, 1024.0]))
-    stated = ArchiveOptions(image_size=(1600, 1200))
+    stated = ExchangeOptions(((1600, 1200), (1600, 1200)))
     found = easywand(stated, imageHeight=np.array([800.0, 1024.0]))
     rows, wanted = found.correspondences, easywand().correspondences
     assert rows is not None and wanted is not None
@@ -134,7 +135,7 @@ def test_a_height_that_the_points_contradict_is_asked_for() -> None:
 def test_the_unit_of_lengths() -> None:
     with pytest.raises(StereocalError, match="--unit"):
         easywand(wandLen=870.0)
-    found = easywand(ArchiveOptions(unit="mm"), wandLen=870.0)
+    found = easywand(ExchangeOptions(unit="mm"), wandLen=870.0)
     assert found.target_distance_m == pytest.approx(0.87)
     assert found.baseline_m == pytest.approx(BASELINE_M / 1000)
 
@@ -175,6 +176,9 @@ def test_matlab_stereo_parameters() -> None:
     same_camera(found.primary, PRIMARY)
     same_camera(found.secondary, SECONDARY)
     assert found.baseline_m == pytest.approx(BASELINE_M)
+    imported = import_files({"stereo.mat": content}, "matlab")
+    same_camera(imported.secondary, SECONDARY)
+    assert np.abs(imported.pose.T - RIG.T).max() < 1e-12
     newer = stereo_struct()
     del newer["RotationOfCamera2"], newer["TranslationOfCamera2"]
     pose = np.vstack([np.column_stack([RIG.R, RIG.T]), [0, 0, 0, 1]])
@@ -187,7 +191,7 @@ def test_matlab_stereo_parameters() -> None:
 def test_cameras_of_each_program_with_a_wand_table(name: str) -> None:
     rig = PLAIN
     files = export_files(rig, name)
-    options = ArchiveOptions(unit="m" if name in ("opencv", "aniposelib") else None)
+    options = ExchangeOptions(unit="m" if name in ("opencv", "aniposelib") else None)
     found = gather({"wand.csv": wand_csv(), **files}, options)
     same_camera(found.primary, rig.primary)
     same_camera(found.secondary, rig.secondary)
@@ -209,7 +213,7 @@ def test_a_unit_is_needed_only_for_a_baseline_that_is_used() -> None:
 def test_caliscope_of_both_versions() -> None:
     newer, older = caliscope_files()
     for content, name in ((newer, "camera_array.toml"), (older, "config.toml")):
-        options = ArchiveOptions(cameras=("1", "3"), unit="m")
+        options = ExchangeOptions(cameras=("1", "3"), unit="m")
         found = gather({name: content}, options)
         same_camera(found.primary, PRIMARY)
         same_camera(found.secondary, SECONDARY)
@@ -218,15 +222,29 @@ def test_caliscope_of_both_versions() -> None:
         assert "Caliscope" in found.taken[0].origin
 
 
+def test_convert_and_import_read_the_same_files() -> None:
+    three = {"c.yaml": kalibr_chain()}
+    with pytest.raises(StereocalError, match="two cameras are expected; the file has 3"):
+        import_files(three, "kalibr")
+    chosen = import_files(three, "kalibr", ExchangeOptions(cameras=("1", "3")))
+    assert chosen.pose.baseline == pytest.approx((RIG @ RIG).baseline)
+    for name in ("opencv", "aniposelib"):  # our own files are in metres
+        files = export_files(PLAIN, name)
+        assert gather(files, USUAL).baseline_m == pytest.approx(BASELINE_M)
+        assert import_files(files, name).pose.baseline == pytest.approx(BASELINE_M)
+    with pytest.raises(StereocalError, match="R, T missing"):
+        import_files({"i.yml": export_files(PLAIN, "opencv")["intrinsics.yml"]}, "opencv")
+
+
 def test_three_cameras_of_kalibr_in_either_order() -> None:
     chain = kalibr_chain()
     twice = (RIG @ RIG).baseline
     for cameras in (("1", "3"), ("3", "1")):
-        found = gather({"c.yaml": chain}, ArchiveOptions(cameras=cameras))
+        found = gather({"c.yaml": chain}, ExchangeOptions(cameras=cameras))
         assert found.baseline_m == pytest.approx(twice)
     assert gather({"c.yaml": chain}, USUAL).baseline_m == pytest.approx(BASELINE_M)
     with_table = {"c.yaml": chain, "wand.csv": wand_csv()}
-    found = gather(with_table, ArchiveOptions(cameras=("1", "3")))  # the table has two cameras
+    found = gather(with_table, ExchangeOptions(cameras=("1", "3")))  # the table has two cameras
     assert any("for the camera files only" in remark for remark in found.remarks)
     assert found.correspondences is not None and len(found.correspondences) == 23
 

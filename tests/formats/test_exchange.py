@@ -25,7 +25,7 @@ from stereocal.formats.exchange.exchange import (
 )
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.pixel_origin import Flip, PixelOrigin
+from stereocal.formats.pixel_origin import Flip
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
@@ -233,7 +233,7 @@ class TestDlt:
             np.column_stack([view[:, 0], h + more - view[:, 1]])
             for view, h in zip(self.undistorted, self.heights, strict=True)
         ]
-        options = ExchangeOptions(origin=PixelOrigin("lower-left", flip=flip))
+        options = ExchangeOptions(corner="lower-left", flip=flip)
         lower = solve_dlt(self.table(options), flipped)
         # The world's origin stands 1e-6 m off; measured beyond it: 1e-9 m.
         np.testing.assert_allclose(lower, upper, rtol=0, atol=1e-7)

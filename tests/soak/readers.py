@@ -17,17 +17,15 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
-from stereocal.formats.archives.archive import ArchiveOptions
 from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
 from stereocal.formats.archives.gather import gather
-from stereocal.formats.archives.matlab_stereo import stereo_of
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.exchange.exchange import export_files, import_files
+from stereocal.formats.exchange.matlab import stereo_of
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_hdf5
-from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.formats.point_answers import (
     BarAnswers,
@@ -154,7 +152,9 @@ def _descriptions() -> dict[str, Reader]:
 
 def _archive(name: str) -> Read:
     def read(content: bytes, _: Path) -> None:
-        gather({name: content, "wand.csv": wand_csv(5)}, ArchiveOptions(("1", "3"), "m"))
+        gather(
+            {name: content, "wand.csv": wand_csv(5)}, ExchangeOptions(cameras=("1", "3"), unit="m")
+        )
 
     return read
 
@@ -182,7 +182,7 @@ def _field(value: Any) -> Any:
 
 def _easywand(content: bytes, _: Path) -> None:
     file = EasyWandFile(_fields_of(content), "a.mat")
-    read_easywand(file, ArchiveOptions()).dataset("a", 1.0, 1.0)
+    read_easywand(file, ExchangeOptions()).dataset("a", 1.0, 1.0)
 
 
 def _plans() -> list[bytes]:
@@ -194,7 +194,7 @@ def _plans() -> list[bytes]:
 def _exchange(name: str, file: str) -> Reader:
     sound = export_files(RICHEST[name], name)
     sizes = (PRIMARY.image_size, SECONDARY.image_size)
-    options = ExchangeOptions(sizes, PixelOrigin("lower-left"), unit="m", lens_model="brown")
+    options = ExchangeOptions(sizes, corner="lower-left", unit="m", lens_model="brown")
 
     def read(content: bytes, _: Path) -> object:
         files = {**sound, file: content}

@@ -8,15 +8,11 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import ImageSize
-from stereocal.formats.lens_model import LensModel
-from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
-from stereocal.formats.units import UNITS, Unit, metres_per_unit
+from stereocal.formats.units import UNITS, Unit
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
-from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
 
 NOMINAL_SIGMA = 0.02
@@ -25,33 +21,6 @@ THROW = "THROW.csv"
 """File with the points of a thrown object, beside the data set."""
 BACKGROUND_STEP = 10
 """Between the numbers of background frames, so that they are no neighbours in time."""
-
-
-@dataclass(frozen=True)
-class ArchiveOptions:
-    """What the user states about the files."""
-
-    cameras: tuple[str, str] | None = None
-    """Primary and secondary, by number (from 1) or name; None: the first two."""
-    unit: Unit | None = None
-    """Of the lengths in the files."""
-    image_size: ImageSize | None = None
-    """Of both cameras, instead of the size in the file."""
-    corner: Corner | None = None
-    first_pixel: float | None = None
-    flip: Flip | None = None
-    """Pixel origin of the points, as in `PixelOrigin`; None: that of the program."""
-    layout: str | None = None
-    """Layout of the table of points, by name; None: recognised."""
-    lens_model: LensModel | None = None
-
-    def origin(self, usual: PixelOrigin) -> PixelOrigin:
-        """The pixel origin of the points; `usual` is that of the program."""
-        return PixelOrigin(
-            self.corner or usual.corner,
-            usual.first_pixel if self.first_pixel is None else self.first_pixel,
-            self.flip or usual.flip,
-        )
 
 
 @dataclass(frozen=True)
@@ -169,53 +138,6 @@ def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
     return Taken(f"{which} lens", words, origin)
 
 
-def chosen_pair(
-    names: tuple[str, ...], wanted: tuple[str, str] | None, source: str
-) -> tuple[int, int]:
-    """Indices of the primary and the secondary among the cameras of a file.
-
-    Raises:
-        StereocalError: fewer than two cameras, or one that is not there or is named twice.
-    """
-    if len(names) < 2:
-        raise StereocalError(f"{source}: two cameras are needed; the file has {len(names)}.")
-    if wanted is None:
-        return 0, 1
-    first, second = (_index(name, names, source) for name in wanted)
-    if first == second:
-        raise StereocalError(f"{source}: primary and secondary are the same camera: choose two.")
-    return first, second
-
-
-def _index(wanted: str, names: tuple[str, ...], source: str) -> int:
-    for name in (wanted, f"cam{wanted}"):
-        if name in names and not wanted.isdecimal():
-            return names.index(name)
-    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
-        return int(wanted) - 1
-    raise StereocalError(
-        f"{source}: there is no camera {wanted}; the file has {len(names)}, counted from 1 "
-        f"({', '.join(names)[:200]})."
-    )
-
-
-def remarks_on_choice(names: tuple[str, ...], wanted: tuple[str, str] | None) -> tuple[str, ...]:
-    """A remark if two of more cameras were taken that nobody chose."""
-    if len(names) <= 2 or wanted is not None:
-        return ()
-    return (
-        f"There are {len(names)} cameras ({', '.join(names)[:100]}); the first two were taken. "
-        "Choose others with --cameras, as --cameras 1,3.",
-    )
-
-
-def chosen_words(names: tuple[str, ...], pair: tuple[int, int]) -> str:
-    """Which cameras of a file are used, in words."""
-    first, second = (names[k] for k in pair)
-    more = f" of {len(names)}" if len(names) > 2 else ""
-    return f"cameras {first} and {second}{more}"
-
-
 def check_bar(length: float, unit: Unit | None, source: str) -> float:
     """The length of the bar in metres.
 
@@ -256,33 +178,3 @@ def with_background(
         Taken("background points", f"{len(points)} pairs, {words}", origin),
         f"Background points are the {words}, with one target each: they serve matching only.",
     )
-
-
-@dataclass(frozen=True, eq=False)
-class CameraPair:
-    """Two cameras of a file of another program, and their pose if it is known."""
-
-    program: str
-    primary: Camera
-    secondary: Camera
-    pose: Pose | None
-    """`secondary_from_primary`, in the unit of the file."""
-    words: str
-    """Which cameras they are."""
-    stated: Unit | None = None
-    """Unit of the file, if it states one."""
-    usual: Unit | None = None
-    """Unit of all files of this program."""
-    remarks: tuple[str, ...] = ()
-    """For the user."""
-
-    def baseline_m(self, unit: Unit | None, source: str) -> float | None:
-        """The baseline of the program's own solution; None if there is none.
-
-        Raises:
-            UnitError: the unit is not known, or implausible.
-        """
-        if self.pose is None:
-            return None
-        baseline = self.pose.baseline
-        return baseline * metres_per_unit(baseline, self.stated, unit, self.usual, source)

@@ -14,19 +14,17 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import (
     THROW,
     Archive,
-    ArchiveOptions,
     Taken,
     baseline_taken,
     check_bar,
-    chosen_pair,
-    chosen_words,
     lens_taken,
     points_taken,
-    remarks_on_choice,
     with_background,
 )
-from stereocal.formats.archives.matlab_file import Fields, numbers_of, read_structs, required
 from stereocal.formats.correspondences_csv import PIXELS
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.reading import Chosen, camera_matrix, camera_of, chosen_pair
+from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.formats.rig_layouts import LOWER_LEFT
 from stereocal.formats.units import UNITS
@@ -102,14 +100,11 @@ class EasyWandFile:
         focal = required(self.fields, "focalLengths", count, self.source)[k]
         centre = required(self.fields, "principalPoints", 2 * count, self.source)[2 * k : 2 * k + 2]
         u, v = origin.to_ours(centre[None], size[1])[0]
-        K = np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
+        K = camera_matrix(focal, focal, u, v)
         distortion = self._distortion(count)[k]
         if origin.corner == "lower-left":
             distortion[2] *= -1.0
-        try:
-            return Camera(K, distortion, size)
-        except StereocalError as error:
-            raise StereocalError(f"{self.source}, camera {k + 1}: {error}") from error
+        return camera_of(K, distortion, size, f"{self.source}, camera {k + 1}")
 
     def baseline(self, first: int, second: int) -> float | None:
         """Distance of two cameras by the DLT coefficients of its solution, in the file's unit."""
@@ -178,19 +173,20 @@ def sizes_contradicted(file: EasyWandFile, pair: tuple[int, int]) -> str:
     return ""
 
 
-def read_easywand(file: EasyWandFile, options: ArchiveOptions) -> Archive:
+def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     """All parts of a data set in the file.
 
     Raises:
         StereocalError: a field is missing or wrong, or the points contradict the image size.
     """
-    pair = chosen_pair(file.cameras, options.cameras, file.source)
-    if options.image_size is None and (message := sizes_contradicted(file, pair)):
+    chosen = chosen_pair(file.cameras, options.cameras, file.source)
+    pair, stated = chosen.pair, options.image_sizes
+    if None in stated and (message := sizes_contradicted(file, pair)):
         raise StereocalError(message)
-    sizes = [options.image_size or file.image_size(k) for k in pair]
+    sizes = [size or file.image_size(k) for k, size in zip(pair, stated, strict=True)]
     origin = options.origin(LOWER_LEFT)
     cameras = [file.camera(k, size, origin) for k, size in zip(pair, sizes, strict=True)]
-    seen = _Seen(file, pair, sizes, origin)
+    seen = _Seen(file, chosen, sizes, origin)
     points, taken, notes = _points(seen)
     throw, more, about = _throw(seen)
     taken += more + [lens_taken(w, c, LENS_FIELDS) for w, c in zip(CAMERAS, cameras, strict=True)]
@@ -211,8 +207,8 @@ def read_easywand(file: EasyWandFile, options: ArchiveOptions) -> Archive:
         baseline,
         distance,
         throw,
-        (f"From easyWand, {seen.words}.", *notes, *about),
-        remarks_on_choice(file.cameras, options.cameras),
+        (f"From easyWand, {seen.chosen.words}.", *notes, *about),
+        chosen.remarks,
     )
 
 
@@ -221,17 +217,13 @@ class _Seen:
     """The points that the two chosen cameras saw."""
 
     file: EasyWandFile
-    pair: tuple[int, int]
+    chosen: Chosen
     sizes: list[tuple[int, int]]
     origin: PixelOrigin
 
-    @property
-    def words(self) -> str:
-        return chosen_words(self.file.cameras, self.pair)
-
     def both(self, name: str, end: int = 0) -> tuple[IntArray, FloatArray] | None:
         """Frame numbers (n,) and our pixels (n, 4) of the points that both cameras saw."""
-        sides = [self.file.points(name, k, end) for k in self.pair]
+        sides = [self.file.points(name, k, end) for k in self.chosen.pair]
         ours = [
             self.origin.to_ours(side, size[1])
             for side, size in zip(sides, self.sizes, strict=True)
@@ -255,11 +247,12 @@ def _points(seen: _Seen) -> tuple[Correspondences, list[Taken], tuple[str, ...]]
     rows = np.concatenate(points)
     if not len(rows):
         raise StereocalError(
-            f"{seen.file.source}: no end of the bar was seen by both cameras, {seen.words}: choose "
-            "others with --cameras."
+            f"no end of the bar was seen by both cameras, {seen.chosen.words}: choose others with "
+            "--cameras.",
+            seen.file.source,
         )
     found = Correspondences.from_arrays(frames, targets, rows[:, :2], rows[:, 2:])
-    taken = [points_taken(found, f"wandPts, {seen.words}")]
+    taken = [points_taken(found, f"wandPts, {seen.chosen.words}")]
     background = seen.both("backgroundPts")
     if background is None or not len(background[0]):
         return found, taken, ()

@@ -1,7 +1,7 @@
 """Put a data set together from the files of other programs.
 
-found = gather({"calib_easyWandData.mat": content}, ArchiveOptions(cameras=("1", "3")))
-found = gather({"wand.csv": ..., "camchain.yaml": ...}, ArchiveOptions())
+found = gather({"calib_easyWandData.mat": content}, ExchangeOptions(cameras=("1", "3")))
+found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 """
 
 from __future__ import annotations
@@ -12,18 +12,16 @@ from dataclasses import replace
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import (
     Archive,
-    ArchiveOptions,
     baseline_taken,
-    chosen_pair,
-    chosen_words,
     lens_taken,
     points_taken,
-    remarks_on_choice,
 )
-from stereocal.formats.archives.cameras import camera_kind, read_camera_pair
 from stereocal.formats.archives.easywand import open_easywand, read_easywand
-from stereocal.formats.archives.matlab_file import SAVE_AGAIN
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
+from stereocal.formats.exchange.exchange import format_of, read_camera_pair
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.reading import chosen_pair
+from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
@@ -38,7 +36,7 @@ WANTED = (
 
 
 def gather(
-    files: Mapping[str, bytes], options: ArchiveOptions, baseline_known: bool = False
+    files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool = False
 ) -> Archive:
     """What the files contribute to a data set, with a report.
 
@@ -78,12 +76,12 @@ def _check_known(name: str, content: bytes) -> None:
             f"{name}: this is an HDF5 file, as MATLAB saves with -v7.3; it is not read here. "
             f"{SAVE_AGAIN}."
         )
-    if camera_kind(name, content) is None:
+    if format_of(name, content) is None:
         raise StereocalError(f"{name}: the file is not known; {WANTED}.")
 
 
 def _with_cameras(
-    found: Archive, files: Mapping[str, bytes], options: ArchiveOptions, baseline_known: bool
+    found: Archive, files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool
 ) -> Archive:
     pair = read_camera_pair(files, options)
     source = ", ".join(files)
@@ -92,8 +90,9 @@ def _with_cameras(
         lens_taken(which, camera, origin)
         for which, camera in zip(CAMERAS, (pair.primary, pair.secondary), strict=True)
     ]
-    baseline = None if baseline_known else pair.baseline_m(options.unit, source)
+    baseline = None if pair.pose is None or baseline_known else pair.pose.baseline
     if baseline is not None:
+        baseline *= pair.scale(baseline, options.unit, source)
         taken.append(baseline_taken(baseline, f"{source}, its own solution"))
     return replace(
         found,
@@ -106,7 +105,7 @@ def _with_cameras(
     )
 
 
-def _with_table(found: Archive, name: str, content: bytes, options: ArchiveOptions) -> Archive:
+def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     rows, words, remarks = _rows_of(found, name, content, options)
     return replace(
         found,
@@ -118,7 +117,7 @@ def _with_table(found: Archive, name: str, content: bytes, options: ArchiveOptio
 
 
 def _rows_of(
-    found: Archive, name: str, content: bytes, options: ArchiveOptions
+    found: Archive, name: str, content: bytes, options: ExchangeOptions
 ) -> tuple[Correspondences, str, tuple[str, ...]]:
     """The rows of a table, how it was read, and remarks for the user."""
     head, _ = first_rows(content, name)
@@ -131,21 +130,23 @@ def _rows_of(
             f"{layout.program} with the points {', '.join(layout.points)[:60]}."
         )
     layout = replace(layout, origin=options.origin(layout.origin))
-    remarks = remarks_on_choice(layout.cameras, options.cameras)
     try:
-        pair = chosen_pair(layout.cameras, options.cameras, name)
+        chosen = chosen_pair(layout.cameras, options.cameras, name)
+        remarks = chosen.remarks
     except StereocalError:
         if len(layout.cameras) != 2 or found.primary is None:
             raise
-        pair = (0, 1)
+        chosen = chosen_pair(layout.cameras, None, name)
         remarks = (
             f"The two cameras of {name} are primary and secondary; --cameras was used for the "
             "camera files only.",
         )
     cameras = (found.primary, found.secondary)
-    heights = [None if camera is None else camera.image_size[1] for camera in cameras]
-    if options.image_size is not None:
-        heights = [options.image_size[1]] * 2
+    sizes = [
+        size or (None if camera is None else camera.image_size)
+        for size, camera in zip(options.image_sizes, cameras, strict=True)
+    ]
+    heights = [None if size is None else size[1] for size in sizes]
     if layout.origin.corner == "lower-left" and None in heights:
         raise StereocalError(
             f"{name}: the points are counted from the lower left, so the image height is needed: "
@@ -156,15 +157,14 @@ def _rows_of(
             f"There are {len(layout.points)} points; {layout.points[0]} and {layout.points[1]} "
             "were taken as the ends A and B of the bar.",
         )
-    first, second = (layout.cameras[k] for k in pair)
     rows = read_bars(
         content,
         layout,
-        (first, second),
+        chosen.names,
         (layout.points[0], layout.points[1]),
         (heights[0], heights[1]),
         name,
     )
     corner = layout.origin.corner.replace("-", " ")
-    words = f"{layout.program}, {chosen_words(layout.cameras, pair)}, counted from the {corner}"
+    words = f"{layout.program}, {chosen.words}, counted from the {corner}"
     return rows, words, remarks

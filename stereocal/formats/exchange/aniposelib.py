@@ -12,18 +12,21 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    ReadRig,
+from stereocal.formats.exchange.options import ExchangeOptions, header, numbers
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    ForeignFile,
     array_of,
-    header,
-    numbers,
+    camera_of,
+    chosen_pair,
     only_file,
+    pose_of,
     size_of,
 )
 from stereocal.formats.lens_model import check_lens_model
 from stereocal.formats.yaml_text import check_length
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.json_text import check_depth
@@ -61,22 +64,60 @@ def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
 
 
-def read_aniposelib(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose; the cameras are in the order of the section names.
+def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras of aniposelib's or Caliscope's file; the pose is known if both have one.
 
     Raises:
-        StereocalError: not two cameras, a fisheye lens, or a number is missing.
+        StereocalError: not such a file, the cameras are not there, a fisheye lens, or a number is
+            missing.
     """
-    name, text = only_file(files, (".toml",), source)
-    data = read_toml(text, name)
-    sections = sorted(key for key in data if key != "metadata" and isinstance(data[key], dict))
-    if len(sections) != 2:
-        raise StereocalError(f"{name}: two cameras are expected; the file has {len(sections)}.")
+    file = only_file(files, (".toml",), source)
+    data = read_toml(file.text, file.name)
+    sections = _sections(data)
+    if not sections:
+        raise StereocalError(
+            "this TOML file has no cameras, as aniposelib's calibration.toml or Caliscope's "
+            "camera_array.toml.",
+            file.name,
+        )
+    chosen = chosen_pair(tuple(sections), options.cameras, file.name)
+    taken = [(sections[name], f"{file.name}, {name}") for name in chosen.names]
     primary, secondary = (
-        toml_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(sections)
+        _camera(section, k, options, where) for k, (section, where) in enumerate(taken)
     )
-    first, second = (toml_pose(data[key], f"{name}, {key}") for key in sections)
-    return Rig(primary, secondary, second @ first.inverse()), None
+    pose = None
+    if all("rotation" in each and "translation" in each for each, _ in taken):
+        first, second = (_pose(section, where) for section, where in taken)
+        pose = second @ first.inverse()
+    return CameraPair(
+        primary,
+        secondary,
+        pose,
+        f"{file.name}: a camera has no rotation and translation.",
+        "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib",
+        chosen.words,
+        chosen.cameras,
+        chosen.remarks,
+    )
+
+
+def aniposelib_names(file: ForeignFile) -> tuple[str, ...]:
+    """Names of the cameras."""
+    return tuple(_sections(read_toml(file.text, file.name)))
+
+
+def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """The cameras of aniposelib's `[cam_0]`, or of Caliscope's `[cameras.0]`, in their order.
+
+    Cameras that Caliscope ignores are left out.
+    """
+    caliscope = data.get("cameras")
+    found = caliscope if isinstance(caliscope, dict) else data
+    return {
+        key: found[key]
+        for key in sorted(found, key=lambda key: (len(key), key))
+        if isinstance(found[key], dict) and "matrix" in found[key] and not found[key].get("ignore")
+    }
 
 
 def read_toml(text: str, name: str) -> dict[str, Any]:
@@ -95,36 +136,18 @@ def read_toml(text: str, name: str) -> dict[str, Any]:
         raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
 
 
-def toml_camera(data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str) -> Camera:
-    """The camera of a section; `k` is 0 for the primary.
-
-    Raises:
-        StereocalError: a fisheye lens, or a number is missing.
-    """
+def _camera(data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str) -> Camera:
     coefficients = array_of(data.get("distortions"), (-1,), "distortions", source)
     check_lens_model(coefficients, data.get("fisheye"), options.lens_model, source)
-    which = CAMERAS[k]
-    size = size_of(data.get("size"), options.image_sizes[k], which, source)
-    try:
-        return Camera(
-            array_of(data.get("matrix"), (3, 3), "matrix", source),
-            coefficients,
-            size,
-        )
-    except StereocalError as error:
-        text = str(error)
-        raise StereocalError(text if source in text else f"{source}: {text}") from error
+    K = array_of(data.get("matrix"), (3, 3), "matrix", source)
+    return camera_of(K, coefficients, size_of(data.get("size"), options, k, source), source)
 
 
-def toml_pose(data: Mapping[str, Any], source: str) -> Pose:
-    """The pose of a section, camera from world; a rotation vector, or Caliscope's matrix.
-
-    Raises:
-        StereocalError: a number is missing, or the matrix is not a rotation.
-    """
-    stated = array_of(data.get("rotation"), (-1,), "rotation", source)
+def _pose(data: Mapping[str, Any], source: str) -> Pose:
+    """Camera from world; a rotation vector, or Caliscope's matrix."""
+    rotation = array_of(data.get("rotation"), (-1,), "rotation", source)
     translation = array_of(data.get("translation"), (3,), "translation", source)
-    if stated.size == 9:
-        return Pose(stated.reshape(3, 3), translation)
-    turn, _ = cv2.Rodrigues(array_of(stated, (3,), "rotation", source))
-    return Pose(np.asarray(turn, dtype=np.float64), translation)
+    if rotation.size == 9:
+        return pose_of(rotation.reshape(3, 3), translation, source)
+    turn, _ = cv2.Rodrigues(array_of(rotation, (3,), "rotation", source))
+    return pose_of(turn, translation, source)

@@ -14,20 +14,24 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.lens_fit import lens
+from stereocal.formats.exchange.lens_fit import RATIONAL, lens
 from stereocal.formats.exchange.options import (
     ExchangeOptions,
-    ReadRig,
-    array_of,
-    camera_matrix,
     header,
     number,
     refuse_skew,
-    text_of,
+)
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    ForeignFile,
+    array_of,
+    camera_matrix,
+    camera_of,
+    pose_of,
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
 FIRST_PIXEL = 0.5
@@ -37,20 +41,7 @@ MODELS: Mapping[str, tuple[str, ...]] = {
     "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-    "FULL_OPENCV": (
-        "fx",
-        "fy",
-        "cx",
-        "cy",
-        "k1",
-        "k2",
-        "p1",
-        "p2",
-        "k3",
-        "k4",
-        "k5",
-        "k6",
-    ),
+    "FULL_OPENCV": ("fx", "fy", "cx", "cy", *RATIONAL),
 }
 
 
@@ -98,24 +89,25 @@ def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     }
 
 
-def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> ReadRig:
+def read_colmap(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
     """The two cameras of the only rig in `cameras.txt` and `rigs.txt`.
 
     Raises:
         StereocalError: a file is missing, or has another number of rigs or cameras.
     """
+    named = {file.name: file for file in files}
     for name in ("cameras.txt", "rigs.txt"):
-        if name not in files:
+        if name not in named:
             raise StereocalError(
                 f"{source}: {name} is missing; use the folder of a sparse model as text "
                 "(colmap model_converter --output_type TXT)."
             )
     cameras = {}
-    for cells in _rows(files["cameras.txt"], "cameras.txt"):
+    for cells in _rows(named["cameras.txt"]):
         if len(cells) < 5:
             raise StereocalError("cameras.txt: a camera has fewer than five entries.")
         cameras[cells[0]] = _camera(cells, "cameras.txt")
-    rigs = _rows(files["rigs.txt"], "rigs.txt")
+    rigs = _rows(named["rigs.txt"])
     if len(rigs) != 1 or len(rigs[0]) != 14 or rigs[0][1] != "2" or rigs[0][6] != "1":
         raise StereocalError("rigs.txt: one rig of two cameras with their pose is expected.")
     cells = rigs[0]
@@ -125,7 +117,7 @@ def read_colmap(files: Mapping[str, bytes], _: ExchangeOptions, source: str) -> 
     if not 1e-9 < np.abs(values[:4]).max() < 1e9:
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
     R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
-    return Rig(cameras[cells[3]], cameras[cells[5]], Pose(R, values[4:])), None
+    return CameraPair(cameras[cells[3]], cameras[cells[5]], pose_of(R, values[4:], "rigs.txt"))
 
 
 def _parameters(camera: Camera, which: str) -> tuple[str, FloatArray]:
@@ -149,11 +141,11 @@ def _camera(cells: list[str], source: str) -> Camera:
     named = dict(zip(names, values.tolist(), strict=True))
     fx = named.get("fx", named.get("f", 0.0))
     K = camera_matrix(fx, named.get("fy", fx), named["cx"] - FIRST_PIXEL, named["cy"] - FIRST_PIXEL)
-    order = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
     width, height = array_of(cells[2:4], (2,), "the image size", source)
-    return Camera(K, np.array([named.get(k, 0.0) for k in order]), (int(width), int(height)))
+    distortion = [named.get(k, 0.0) for k in RATIONAL]
+    return camera_of(K, distortion, (int(width), int(height)), source)
 
 
-def _rows(content: bytes, source: str) -> list[list[str]]:
-    lines = text_of(content, source).splitlines()
+def _rows(file: ForeignFile) -> list[list[str]]:
+    lines = file.text.splitlines()
     return [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]

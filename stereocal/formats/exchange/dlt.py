@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
 
 import numpy as np
 from scipy.linalg import rq
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    ReadRig,
+from stereocal.formats.exchange.options import ExchangeOptions, number
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
     array_of,
-    number,
+    camera_of,
     only_file,
+    pose_of,
     size_of,
 )
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -58,7 +59,7 @@ def dlt_coefficients(
     Raises:
         StereocalError: the world's origin lies in the plane of the camera's centre.
     """
-    origin = options.origin.matrix(camera.image_size[1])
+    origin = options.origin().matrix(camera.image_size[1])
     P = origin @ camera.K @ np.column_stack([camera_from_world.R, camera_from_world.T])
     if abs(P[2, 3]) < 1e-9:
         raise StereocalError(
@@ -68,15 +69,16 @@ def dlt_coefficients(
     return np.asarray((P / P[2, 3]).ravel()[:11])
 
 
-def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
+def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     """Two cameras without lens distortion, and their pose; the world frame is ignored.
 
     Raises:
         StereocalError: not 11 rows of two numbers, or no image sizes.
     """
-    name, text = only_file(files, (".csv", ".txt"), source)
+    file = only_file(files, (".csv", ".txt"), source)
+    name, lines = file.name, io.StringIO(file.text)
     try:
-        rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     except csv.Error as error:
         raise StereocalError(f"{name}: this is not a CSV file ({error}).") from error
     table = array_of(rows, (-1,), "the table", name)
@@ -86,18 +88,19 @@ def read_dlt(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
             f"header; the file has {len(rows)} rows and {len(rows[0]) if rows else 0} columns."
         )
     cameras, poses = [], []
-    for k, which in ((0, "primary"), (1, "secondary")):
-        size = size_of(None, options.image_sizes[k], which, name)
+    for k, which in enumerate(CAMERAS):
+        size = size_of(None, options, k, name)
         P = np.append(table.reshape(11, 2)[:, k], 1.0).reshape(3, 4)
-        P = np.linalg.inv(options.origin.matrix(size[1])) @ P
+        P = np.linalg.inv(options.origin().matrix(size[1])) @ P
         K, pose = _decomposed(P, f"{name}, {which}")
-        cameras.append(Camera(K, np.zeros(0), size))
+        cameras.append(camera_of(K, np.zeros(0), size, f"{name}, {which}"))
         poses.append(pose)
     # The file cannot state a unit; our files are recognised by their world origin.
     ours = np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6) and np.allclose(
         poses[0].T, [0.0, 0.0, ORIGIN_BEHIND_M], rtol=0, atol=1e-3 * ORIGIN_BEHIND_M
     )
-    return Rig(cameras[0], cameras[1], poses[1] @ poses[0].inverse()), "m" if ours else None
+    pose = poses[1] @ poses[0].inverse()
+    return CameraPair(cameras[0], cameras[1], pose, stated="m" if ours else None)
 
 
 def _poses(rig: Rig, world: Pose | None) -> tuple[Pose, Pose]:
@@ -125,4 +128,4 @@ def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
     K /= K[2, 2]
     K[1, 0] = K[2, 0] = K[2, 1] = 0.0
     K[2, 2] = 1.0
-    return K, Pose(np.asarray(R, dtype=np.float64), np.asarray(t, dtype=np.float64))
+    return K, pose_of(R, t, source)

@@ -1,4 +1,4 @@
-"""Export and import parameters in the formats of other programs, by format name."""
+"""Cameras and parameters in the formats of other programs, by format name or recognised."""
 
 from __future__ import annotations
 
@@ -8,68 +8,164 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.aniposelib import read_aniposelib, write_aniposelib
+from stereocal.formats.exchange.aniposelib import (
+    aniposelib_names,
+    read_aniposelib,
+    write_aniposelib,
+)
+from stereocal.formats.exchange.camera_files import (
+    is_camera,
+    is_parameters,
+    read_cameras,
+    read_parameters,
+)
 from stereocal.formats.exchange.colmap import read_colmap, write_colmap
 from stereocal.formats.exchange.dlt import read_dlt, write_dlt
-from stereocal.formats.exchange.kalibr import read_kalibr, write_kalibr
+from stereocal.formats.exchange.kalibr import kalibr_names, read_kalibr, write_kalibr
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
-from stereocal.formats.exchange.matlab import read_matlab, write_matlab
-from stereocal.formats.exchange.opencv_stereo import read_opencv, write_opencv
-from stereocal.formats.exchange.options import LARGEST_BYTES, OUR_UNIT, ExchangeOptions, ReadRig
-from stereocal.formats.exchange.ros import read_ros, write_ros
-from stereocal.formats.lens_model import FourCoefficientsError
-from stereocal.formats.other_files import refuse_other_camera
-from stereocal.formats.units import Unit, UnitError, metres_per_unit
-from stereocal.rig.geometry import Pose
+from stereocal.formats.exchange.matlab import is_matlab_file, read_matlab, write_matlab
+from stereocal.formats.exchange.opencv_stereo import is_opencv, read_opencv, write_opencv
+from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions
+from stereocal.formats.exchange.reading import LARGEST_BYTES, CameraPair, Files, ForeignFile
+from stereocal.formats.exchange.ros import is_ros, read_ros, write_ros
+from stereocal.formats.other_files import is_matlab, refuse_other_camera
+from stereocal.formats.units import Unit
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
 
-Files = Mapping[str, bytes]
-
 
 @dataclass(frozen=True)
-class ExchangeFormat:
-    """One format: its title and functions."""
+class CameraFormat:
+    """How the camera files of a program are read."""
 
     title: str
-    write: Callable[[Rig, ExchangeOptions], dict[str, bytes]]
-    read: Callable[[Files, ExchangeOptions, str], ReadRig]
-    """Returns the rig, and the unit of its lengths if the file states it."""
-    ignores_skew: bool = False
-    without_lens: bool = False
+    read: Callable[[Files, ExchangeOptions, str], CameraPair]
+    recognises: Callable[[ForeignFile], bool] | None = None
+    """Whether a file is of this format; None: files are not recognised, but read by its name."""
+    names: Callable[[ForeignFile], tuple[str, ...]] | None = None
+    """Names of the cameras, if a file can have any number of them."""
+    one_camera: bool = False
+    """Whether each file has one camera."""
     unit: Unit | None = None
     """Unit of all its files, by its documentation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExchangeFormat(CameraFormat):
+    """A format that is written too."""
+
+    write: Callable[[Rig, ExchangeOptions], dict[str, bytes]]
+    ignores_skew: bool = False
+    without_lens: bool = False
     coefficients: int | None = None
     """Number of distortion coefficients, if fewer than in OpenCV's model."""
 
 
 FORMATS: Mapping[str, ExchangeFormat] = {
     "opencv": ExchangeFormat(
-        "OpenCV (intrinsics.yml, extrinsics.yml)", write_opencv, read_opencv, ignores_skew=True
+        "OpenCV (intrinsics.yml, extrinsics.yml)",
+        read_opencv,
+        is_opencv,
+        write=write_opencv,
+        ignores_skew=True,
     ),
     "kalibr": ExchangeFormat(
-        "Kalibr (camchain.yaml)", write_kalibr, read_kalibr, unit="m", coefficients=4
+        "Kalibr (camchain.yaml)",
+        read_kalibr,
+        lambda file: bool(kalibr_names(file)),
+        kalibr_names,
+        unit="m",
+        write=write_kalibr,
+        coefficients=4,
     ),
     "ros": ExchangeFormat(
-        "ROS (two camera_info files)", write_ros, read_ros, ignores_skew=True, unit="m"
+        "ROS (two camera_info files)",
+        read_ros,
+        is_ros,
+        one_camera=True,
+        unit="m",
+        write=write_ros,
+        ignores_skew=True,
     ),
     "matlab": ExchangeFormat(
-        "MATLAB (stereoParameters)", write_matlab, read_matlab, coefficients=5
+        "MATLAB (stereoParameters)",
+        read_matlab,
+        is_matlab_file,
+        write=write_matlab,
+        coefficients=5,
     ),
     "aniposelib": ExchangeFormat(
         "aniposelib (calibration.toml)",
-        write_aniposelib,
         read_aniposelib,
+        lambda file: file.ends_with(".toml"),
+        aniposelib_names,
+        write=write_aniposelib,
         ignores_skew=True,
         coefficients=5,
     ),
-    "colmap": ExchangeFormat("COLMAP (rig)", write_colmap, read_colmap),
+    "colmap": ExchangeFormat("COLMAP (rig)", read_colmap, write=write_colmap),
     "dlt": ExchangeFormat(
-        "DLT coefficients (DLTdv, easyWand, Argus)", write_dlt, read_dlt, without_lens=True
+        "DLT coefficients (DLTdv, easyWand, Argus)", read_dlt, write=write_dlt, without_lens=True
     ),
 }
+READ: Mapping[str, CameraFormat] = {
+    **FORMATS,
+    "camera": CameraFormat("camera files", read_cameras, is_camera, one_camera=True),
+    "stereocal": CameraFormat("stereocal", read_parameters, is_parameters),
+}
+
+
+def format_of(name: str, content: bytes) -> str | None:
+    """The name in `READ` of a camera file's format, by its content; None if it is none.
+
+    Raises:
+        StereocalError: it looks like one, but is damaged.
+    """
+    file = ForeignFile(name, content)
+    found = (key for key, each in READ.items() if each.recognises and each.recognises(file))
+    return next(found, None)
+
+
+def has_both_cameras(name: str, content: bytes) -> bool:
+    """Whether a single file has both cameras; errors as `format_of`."""
+    found = format_of(name, content)
+    return found is not None and not READ[found].one_camera
+
+
+def camera_names(name: str, content: bytes) -> tuple[str, ...]:
+    """Names of the cameras in a file with any number of them; empty for other formats."""
+    found = format_of(name, content)
+    names = None if found is None else READ[found].names
+    return () if names is None else names(ForeignFile(name, content))
+
+
+def read_camera_pair(files: Mapping[str, bytes], options: ExchangeOptions) -> CameraPair:
+    """Two cameras from the files of one program, which is recognised.
+
+    A single file with one camera serves for both: a nominal lens.
+
+    Raises:
+        StereocalError: files of several programs, too many, or damaged.
+    """
+    found = {name: format_of(name, content) for name, content in files.items()}
+    key = next(iter(found.values()))
+    if key is None or len(set(found.values())) > 1:
+        named = ", ".join(f"{name} ({each or 'unknown'})" for name, each in found.items())
+        raise StereocalError(
+            f"These camera files are not of one program: {named}. Give both cameras in one format."
+        )
+    return _read(files, READ[key], options, ", ".join(files))
+
+
+def _read(
+    files: Mapping[str, bytes], known: CameraFormat, options: ExchangeOptions, source: str
+) -> CameraPair:
+    pair = known.read([ForeignFile(*each) for each in files.items()], options, source)
+    ours = any(OUR_UNIT.encode() in content for content in files.values())
+    stated: Unit | None = "m" if ours else pair.stated
+    return replace(pair, program=pair.program or known.title, stated=stated, usual=known.unit)
 
 
 def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) -> dict[str, bytes]:
@@ -126,7 +222,10 @@ def export_notes(rig: Rig, name: str) -> list[str]:
 
 
 def import_files(
-    files: Files, name: str, options: ExchangeOptions | None = None, source: str = "parameters"
+    files: Mapping[str, bytes],
+    name: str,
+    options: ExchangeOptions | None = None,
+    source: str = "parameters",
 ) -> RigParameters:
     """Parameters from the files of a format by name; the method is `imported`.
 
@@ -135,14 +234,12 @@ def import_files(
     """
     if not files:
         raise StereocalError(f"{source}: there are no files.")
-    try:
-        rig = _in_metres(files, _format(name), options or ExchangeOptions(), source)
-    except (FourCoefficientsError, UnitError):
-        raise
-    except StereocalError as error:
-        text = str(error)
-        known = text.startswith(source) or any(text.startswith(each) for each in files)
-        raise StereocalError(text if known else f"{source}: {text}") from error
+    known, options = _format(name), options or ExchangeOptions()
+    if len(files) == 1:
+        ((only, content),) = files.items()
+        if known.read is not read_matlab or not is_matlab(content):
+            refuse_other_camera(content, only, may_be_toml=known.read is read_aniposelib)
+    rig = _read(files, known, options, source).rig(options, source)
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
     return RigParameters(
         rig.primary,
@@ -153,17 +250,6 @@ def import_files(
         settings={},
         inputs={"format": name, "sha256": digest},
     )
-
-
-def _in_metres(files: Files, known: ExchangeFormat, options: ExchangeOptions, source: str) -> Rig:
-    if len(files) == 1:
-        ((name, content),) = files.items()
-        refuse_other_camera(content, name, may_be_toml=known.read is read_aniposelib)
-    rig, unit = known.read(files, options, source)
-    ours = any(OUR_UNIT.encode() in content for content in files.values())
-    stated: Unit | None = "m" if ours else unit
-    scale = metres_per_unit(rig.pose.baseline, stated, options.unit, known.unit, source)
-    return replace(rig, pose=Pose(rig.pose.R, scale * rig.pose.T))
 
 
 def import_parameters(

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    ReadRig,
+from stereocal.formats.exchange.options import ExchangeOptions, header, numbers, refuse_skew
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    ForeignFile,
     array_of,
     camera_matrix,
-    header,
-    numbers,
+    camera_of,
+    chosen_pair,
     only_file,
-    refuse_skew,
+    pose_of,
     size_of,
 )
-from stereocal.formats.yaml_text import read_yaml
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
@@ -57,33 +57,56 @@ def write_kalibr(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     return {"camchain.yaml": text.encode()}
 
 
-def read_kalibr(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose.
+def kalibr_names(file: ForeignFile) -> tuple[str, ...]:
+    """Names of the cameras of a camchain, in its order; empty for another file."""
+    if not file.ends_with(".yaml", ".yml"):
+        return ()
+    found = [key for key in file.storage if key.startswith("cam") and key[3:].isdecimal()]
+    return tuple(sorted(found, key=lambda key: int(key[3:])))
+
+
+def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras of a camchain; the pose is known if the chain between them is whole.
 
     Raises:
-        StereocalError: not two cameras, another lens model, or a number is missing.
+        StereocalError: the cameras are not there, another lens model, or a number is missing.
     """
-    name, text = only_file(files, (".yaml", ".yml"), source)
-    data = read_yaml(text, name)
-    chain = sorted(key for key in data if key.startswith("cam") and key[3:].isdigit())
-    if chain != ["cam0", "cam1"]:
+    file = only_file(files, (".yaml", ".yml"), source)
+    data, names = file.storage, kalibr_names(file)
+    chosen = chosen_pair(names, options.cameras, file.name)
+    primary, secondary = (
+        _camera(data[name], k, options, f"{file.name}, {name}")
+        for k, name in enumerate(chosen.names)
+    )
+    numbers = [int(name[3:]) for name in names]
+    if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         raise StereocalError(
-            f"{name}: a chain of cam0 and cam1 is expected; the file has "
-            f"{', '.join(chain) or 'no camera'}."
+            f"{file.name}: a chain without gaps is expected; the file has {', '.join(names)[:200]}."
         )
-    cameras = [
-        kalibr_camera(data[key], k, options, f"{name}, {key}") for k, key in enumerate(chain)
-    ]
-    transform = array_of(data["cam1"].get("T_cn_cnm1"), (4, 4), "T_cn_cnm1", f"{name}, cam1")
-    return Rig(cameras[0], cameras[1], Pose(transform[:3, :3], transform[:3, 3])), None
+    first, last = sorted(chosen.pair)
+    pose: Pose | None = Pose(np.eye(3), np.zeros(3))
+    for key in names[first + 1 : last + 1]:
+        where = f"{file.name}, {key}"
+        if pose is None or not isinstance(data[key], dict) or data[key].get("T_cn_cnm1") is None:
+            pose = None
+            continue
+        T = array_of(data[key]["T_cn_cnm1"], (4, 4), "T_cn_cnm1", where)
+        pose = pose_of(T[:3, :3], T[:3, 3], where) @ pose
+    if pose is not None and chosen.pair[0] == last:
+        pose = pose.inverse()
+    return CameraPair(
+        primary,
+        secondary,
+        pose,
+        f"{file.name}: T_cn_cnm1, the pose of a camera, is missing.",
+        "Kalibr",
+        chosen.words,
+        chosen.cameras,
+        chosen.remarks,
+    )
 
 
-def kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
-    """The camera of an entry of a camchain; `k` is 0 for the primary.
-
-    Raises:
-        StereocalError: another lens model, or a number is missing.
-    """
+def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: this is not a camera.")
     # Coefficients without a model are an error, not a lens without distortion.
@@ -100,5 +123,5 @@ def kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> C
         if distortion == "none"
         else array_of(data.get("distortion_coeffs"), (4,), "distortion_coeffs", source)
     )
-    size = size_of(data.get("resolution"), options.image_sizes[k], CAMERAS[k], source)
-    return Camera(camera_matrix(fx, fy, cx, cy), coefficients, size)
+    size = size_of(data.get("resolution"), options, k, source)
+    return camera_of(camera_matrix(fx, fy, cx, cy), coefficients, size, source)

@@ -9,22 +9,8 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
-COEFFICIENT_NAMES = (
-    "k1",
-    "k2",
-    "p1",
-    "p2",
-    "k3",
-    "k4",
-    "k5",
-    "k6",
-    "s1",
-    "s2",
-    "s3",
-    "s4",
-    "tx",
-    "ty",
-)
+RATIONAL = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+COEFFICIENT_NAMES = (*RATIONAL, "s1", "s2", "s3", "s4", "tx", "ty")
 NEGLIGIBLE_PX = 0.02
 """Far below the precision of any detected target."""
 GRID = 41

@@ -1,4 +1,4 @@
-"""Write and read a MATLAB script that builds `stereoParams`.
+"""MATLAB's stereoParameters: a script that builds them, or their struct in a .mat file.
 
 MATLAB's points are row vectors, so RotationOfCamera2 is the transpose of R; the newer PoseCamera2
 is the inverse of our pose. The first pixel is (1, 1).
@@ -8,26 +8,33 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    ReadRig,
+from stereocal.formats.exchange.options import ExchangeOptions, header, number
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    ForeignFile,
     array_of,
-    header,
-    number,
+    camera_matrix,
+    camera_of,
     only_file,
+    pose_of,
     size_of,
 )
+from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
+from stereocal.formats.other_files import is_matlab
 from stereocal.formats.units import Unit
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
+PARTS = ("CameraParameters1", "CameraParameters2")
 FIRST_PIXEL = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
 BUILD = """try  % R2022b and later
     camera1 = cameraParameters('K', K1, 'RadialDistortion', RadialDistortion1, ...
@@ -90,17 +97,25 @@ def _without_comments(text: str) -> str:
     return "".join(plain)
 
 
-def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose from such a script, with lengths in its WorldUnits.
+def is_matlab_file(file: ForeignFile) -> bool:
+    """Whether it is a script or a .mat file."""
+    return file.ends_with(".m") or is_matlab(file.content)
+
+
+def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras and their pose from a script as ours, or from a struct (`toStruct`).
 
     Raises:
-        StereocalError: an assignment is missing or damaged, or the units are not known.
+        StereocalError: a part is missing or damaged, or the units are not known.
     """
-    name, text = only_file(files, (".m",), source)
-    code = _without_comments(text)
+    file = only_file(files, (".m", ".mat"), source)
+    if is_matlab(file.content):
+        return stereo_of(read_structs(file.content, file.name), file.name)
+    name, code = file.name, _without_comments(file.text)
     tables = {key: _table(body, key, name) for key, body in _ASSIGNED.findall(code)}
     cameras = []
-    for k, which in ((1, "primary"), (2, "secondary")):
+    for at, which in enumerate(CAMERAS):
+        k = at + 1
         K = _required(tables, f"K{k}", (3, 3), name) - FIRST_PIXEL
         radial = _required(tables, f"RadialDistortion{k}", (-1,), name)
         tangential = _required(tables, f"TangentialDistortion{k}", (2,), name)
@@ -109,14 +124,39 @@ def read_matlab(files: Mapping[str, bytes], options: ExchangeOptions, source: st
         size = tables.get(f"ImageSize{k}")
         size = None if size is None else size.ravel()[::-1]
         distortion = np.concatenate([radial[:2], tangential, radial[2:]])
-        size_px = size_of(size, options.image_sizes[k - 1], which, name)
-        try:
-            cameras.append(Camera(K, distortion, size_px))
-        except StereocalError as error:
-            raise StereocalError(f"{name}, {which}: {error}") from error
+        size_px = size_of(size, options, at, name)
+        cameras.append(camera_of(K, distortion, size_px, f"{name}, {which}"))
     R = _required(tables, "RotationOfCamera2", (3, 3), name).T
-    pose = Pose(R, _required(tables, "TranslationOfCamera2", (3,), name))
-    return Rig(cameras[0], cameras[1], pose), _unit_of(code, name)
+    pose = pose_of(R, _required(tables, "TranslationOfCamera2", (3,), name), name)
+    return CameraPair(cameras[0], cameras[1], pose, stated=_unit_of(code, name))
+
+
+def stereo_of(structs: Mapping[str, Fields], source: str) -> CameraPair:
+    """The cameras and their pose from the structs of a .mat file by name.
+
+    Raises:
+        StereocalError: there is no such struct, or a field is missing or wrong.
+    """
+    for fields in structs.values():
+        if all(isinstance(fields.get(part), Mapping) for part in PARTS):
+            primary, secondary = (
+                _struct_camera(fields[part], f"{source}, {which}")
+                for part, which in zip(PARTS, CAMERAS, strict=True)
+            )
+            return CameraPair(
+                primary,
+                secondary,
+                _struct_pose(fields, source),
+                f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct.",
+                "MATLAB",
+                "stereoParams",
+                stated=_struct_unit(fields),
+            )
+    raise StereocalError(
+        f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "
+        f"(it contains: {', '.join(structs)[:100]}). In MATLAB: s = toStruct(stereoParams); "
+        "save('stereo.mat', 's', '-v7')."
+    )
 
 
 def _unit_of(code: str, source: str) -> Unit | None:
@@ -154,3 +194,55 @@ def _required(
             "RotationOfCamera2 and TranslationOfCamera2."
         )
     return array_of(tables[key], shape, key, source)
+
+
+def _struct_camera(fields: Fields, source: str) -> Camera:
+    """The camera of a cameraParameters or cameraIntrinsics struct."""
+    inner = fields.get("Intrinsics")
+    fields = {**fields, **inner} if isinstance(inner, Mapping) else fields
+    radial = numbers_of(fields, "RadialDistortion", source)
+    radial = np.zeros(2) if radial is None else radial.ravel()
+    if len(radial) not in (2, 3) or not np.isfinite(radial).all():
+        raise StereocalError(f"{source}: RadialDistortion must have two or three numbers.")
+    tangential = (
+        required(fields, "TangentialDistortion", 2, source)
+        if "TangentialDistortion" in fields
+        else np.zeros(2)
+    )
+    height, width = required(fields, "ImageSize", 2, source)
+    distortion = np.concatenate([radial[:2], tangential, radial[2:], np.zeros(3 - len(radial))])
+    return camera_of(_matrix(fields, source), distortion, (int(width), int(height)), source)
+
+
+def _matrix(fields: Fields, source: str) -> FloatArray:
+    """K, whose first pixel is (1, 1) in MATLAB; older versions save its transpose."""
+    for name, transposed in (("K", False), ("IntrinsicMatrix", True)):
+        found = numbers_of(fields, name, source)
+        if found is not None:
+            if found.shape != (3, 3):
+                raise StereocalError(f"{source}: {name} is not a 3x3 matrix.")
+            return np.asarray((found.T if transposed else found) - FIRST_PIXEL)
+    f, c = (required(fields, name, 2, source) for name in ("FocalLength", "PrincipalPoint"))
+    return camera_matrix(f[0], f[1], c[0] - 1, c[1] - 1)
+
+
+def _struct_pose(fields: Fields, source: str) -> Pose | None:
+    """RotationOfCamera2 is R transposed; PoseCamera2 is the pose's inverse, its matrix in A."""
+    R = numbers_of(fields, "RotationOfCamera2", source)
+    if R is not None:
+        R = required({"R": R}, "R", 9, f"{source}, RotationOfCamera2").reshape(3, 3).T
+        return pose_of(R, required(fields, "TranslationOfCamera2", 3, source), source)
+    pose: Any = fields.get("PoseCamera2")
+    inner = pose if isinstance(pose, Mapping) else {"A": pose}
+    A = numbers_of(inner, "A", source) if inner.get("A") is not None else None
+    if A is None:
+        return None
+    A = required({"A": A}, "A", 16, f"{source}, PoseCamera2").reshape(4, 4)
+    return pose_of(A[:3, :3], A[:3, 3], source).inverse()
+
+
+def _struct_unit(fields: Fields) -> Unit | None:
+    parts = [fields, *(fields[part] for part in PARTS)]
+    stated = [part.get("WorldUnits") for part in parts]
+    known = {WORLD_UNITS[unit] for unit in stated if isinstance(unit, str) and unit in WORLD_UNITS}
+    return known.pop() if len(known) == 1 else None

@@ -9,26 +9,22 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    ReadRig,
+from stereocal.formats.camera_file import K_NAMES
+from stereocal.formats.exchange.options import ExchangeOptions, header, number
+from stereocal.formats.exchange.reading import (
+    STORAGES,
+    CameraPair,
+    Files,
+    ForeignFile,
     array_of,
-    header,
-    number,
+    camera_of,
+    pose_of,
     size_of,
-    text_of,
 )
-from stereocal.formats.file_storage import (
-    find_node,
-    is_number,
-    lens_model_of,
-    matrix_of,
-    read_storage,
-)
+from stereocal.formats.file_storage import find_node, is_number, lens_model_of, matrix_of
 from stereocal.formats.lens_model import check_lens_model, five_or_more
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
 NAMES: Mapping[str, tuple[str, ...]] = {
@@ -84,8 +80,17 @@ def rectification(rig: Rig) -> tuple[FloatArray, ...]:
     return tuple(np.asarray(each, dtype=np.float64) for each in found[:5])
 
 
-def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose, from one or several files.
+def is_opencv(file: ForeignFile) -> bool:
+    """Whether it has one of the matrices of a stereo file."""
+    if not file.ends_with(*STORAGES) or "format" in file.storage:
+        return False
+    if find_node(file.storage, K_NAMES) is not None:  # of a single camera
+        return False
+    return any(find_node(file.storage, names) is not None for names in NAMES.values())
+
+
+def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras from one or several files; their pose if R and T are there.
 
     Raises:
         StereocalError: a matrix is missing or damaged, or the image sizes are unknown.
@@ -93,45 +98,43 @@ def read_opencv(files: Mapping[str, bytes], options: ExchangeOptions, source: st
     found: dict[str, FloatArray] = {}
     sizes: dict[int, Any] = {}
     models: list[str | bool] = []
-    for name, content in files.items():
-        if name.lower().endswith((".yml", ".yaml", ".xml", ".json")):
-            _read_one(text_of(content, name), name, found, sizes, models)
+    for file in files:
+        if file.ends_with(*STORAGES):
+            _read_one(file, found, sizes, models)
     missing = [key for key in NAMES if key not in found]
-    if missing:
-        raise StereocalError(
-            f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
-            "(intrinsics.yml) and R, T (extrinsics.yml)."
-        )
-    stated = models[0] if models else None
+    lacks = (
+        f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
+        "(intrinsics.yml) and R, T (extrinsics.yml)."
+    )
+    if set(missing) - {"R", "T"}:
+        raise StereocalError(lacks)
     cameras = []
-    for k, which in ((1, "primary"), (2, "secondary")):
-        check_lens_model(found[f"D{k}"], stated, options.lens_model, f"{source}, {which}")
-        size = size_of(sizes.get(k), options.image_sizes[k - 1], which, source)
-        try:
-            K = array_of(found[f"M{k}"], (3, 3), f"M{k}", source)
-            cameras.append(Camera(K, found[f"D{k}"], size))
-        except StereocalError as error:
-            raise StereocalError(f"{source}, {which}: {error}") from error
+    for k, which in enumerate(CAMERAS):
+        where, K, D = f"{source}, {which}", found[f"M{k + 1}"], found[f"D{k + 1}"]
+        check_lens_model(D, models[0] if models else None, options.lens_model, where)
+        size = size_of(sizes.get(k), options, k, source)
+        K = array_of(K, (3, 3), f"M{k + 1}", source)
+        cameras.append(camera_of(K, D, size, where))
+    if missing:
+        return CameraPair(cameras[0], cameras[1], None, lacks)
     R, T = array_of(found["R"], (3, 3), "R", source), array_of(found["T"], (3,), "T", source)
-    return Rig(cameras[0], cameras[1], Pose(R, T)), None
+    return CameraPair(cameras[0], cameras[1], pose_of(R, T, source))
 
 
 def _read_one(
-    text: str,
-    name: str,
+    file: ForeignFile,
     found: dict[str, FloatArray],
     sizes: dict[int, Any],
     models: list[str | bool],
 ) -> None:
-    storage = read_storage(text, name)
     for key, known in NAMES.items():
-        node = find_node(storage, known)
+        node = find_node(file.storage, known)
         if node is not None:
-            found[key] = matrix_of(node, key, name)
-    stated = lens_model_of(storage)
+            found[key] = matrix_of(node, key, file.name)
+    stated = lens_model_of(file.storage)
     models += [] if stated is None else [stated]
-    for k in (1, 2):
-        node = find_node(storage, (f"image_size_{k}", "image_size", "imageSize"))
+    for k in (0, 1):
+        node = find_node(file.storage, (f"image_size_{k + 1}", "image_size", "imageSize"))
         if isinstance(node, list) and len(node) == 2 and all(map(is_number, node)):
             sizes[k] = node
 

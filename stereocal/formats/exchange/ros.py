@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
 from stereocal.formats.exchange.opencv_stereo import rectification
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    ReadRig,
+from stereocal.formats.exchange.options import ExchangeOptions, header, numbers
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    ForeignFile,
     array_of,
-    header,
-    numbers,
+    camera_of,
+    pose_of,
     size_of,
-    text_of,
 )
 from stereocal.formats.lens_model import check_lens_model
-from stereocal.formats.yaml_text import read_yaml
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+
+ONE_LENS, PRIMARY_FIRST = "one lens for both cameras", "primary first"
+SINGLE_FILES = "camera files"
+"""Program and words of cameras that were calibrated one by one."""
 
 
 def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
@@ -61,20 +62,40 @@ def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     return files
 
 
-def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) -> ReadRig:
-    """Two cameras and their pose; the primary's projection matrix has a last column of zeros.
+def is_ros(file: ForeignFile) -> bool:
+    """Whether it is a camera_info file."""
+    keys = {"camera_matrix", "projection_matrix", "distortion_model"}
+    return file.ends_with(".yaml", ".yml") and keys <= set(file.storage)
+
+
+def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """The cameras of two camera_info files, or one lens for both; their pose if it is in them.
 
     Raises:
-        StereocalError: not two files, or not a rectified pair.
+        StereocalError: more than two files, another lens model, or a number is missing.
     """
-    fitting = {n: c for n, c in files.items() if n.lower().endswith((".yaml", ".yml"))}
-    if len(fitting) != 2:
-        raise StereocalError(
-            f"{source}: two camera_info files are expected, there are {len(fitting)}: use their "
-            "folder."
-        )
-    read = [(name, read_yaml(text_of(content, name), name)) for name, content in fitting.items()]
-    projections = [_numbers_of(data, "projection_matrix", (3, 4), name) for name, data in read]
+    fitting = [file for file in files if file.ends_with(".yaml", ".yml")]
+    expected = (
+        f"{source}: two camera_info files are expected, there are {len(fitting)}: use their folder."
+    )
+    if not 1 <= len(fitting) <= 2:
+        raise StereocalError(expected)
+    pose, no_pose = None, expected
+    if len(fitting) == 2:
+        try:
+            pose, fitting = _rectified_pair(fitting, source)
+        except StereocalError as error:  # cameras that were calibrated one by one
+            no_pose = str(error)
+    cameras = [_camera(file, k, options) for k, file in enumerate(fitting)]
+    if pose is not None:
+        return CameraPair(cameras[0], cameras[1], pose)
+    words = ONE_LENS if len(cameras) == 1 else PRIMARY_FIRST
+    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words)
+
+
+def _rectified_pair(files: Files, source: str) -> tuple[Pose, list[ForeignFile]]:
+    """The pose, and the files with the primary's first: its last column of P has zeros."""
+    projections = [_numbers_of(file, "projection_matrix", (3, 4)) for file in files]
     shifts = [float(np.abs(P[:2, 3]).max()) for P in projections]
     if min(shifts) > 0 or max(shifts) == 0:
         raise StereocalError(
@@ -82,23 +103,18 @@ def read_ros(files: Mapping[str, bytes], options: ExchangeOptions, source: str) 
             "last column of zeros, the other the baseline."
         )
     first, second = (0, 1) if shifts[0] == 0 else (1, 0)
-    turns = [_numbers_of(data, "rectification_matrix", (3, 3), name) for name, data in read]
+    turns = [_numbers_of(file, "rectification_matrix", (3, 3)) for file in files]
     R1, R2, P2 = turns[first], turns[second], projections[second]
     if not (P2[0, 0] > 0 and P2[1, 1] > 0):
         raise StereocalError(f"{source}: the focal lengths of a projection matrix are not above 0.")
     T = R2.T @ np.array([P2[0, 3] / P2[0, 0], P2[1, 3] / P2[1, 1], 0.0])
-    cameras = [ros_camera(*read[k], which, options) for which, k in enumerate((first, second))]
-    return Rig(cameras[0], cameras[1], Pose(R2.T @ R1, T)), None
+    return pose_of(R2.T @ R1, T, source), [files[first], files[second]]
 
 
-def ros_camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOptions) -> Camera:
-    """The camera of a camera_info file; `k` is 0 for the primary.
-
-    Raises:
-        StereocalError: another lens model, or a number is missing.
-    """
+def _camera(file: ForeignFile, k: int, options: ExchangeOptions) -> Camera:
+    data, name = file.storage, file.name
     model = data.get("distortion_model")
-    coefficients = _numbers_of(data, "distortion_coefficients", (-1,), name)
+    coefficients = _numbers_of(file, "distortion_coefficients", (-1,))
     check_lens_model(coefficients, model, options.lens_model, name)
     if model not in (None, "plumb_bob", "rational_polynomial"):
         raise StereocalError(
@@ -106,18 +122,16 @@ def ros_camera(name: str, data: Mapping[str, Any], k: int, options: ExchangeOpti
             "rational_polynomial."
         )
     size = [data.get("image_width"), data.get("image_height")]
-    which = CAMERAS[k]
-    return Camera(
-        _numbers_of(data, "camera_matrix", (3, 3), name),
-        coefficients,
-        size_of(None if None in size else size, options.image_sizes[k], which, name),
+    K = _numbers_of(file, "camera_matrix", (3, 3))
+    return camera_of(
+        K, coefficients, size_of(None if None in size else size, options, k, name), name
     )
 
 
-def _numbers_of(data: Mapping[str, Any], key: str, shape: tuple[int, ...], name: str) -> FloatArray:
-    table = data.get(key)
+def _numbers_of(file: ForeignFile, key: str, shape: tuple[int, ...]) -> FloatArray:
+    table = file.storage.get(key)
     values = table.get("data") if isinstance(table, dict) else table
-    return array_of(values, shape, key, name)
+    return array_of(values, shape, key, file.name)
 
 
 def _matrix(name: str, values: FloatArray) -> str:

@@ -1,0 +1,250 @@
+"""What the readers of other programs' camera files share: a file, its numbers, two cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import StereocalError, naming
+from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
+from stereocal.formats.file_storage import Storage, read_storage
+from stereocal.formats.units import Unit, metres_per_unit
+from stereocal.formats.yaml_text import read_yaml
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
+from stereocal.system.arrays import LARGEST
+
+LARGEST_BYTES = 4_000_000
+STORAGES = (".yaml", ".yml", ".xml", ".json")
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignFile:
+    """A file of another program."""
+
+    name: str
+    content: bytes
+
+    def ends_with(self, *endings: str) -> bool:
+        """Whether its name has one of these endings."""
+        return self.name.lower().endswith(endings)
+
+    @cached_property
+    def text(self) -> str:
+        """Its text.
+
+        Raises:
+            StereocalError: empty, too large, or not text.
+        """
+        if not self.content.strip():
+            raise StereocalError("the file is empty.", self.name)
+        if len(self.content) > LARGEST_BYTES:
+            raise StereocalError(
+                f"{len(self.content)} bytes are too many for a parameter file.", self.name
+            )
+        try:
+            return self.content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise StereocalError("this is not a text file (UTF-8).", self.name) from error
+
+    @cached_property
+    def storage(self) -> Storage:
+        """The nodes of a YAML, XML or JSON file.
+
+        Raises:
+            StereocalError: it is none of them, or damaged.
+        """
+        if self.text.lstrip().startswith(("{", "<", "%YAML")):
+            return read_storage(self.text, self.name)
+        return read_yaml(self.text, self.name)
+
+
+Files = Sequence[ForeignFile]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPair:
+    """Two cameras of another program's files, and their pose if it is known."""
+
+    primary: Camera
+    secondary: Camera
+    pose: Pose | None
+    """`secondary_from_primary`, in the unit of the file."""
+    no_pose: str = ""
+    """Why there is no pose, for an error."""
+    program: str = ""
+    words: str = ""
+    """Which cameras they are."""
+    cameras: tuple[str, ...] = ()
+    """Names of all cameras of the file, if it can have any number of them."""
+    remarks: tuple[str, ...] = ()
+    """For the user."""
+    stated: Unit | None = None
+    """Unit of the file, if it states one."""
+    usual: Unit | None = None
+    """Unit of all files of this program."""
+
+    def scale(self, baseline: float, unit: Unit | None, source: str) -> float:
+        """Metres per unit of the file; `unit` is stated by the user.
+
+        Raises:
+            UnitError: the unit is not known, or implausible.
+        """
+        return metres_per_unit(baseline, self.stated, unit, self.usual, source)
+
+    def rig(self, options: ExchangeOptions, source: str) -> Rig:
+        """The rig in metres.
+
+        Raises:
+            StereocalError: there is no pose, as `scale`, or more than two cameras and no choice.
+        """
+        if len(self.cameras) > 2 and options.cameras is None:
+            raise StereocalError(
+                f"two cameras are expected; the file has {len(self.cameras)} "
+                f"({', '.join(self.cameras)[:200]}).",
+                source,
+            )
+        if self.pose is None:
+            raise StereocalError(self.no_pose)
+        scale = self.scale(self.pose.baseline, options.unit, source)
+        return Rig(self.primary, self.secondary, Pose(self.pose.R, scale * self.pose.T))
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The two cameras that are taken of those in a file."""
+
+    cameras: tuple[str, ...]
+    pair: tuple[int, int]
+    """Indices of the primary and the secondary."""
+    by_user: bool
+
+    @property
+    def names(self) -> tuple[str, str]:
+        return self.cameras[self.pair[0]], self.cameras[self.pair[1]]
+
+    @property
+    def words(self) -> str:
+        """Which cameras are used, in words."""
+        more = f" of {len(self.cameras)}" if len(self.cameras) > 2 else ""
+        return f"cameras {self.names[0]} and {self.names[1]}{more}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A remark if two of more cameras were taken that nobody chose."""
+        if len(self.cameras) <= 2 or self.by_user:
+            return ()
+        return (
+            f"There are {len(self.cameras)} cameras ({', '.join(self.cameras)[:100]}); the first "
+            "two were taken. Choose others with --cameras, as --cameras 1,3.",
+        )
+
+
+def chosen_pair(cameras: tuple[str, ...], wanted: tuple[str, str] | None, source: str) -> Chosen:
+    """The primary and the secondary among the cameras of a file.
+
+    Raises:
+        StereocalError: fewer than two cameras, or one that is not there or is named twice.
+    """
+    if len(cameras) < 2:
+        raise StereocalError(f"two cameras are expected; the file has {len(cameras)}.", source)
+    if wanted is None:
+        return Chosen(cameras, (0, 1), False)
+    first, second = (_index(name, cameras, source) for name in wanted)
+    if first == second:
+        raise StereocalError("primary and secondary are the same camera: choose two.", source)
+    return Chosen(cameras, (first, second), True)
+
+
+def _index(wanted: str, names: tuple[str, ...], source: str) -> int:
+    for name in (wanted, f"cam{wanted}"):
+        if name in names and not wanted.isdecimal():
+            return names.index(name)
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    raise StereocalError(
+        f"there is no camera {wanted}; the file has {len(names)}, counted from 1 "
+        f"({', '.join(names)[:200]}).",
+        source,
+    )
+
+
+def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFile:
+    """The only file, or the only one with one of these endings.
+
+    Raises:
+        StereocalError: none, or several.
+    """
+    fitting = [file for file in files if file.ends_with(*endings)] or files
+    if len(fitting) != 1:
+        raise StereocalError(
+            f"one file that ends with {' or '.join(endings)} is expected; there are "
+            f"{len(fitting)}.",
+            source,
+        )
+    return fitting[0]
+
+
+def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> FloatArray:
+    """Numbers from a file as an array of `shape`; -1 in it is any length.
+
+    Raises:
+        StereocalError: not numbers, not finite, too large, or another shape.
+    """
+    try:
+        found = np.array(value, dtype=np.float64).reshape(shape)
+    except (TypeError, ValueError, OverflowError) as error:
+        size = "x".join("n" if side < 0 else str(side) for side in shape)
+        raise StereocalError(f"{what} is not a table of {size} numbers.", source) from error
+    if not np.isfinite(found).all():
+        raise StereocalError(f"{what} has a number that is not finite.", source)
+    if (np.abs(found) > LARGEST).any():
+        raise StereocalError(f"{what} has a number that is too large.", source)
+    return found
+
+
+def size_of(value: Any, options: ExchangeOptions, k: int, source: str) -> ImageSize:
+    """The image size of camera `k`: the file's (`value`), or else the user's.
+
+    Raises:
+        StereocalError: there is neither, or they contradict each other.
+    """
+    by_user, which = options.image_sizes[k], CAMERAS[k]
+    if value is None:
+        if by_user is None:
+            raise StereocalError(
+                f"the file does not state the image size of the {which} camera: state it.", source
+            )
+        return by_user
+    width, height = (int(side) for side in array_of(value, (2,), "the image size", source))
+    if by_user is not None and by_user != (width, height):
+        raise StereocalError(
+            f"the images of the {which} camera have {width}x{height} px in the file, but "
+            f"{by_user[0]}x{by_user[1]} px were entered.",
+            source,
+        )
+    return width, height
+
+
+def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
+    """K without skew."""
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def camera_of(K: FloatArray, distortion: npt.ArrayLike, size: ImageSize, source: str) -> Camera:
+    """A camera whose errors begin with `source`."""
+    with naming(source):
+        return Camera(K, np.asarray(distortion, dtype=np.float64), size)
+
+
+def pose_of(R: npt.ArrayLike, T: FloatArray, source: str) -> Pose:
+    """A pose whose errors begin with `source`."""
+    with naming(source):
+        return Pose(np.asarray(R, dtype=np.float64), T)

@@ -1,0 +1,73 @@
+"""A setting is described once: its option, its bounds, its JSON and its widget agree."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+
+from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.commands.options import add_search_options, settings_from
+from stereocal.errors import StereocalError
+from stereocal.system.described import descriptions
+
+OPTIONS = {
+    "delta": "--delta",
+    "delta_min": "--delta-min",
+    "acceptance": "--acceptance",
+    "shrink": "--shrink",
+    "minimum_moves": "--minimum-moves",
+    "seed": "--seed",
+    "essential": "--essential",
+    "all_frames": "--all-frames",
+    "frames_put_back": "--put-back",
+    "frames_left_out": "--leave-out",
+    "time_offset": "--time-offset",
+    "time_drift": "--time-drift",
+}
+"""What scripts write on the command line."""
+
+
+def parsed(*words: str) -> CalibrationSettings:
+    parser = argparse.ArgumentParser()
+    add_search_options(parser)
+    parser.set_defaults(known_points=False)
+    return settings_from(parser.parse_args(words), None)
+
+
+def test_the_options_are_those_that_scripts_write() -> None:
+    parser = argparse.ArgumentParser()
+    add_search_options(parser)
+    found = {each.dest: each.option_strings for each in parser._actions if each.dest != "help"}
+    assert found == {name: [option] for name, option in OPTIONS.items()}
+
+
+def test_without_options_the_defaults() -> None:
+    assert parsed() == CalibrationSettings()
+
+
+def test_each_option_sets_its_setting() -> None:
+    search = SearchSettings(0.01, 1e-5, 0.3, 0.5, 7, seed=9)
+    words = "--delta 0.01 --delta-min 1e-5 --acceptance 0.3 --shrink 0.5 --minimum-moves 7 --seed 9"
+    assert parsed(*words.split()) == CalibrationSettings(search)
+    wanted = CalibrationSettings(
+        essential="linear",
+        all_frames=True,
+        frames_put_back=(2, 3),
+        frames_left_out=(4,),
+        time_offset=True,
+        time_drift=True,
+    )
+    words = "--essential linear --all-frames --put-back 3 2 --leave-out 4 --time-drift"
+    assert parsed(*words.split()) == wanted
+    assert CalibrationSettings.from_json(wanted.to_json()) == wanted
+
+
+@pytest.mark.parametrize("name", descriptions(SearchSettings))
+def test_the_bounds_hold_where_they_are_described(name: str) -> None:
+    about = descriptions(SearchSettings)[name]
+    kind = type(about.default)
+    for outside in (about.low - (about.low or 1), about.high * 2 + 1):
+        with pytest.raises(StereocalError, match=f"^{name} is "):
+            SearchSettings(**{name: kind(outside)})
