@@ -19,7 +19,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import apply as apply_page
-from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 from tests.pages.waiting import ended
 
 ROOT = Path(__file__).parents[2]
@@ -183,22 +183,6 @@ def test_a_long_work_runs_as_a_job(
     assert "90 pairs in 6 frames" in said(app, "success")
 
 
-def test_sets_used_for_the_wrong_purpose_and_of_another_rig(app: AppTest, home: Path) -> None:
-    with_files(app).number_input(key="apply_threshold").set_value(0.7).run()
-    give_sets(app, SET_3D, SET_2D)
-    assert "Match with parameters_2d.json" in said(app, "warning")
-    assert "Measure with parameters_3d.json" in said(app, "warning")
-    kept = written(app, home)[0]
-    wider = replace(SET_3D, pose=replace(RIG, T=1.2 * RIG.T))
-    give_sets(app, SET_2D, wider)
-    assert "The two parameter files are of different rigs: the baseline" in said(app, "error")
-    pd.testing.assert_frame_equal(written(app, home)[0], kept)
-    small = replace(PRIMARY, image_size=(800, 600))
-    give_sets(app, replace(SET_2D, primary=small), replace(SET_3D, primary=small))
-    assert "the parameters are of images of 800x600 px" in said(app, "error")
-    pd.testing.assert_frame_equal(written(app, home)[0], kept)
-
-
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
@@ -219,49 +203,6 @@ def test_a_bad_file_is_said_and_nothing_is_lost(
     assert "In use: p.csv, 90 points" in said(app, "caption")
     assert "90 pairs" in said(app, "success")
     assert str(home) not in said(app)
-
-
-def dltdv(height: tuple[int, int] = (1200, 1024)) -> bytes:
-    """Both ends of the bar as DLTdv5 writes them, counted from the lower left."""
-    first, second = images(bar_ends(6))
-    lines = [
-        "pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y,pt2_cam1_X,pt2_cam1_Y,pt2_cam2_X,pt2_cam2_Y"
-    ]
-    for k in range(6):
-        cells = []
-        for end in (0, 1):
-            for view, high in zip((first, second), height, strict=True):
-                u, v = view[2 * k + end]
-                cells += [repr(float(u + 1)), repr(float(high - v))]
-        lines.append(",".join(cells))
-    return "\n".join(lines).encode()
-
-
-def test_wizard_of_dltdv_files(app: AppTest, home: Path) -> None:
-    give_points(begun(app), dltdv(), dltdv())
-    assert any("looks like DLTdv5 to 7" in item.value for item in app.markdown)
-    assert app.selectbox(key="wizard_primary_camera").value == "cam1"
-    assert app.selectbox(key="wizard_secondary_camera").value == "cam2"
-    assert "Give the image height" in said(app, "info")
-    for side, height in (("primary", 1200), ("secondary", 1024)):
-        app.number_input(key=f"wizard_{side}_image_height").set_value(height).run()
-    preview = app.table[0].value
-    first, _ = images(bar_ends(6))
-    np.testing.assert_allclose(preview["u"].to_numpy(dtype=float)[0], first[0, 0], atol=1e-4)
-    np.testing.assert_allclose(preview["v"].to_numpy(dtype=float)[0], first[0, 1], atol=1e-4)
-    for side in ("primary", "secondary"):
-        app.button(key=f"use_{side}").click().run()
-    give_sets(app, SET_2D, SET_3D)
-    pairs, points = written(app, home)
-    assert len(pairs) == 12
-    assert (pairs["point_primary"] == pairs["point_secondary"]).all()
-    np.testing.assert_allclose(np.sort(points["z"]), np.sort(bar_ends(6)[:, 2]), rtol=0, atol=1e-9)
-    # The answers are kept, for the same file and for the next.
-    app.button(key="again_primary").click().run()
-    assert app.number_input(key="wizard_primary_image_height").value == 1200
-    app.selectbox(key="wizard_primary_corner").set_value("upper-left").run()
-    app.button(key="aside_primary").click().run()
-    assert len(written(app, home)[0]) == 12
 
 
 def test_wizard_of_a_table_with_unknown_columns(app: AppTest, home: Path) -> None:

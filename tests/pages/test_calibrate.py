@@ -18,7 +18,6 @@ from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
-from stereocal.ui.closer_looks import VIEWS
 from stereocal.ui.refined import answer_of
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import calibrate
@@ -74,19 +73,6 @@ def test_a_projects_zip_gives_the_same_files_again(
     pack_project(project, target, archive_files(found, found.sets))
     assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 2
     assert "there is no reproduce.json" in capsys.readouterr().err
-
-
-def test_closer_looks_come_one_at_a_time(pressed: AppTest) -> None:
-    assert not pressed.table
-    seen = set()
-    for view in VIEWS:
-        pressed.segmented_control(key="view").set_value(view).run()
-        assert not pressed.exception and not pressed.error
-        seen.add(text(pressed) + captions(pressed))
-        if view == "Parameters":
-            first, second = (table.value for table in pressed.table)
-            assert len(first) <= 8 and "Baseline (m)" in second.index
-    assert len(seen) == len(VIEWS)
 
 
 def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:

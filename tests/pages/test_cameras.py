@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
@@ -96,23 +95,6 @@ def test_photograph_left_out_and_views(app: AppTest, boards: dict[str, bytes]) -
     for view in ("Photograph by photograph", "What the lens leaves", "Without distortion"):
         app.segmented_control(key="lens_view").set_value(view).run()
         assert not app.exception and not app.error
-
-
-def test_bad_photographs_are_said_and_nothing_is_lost(
-    app: AppTest, home: Path, boards: dict[str, bytes]
-) -> None:
-    calibrate(small_board(upload(app, boards)))
-    before = store_of(app, home).calibration
-    upload(app, {"text.png": b"no photograph"})
-    calibrate(app)
-    assert "7 photographs" in messages(app) and not app.error
-    assert any("text" in item.value and "photograph" in item.value for item in app.markdown)
-    app.number_input(key="lens_subset").set_value(20).run()
-    calibrate(app)
-    assert "at least 8 are needed" in messages(app)
-    after = store_of(app, home).calibration
-    assert before is not None and after is not None
-    np.testing.assert_array_equal(after.draws, before.draws)
 
 
 def test_sample_photographs(app: AppTest, home: Path) -> None:

@@ -109,13 +109,6 @@ def test_a_table_of_bars_and_the_archive(
         assert found[1].read_bytes() == content
 
 
-def test_parameters_without_covariance_are_one_message(begun: AppTest, files: Files) -> None:
-    give(begun, "images", "moved.zip", files.moved)
-    bare = files.parameters.replace(b'"uncertainties"', b'"something"')
-    give(begun, "parameters", "p.json", bare)
-    assert "does not state the covariance" in said(begun, "error")
-
-
 def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:
     calibrated(app)
     app.switch_page("pages/check.py").run()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,7 @@ import pytest
 from streamlit import config
 from streamlit.testing.v1 import AppTest
 
-from stereocal.calibration.methods import CalibrationSettings
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.ui.menu import TITLES
-from stereocal.ui.refined import calibrated, refined_of
-from stereocal.ui.screening import screenings_of
 from tests.browser.work import finished_project
 
 ROOT = Path(__file__).parents[2]
@@ -57,23 +51,3 @@ def test_unforeseen_error_tells_its_kind_and_no_more(
 
 def _as_on_the_server(option: Callable[[str], Any]) -> Callable[[str], Any]:
     return lambda key: "type" if key == "client.showErrorDetails" else option(key)
-
-
-def test_same_numbers_under_another_name_are_not_shared() -> None:
-    """The caches of pages are the server's: a key must hold all that a result tells."""
-    mine = read_dataset(ROOT / "sample_data/field")
-    other = replace(mine, name="somebody else's", notes="and what they wrote")
-    settings = RefineSettings()
-    for dataset in (mine, other, mine):
-        assert refined_of(dataset, settings).dataset.name == dataset.name
-        assert refined_of(dataset, settings).dataset.notes == dataset.notes
-        assert calibrated(dataset, CalibrationSettings()).dataset.name == dataset.name
-
-
-def test_stated_uncertainties_belong_to_a_screening() -> None:
-    data = read_dataset(ROOT / "sample_data/field")
-    settings = CalibrationSettings()
-    for sigma in (None, 0.001, 0.01):
-        stated = replace(data, baseline_sigma_m=sigma)
-        (found,) = screenings_of([stated], settings)
-        assert found.dataset.baseline_sigma_m == sigma

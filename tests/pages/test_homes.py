@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,25 +36,6 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def fresh() -> AppTest:
     return AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-
-
-def test_a_home_that_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    home = tmp_path / "home"
-    home.write_text("a file")
-    monkeypatch.setenv("STEREOCAL_HOME", str(home))
-    app = fresh()
-    for page in TITLES:
-        go(app, page)
-        assert not app.exception, page
-    go(app, "start").button(key="demo").click().run()
-    assert "cannot be made" in told(app, "error") and not app.exception
-    go(app, "data").number_input(key="baseline_m_value").set_value(4.5).run()
-    assert "cannot be made" in told(app, "error") and not app.exception
-    go(app, "apply").button(key="apply_begin").click().run()
-    assert "cannot be made" in told(app, "error") and not app.exception
-    go(app, "cameras").button(key="sample_boards").click().run()
-    assert "cannot be made" in told(app, "error") and not app.exception
-    assert home.read_text() == "a file"
 
 
 def test_nothing_can_be_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -124,21 +104,3 @@ def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
         ],
         "apply": [lambda app: app.number_input(key="apply_threshold").set_value(2.0)],
     }
-
-
-def test_a_read_only_home_is_called_read_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It was called a disk that servers cannot share, as a network disk."""
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    (tmp_path / "projects").mkdir()
-    access = os.access  # of every file: the tests may run as root
-
-    def no_writing(path: str | Path, mode: int) -> bool:
-        return access(path, mode) and not (mode & os.W_OK and str(path).startswith(str(tmp_path)))
-
-    monkeypatch.setattr(os, "access", no_writing)
-    monkeypatch.setattr("stereocal.ui.projects.journal_of", lambda _: "delete")
-    app = fresh()
-    assert "read-only" in told(app, "warning")
-    assert "shared safely" not in told(app, "info") and not app.exception

@@ -90,25 +90,6 @@ def test_it_goes_on_to_the_same_result(
     assert same_runs(list(found.runs[0]), evaluate_runs(dataset, found.settings, 0, range(40)))
 
 
-def test_with_changed_settings_it_can_only_start_anew(interrupted: AppTest, home: Path) -> None:
-    app = interrupted
-    app.slider(key="validate_runs").set_value(50).run()
-    assert STOPPED in messages(app) and "can only be started again" in messages(app)
-    assert "go_on_evaluation" not in keys(app)
-    assert {"validate", "discard_evaluation"} <= keys(app)
-    app.slider(key="validate_runs").set_value(40).run()
-    assert "go_on_evaluation" in keys(app)
-    app.switch_page("pages/data.py").run()
-    app.number_input(key="baseline_m_value").set_value(4.6).run()
-    app.switch_page("pages/validate.py").run()
-    assert "can only be started again" in messages(app)
-    assert "go_on_evaluation" not in keys(app)
-    app.button(key="discard_evaluation").click().run()
-    assert STOPPED not in messages(app)
-    assert "validate" in keys(app)
-    assert stored_jobs.find(project_of(app, home).database, "evaluation") is None
-
-
 def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:
     project = project_of(long_validation(app), home)
     other = stored_jobs.begin(project.database, "evaluation", ("runs",), {})

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.system.latest import Latest
@@ -18,7 +16,7 @@ from stereocal.ui import refined
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.workflow import calibrate, conclusions_of_seeds
 from tests.pages.stored_projects import messages
-from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
+from tests.pages.test_pages import open_sample, project_of
 from tests.pages.waiting import wait_until
 
 
@@ -100,20 +98,6 @@ def test_other_seeds_are_tried_beside_the_page_and_once(
     one_set(app)
     wait_until(lambda: "Trying other seeds" not in text(app.run()))
     assert "Another seed" in messages(app) and len(tried) == 1
-
-
-def test_a_baseline_typed_wrong_is_named(app: AppTest, home: Path) -> None:
-    dataset = replace(read_dataset(FIELD), baseline_m=4.7)
-    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
-    assert few_runs(app, home).inputs.baseline_m == 4.7
-    app.selectbox(key="baseline_m_known").set_value("Tape").run()
-    one_set(app)
-    said = messages(app)
-    assert "the measured baseline is 4.50" in said and "not 4.700" in said
-    assert "4.7" in str(app.table[0].value.loc["Baseline", "Stated"])
 
 
 def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:

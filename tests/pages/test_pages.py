@@ -89,28 +89,6 @@ def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        (b"", "the file is empty"),
-        (b"no zip", "not a valid zip"),
-        (zipped({"a/readme.txt": b"x"}), "there is no dataset.json"),
-        (zipped({"dataset.json": b"{}"}), "must be an object with"),
-    ],
-)
-def test_bad_zip_is_said_and_nothing_is_lost(
-    content: bytes, sentence: str, app: AppTest, home: Path
-) -> None:
-    open_sample(app)
-    before = project_of(app, home).dataset
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("bad.zip", content, "application/zip").run()
-    assert sentence in messages(app).replace("\\", "")
-    assert "What was loaded before is unchanged" in messages(app)
-    after = project_of(app, home).dataset
-    assert before is not None and after is not None and before.sha256 == after.sha256
-
-
-@pytest.mark.parametrize(
     ("line", "column", "value", "reason"),
     [
         (5, 2, "x", 'u_primary is "x"'),
@@ -172,11 +150,3 @@ def test_lengths_in_another_unit_are_asked_about_once(app: AppTest, home: Path) 
     assert project.inputs.baseline_m == pytest.approx(4.6)
     assert project.inputs.target_distance_m == pytest.approx(0.9)
     assert app.number_input(key="baseline_m_value").value == pytest.approx(4.6)
-
-
-def test_distance_in_wrong_unit_is_said_when_calibrating(app: AppTest) -> None:
-    open_sample(app)
-    app.number_input(key="target_distance_m_value").set_value(900.0).run()
-    app.switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    assert "The distance looks like millimetres" in messages(app)

@@ -99,19 +99,6 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
     assert again.checkbox(key="use_frame_2").value is False
 
 
-@pytest.mark.parametrize(
-    ("files", "sentence"),
-    [
-        ({"notes.txt.zip": b"x"}, "not a valid zip"),
-        ({"empty.zip": b""}, "the file is empty"),
-        ({"left1.png": FILES["primary/left1.png"]}, "there is one photograph"),
-    ],
-)
-def test_what_cannot_be_used_is_said(files: dict[str, bytes], sentence: str, app: AppTest) -> None:
-    upload(app, files)
-    assert sentence in messages(app)
-
-
 def dataset_files() -> dict[str, bytes]:
     files = {f"rig/{name}": content for name, content in FILES.items()}
     for slot in ("primary", "secondary"):
@@ -171,19 +158,3 @@ def test_cancel_leaves_what_was_found_before(
     assert "Cancelled. What was found before is unchanged" in messages(app)
     assert store_of(app, tmp_path).frames == before
     assert not app.button(key="find_targets").disabled
-
-
-def test_a_search_that_fails_is_said(
-    app: AppTest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        raise RuntimeError("<b>no</b>")
-
-    upload_zip(app, FILES)
-    give_cameras_and_lengths(app)
-    monkeypatch.setattr("stereocal.ui.photographs.detect_frames", fail)
-    app.button(key="find_targets").click().run()
-    ended(store_of(app, tmp_path).project, "photographs")
-    app.run()
-    assert "Unexpected error. Earlier results are unchanged" in messages(app)
-    assert store_of(app, tmp_path).frames is None

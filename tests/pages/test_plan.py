@@ -51,13 +51,6 @@ def test_the_answer_follows_the_controls(app: AppTest) -> None:
     assert "at 20 m" in messages(app)
 
 
-def test_a_plan_that_cannot_work_is_one_message(app: AppTest) -> None:
-    app.slider(key="plan_toe_in_deg").set_value(60.0).run()
-    assert len(app.error) == 1 and "nothing in common" in messages(app)
-    app.slider(key="plan_toe_in_deg").set_value(10.0).run()
-    assert not app.error and "Limited by" in messages(app)
-
-
 def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     cameras = {"primary": "left.json", "secondary": contents()["cameras"]["secondary"]}
     content = json.dumps(contents(cameras=cameras, bar_m=1.25, frames=33)).encode()

@@ -127,23 +127,6 @@ def test_a_shared_server_lists_nothing(
     assert Project.open(home, project.id).dataset is not None
 
 
-def test_on_a_shared_server_the_open_project_is_renamed_copied_and_removed(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    project = project_of(open_sample(app), home)
-    monkeypatch.setenv("STEREOCAL_SHARED", "1")
-    start(app).text_input(key=f"name_{project.id}").set_value("Swifts").run()
-    assert Project.open(home, project.id).inputs.name == "Swifts"
-    app.button(key=f"duplicate_{project.id}").click().run()
-    copy = project_of(app, home)
-    assert copy.id != project.id and copy.inputs.name == "Swifts (copy)"
-    assert f"remove_{copy.id}" in keys(app) and not any(project.id in key for key in keys(app))
-    app.button(key=f"remove_{copy.id}").click().run()
-    assert not app.exception and "bring_it_back" in keys(app)
-    assert not any(copy.id in key for key in keys(app))
-    assert {one.id for one in recent_projects(home)} == {project.id}
-
-
 @pytest.mark.parametrize("shared", ["0", "1"])
 @pytest.mark.parametrize("page", ["start", "data"])
 def test_who_has_the_address_brings_a_removed_project_back(

@@ -17,7 +17,7 @@ from stereocal.frames.search import detect_frames
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import read_review
-from stereocal.ui.picker import Pick, pick_of
+from stereocal.ui.picker import Pick
 from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
 
@@ -186,30 +186,3 @@ class TestClick:
         sentence = self.click(store, 1, 10.25, 20.5, shift)
         assert sentence == "B in the primary photograph is now where you clicked, (10.25, 20.50)."
         assert self.centre(store, 1) == Centre(10.25, 20.5, None, "manual")
-
-    def test_a_click_in_a_photograph_that_is_no_longer_shown(
-        self, store: ProjectPhotographs
-    ) -> None:
-        before = read_review(store)
-        take_pick(store, 1, 0, Pick("another", 10.0, 10.0, True))
-        assert read_review(store) == before
-
-
-class TestPicker:
-    @pytest.mark.parametrize(
-        "sent",
-        [
-            None,
-            3,
-            "x",
-            {},
-            {"id": "a", "u": "x", "v": 1, "raw": False},
-            {"id": "a", "u": float("nan"), "v": 1, "raw": False},
-            {"id": "a", "u": 1, "v": 2},
-        ],
-    )
-    def test_what_is_no_click(self, sent: object) -> None:
-        assert pick_of(sent) is None
-
-    def test_a_click(self) -> None:
-        assert pick_of({"id": "a", "u": 1, "v": 2.5, "raw": True}) == Pick("a", 1.0, 2.5, True)

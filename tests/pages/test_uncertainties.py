@@ -20,8 +20,6 @@ from tests.pages.stored_projects import SLOW
 from tests.pages.test_pages import FIELD, open_sample, project_of
 
 ROOT = Path(__file__).parents[2]
-LENGTHS = ("baseline_m", "target_distance_m")
-LENSES = ("primary", "secondary")
 
 
 def known_lens() -> bytes:
@@ -38,18 +36,6 @@ def read(project: Project) -> Dataset:
 
 def choose(app: AppTest, key: str, option: str) -> None:
     app.selectbox(key=f"{key}_known").set_value(option).run()
-
-
-def test_nothing_is_stated_until_somebody_does(app: AppTest, home: Path) -> None:
-    project = project_of(open_sample(app), home)
-    for key in (*LENGTHS, *(f"lens_{which}" for which in LENSES)):
-        assert app.selectbox(key=f"{key}_known").value == "Not stated"
-    dataset = read(project)
-    assert dataset.baseline_sigma_m is None and dataset.target_distance_sigma_m is None
-    assert dataset.primary.uncertainty is None and dataset.secondary.uncertainty is None
-    app.switch_page("pages/one_set.py").run()
-    said = " ".join(item.value for item in app.caption)
-    assert said.count("(not stated, assumed)") == 4
 
 
 def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
