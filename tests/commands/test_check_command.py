@@ -100,16 +100,6 @@ def test_a_moved_camera_and_repaired_parameters(
     assert not (work.out / "parameters_repaired.json").exists()
 
 
-def test_matched_points_alone(work: Work, capsys: pytest.CaptureFixture[str]) -> None:
-    assert work.check(work.parameters, work.pairs) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith("Moved: ")
-    assert "do not show the baseline" in printed
-    baseline = work.answer["baseline_m"]
-    assert isinstance(baseline, dict)
-    assert baseline["low"] is None
-
-
 def test_a_file_without_covariance_uses_the_refined_file_beside_it(
     work: Work, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -238,31 +238,6 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(
     assert not out.exists() or not any(out.iterdir())
 
 
-def test_bad_settings_and_bad_output(
-    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = str(tmp_path / "out")
-    assert main(["calibrate", str(field), "--out", out, "--acceptance", "2"]) == 2
-    assert "acceptance is 2.0" in capsys.readouterr().err
-    assert main(["calibrate", str(field), "--out", out, "--calibration-frames", "26"]) == 2
-    assert "26 calibration frames" in capsys.readouterr().err
-    (tmp_path / "file").write_text("kept")
-    assert main(["calibrate", str(field), "--out", str(tmp_path / "file")]) == 2
-    assert "cannot be written" in capsys.readouterr().err
-    assert (tmp_path / "file").read_text() == "kept"
-    assert main(["calibrate", str(tmp_path / "nowhere"), "--out", out]) == 2
-    assert "nowhere" in capsys.readouterr().err
-
-
-def test_one_file_that_cannot_be_replaced_leaves_both_old_ones(field: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    (out / "parameters_3d.json").mkdir(parents=True)
-    (out / "parameters_2d.json").write_text("old")
-    assert main(["calibrate", str(field), "--out", str(out)]) == 2
-    assert (out / "parameters_2d.json").read_text() == "old"
-    assert len(list(out.iterdir())) == 2
-
-
 def test_the_time_offset_is_found_and_applied(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

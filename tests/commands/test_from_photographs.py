@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,9 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.formats.camera_file import read_camera
-from stereocal.refined.refine import refine
-from stereocal.refined.uncertainty import standard_errors
-from stereocal.refined.unknowns import LensPrior, RefineSettings, lens_prior
-from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.refined.unknowns import lens_prior
+from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
-from tests import known_rig as rig
 from tests.bar_photographs import write
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 
@@ -104,24 +100,3 @@ def test_each_set_measures_and_matches(
     lengths = np.linalg.norm(first - second, axis=1)
     assert np.abs(lengths / BAR_M - 1).max() < length
     assert found.reprojection_errors(*pixels[0]).max() < reprojection_px
-
-
-def test_a_lens_is_believed_as_its_calibration_says() -> None:
-    """What was given comes first, then the camera's own standard errors, then 1 % and 10 px."""
-    known = LensUncertainty(3.0, 4.0, 0.5, 0.7, np.zeros(5))
-    camera = replace(rig.PRIMARY, uncertainty=known)
-    prior = lens_prior(camera, None)
-    K = camera.K
-    assert prior.focal == pytest.approx(np.hypot(3.0 / K[0, 0], 4.0 / K[1, 1]) / np.sqrt(2))
-    assert prior.centre_px == 0.7
-    assert lens_prior(rig.PRIMARY, None) == LensPrior()
-    assert lens_prior(camera, LensPrior(0.5, 9.0)) == LensPrior(0.5, 9.0)
-
-    data = replace(rig.dataset(20, 0.2), primary=camera)
-    found = refine(data)
-    assert found.settings.primary == prior and found.settings.secondary == LensPrior()
-    same = refine(data, RefineSettings(primary=prior, secondary=LensPrior()))
-    np.testing.assert_array_equal(found.q, same.q)
-    # Every standard error is below its prior, and so the freer lens is known less.
-    assert standard_errors(found)["primary_cx"].sigma < 0.7
-    assert standard_errors(refine(rig.dataset(20, 0.2)))["primary_cx"].sigma > 0.7

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 import re
-import shutil
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -15,9 +13,7 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
-from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.rig.camera import Camera, LensUncertainty
 from tests import known_rig as rig
 from tests.lens import TRUE, write_boards
@@ -74,19 +70,6 @@ def test_photographs_in_and_the_true_lens_out(camera: bytes) -> None:
     assert about["settings"]["subset"] == 8 and about["board"]["columns"] == 8
 
 
-def test_opencv_file_and_unusable_photographs(
-    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "mixed"
-    shutil.copytree(boards, folder)
-    (folder / "text.png").write_text("no photograph")
-    assert run(folder, "--out", tmp_path / "camera.yml", "--fix-k3", "--zero-tangential") == 0
-    camera = read_camera((tmp_path / "camera.yml").read_bytes(), "camera.yml")
-    assert camera.distortion[0] != 0 and not camera.distortion[2:].any()
-    assert camera.uncertainty is None
-    assert "Not used: text.png" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -117,24 +100,6 @@ class TestCameraFile:
         assert back.uncertainty is not None and KNOWN.uncertainty is not None
         assert back.uncertainty.to_json() == KNOWN.uncertainty.to_json()
 
-    @pytest.mark.parametrize(
-        ("change", "sentence"),
-        [
-            ({"fx": -1.0}, "below 0"),
-            ({"fx": float("nan")}, "below 0|finite"),
-            ({"fx": "wide"}, "numbers"),
-            ({"distortion": [0.1]}, "5 distortion coefficients"),
-            ({"distortion": None}, "numbers|finite"),
-            ({"correlation": [[1.0]]}, "8x8"),
-            ({"correlation": np.ones((8, 8)).tolist()}, "8x8"),
-        ],
-    )
-    def test_uncertainty_that_cannot_be(self, change: dict[str, object], sentence: str) -> None:
-        content = json.loads(write_camera(KNOWN))
-        content["uncertainty"].update(change)
-        with pytest.raises(StereocalError, match=rf"x\.json: .*({sentence})"):
-            read_camera(json.dumps(content).encode(), "x.json")
-
     def test_opencv_reads_what_is_written_for_it(self, tmp_path: Path) -> None:
         path = tmp_path / "camera.yml"
         path.write_bytes(write_opencv_camera(KNOWN))
@@ -148,10 +113,3 @@ class TestCameraFile:
         back = read_camera(path.read_bytes(), "camera.yml")
         np.testing.assert_array_equal(back.K, KNOWN.K)
         assert back.image_size == KNOWN.image_size
-
-    def test_data_set_keeps_it_and_is_another_with_it(self) -> None:
-        plain = rig.dataset(5)
-        known = dataclasses.replace(plain, primary=KNOWN)
-        assert known.sha256 != plain.sha256
-        back = parse_dataset(pack_dataset(known), "here")
-        assert back.primary.uncertainty is not None and back.sha256 == known.sha256

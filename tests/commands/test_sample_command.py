@@ -19,14 +19,3 @@ def test_its_files_are_written(name: str, tmp_path: Path) -> None:
     assert len(wanted) > 2
     for path in wanted:
         assert (tmp_path / "new" / "here" / path).read_bytes() == (source / path).read_bytes()
-
-
-def test_other_files_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "primary.json").write_text("mine")
-    assert main(["sample", "field", "--out", str(tmp_path)]) == 2
-    assert "primary.json exists already" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["primary.json"]
-    assert (tmp_path / "primary.json").read_text() == "mine"
-    (tmp_path / "primary.json").unlink()
-    for _ in range(2):  # the same files may be there
-        assert main(["sample", "field", "--out", str(tmp_path)]) == 0

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
-import shutil
 import signal
 import subprocess
 import time
@@ -14,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED, NO_OUTPUT
-from tests.terminal import FIELD, LONGEST_S, ROOT, command, run, sentences, started, tables
+from tests.terminal import FIELD, LONGEST_S, ROOT, command, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
 INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
@@ -137,21 +135,6 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
     pytest.fail("A process of the command stays.")
 
 
-def test_ctrl_c_leaves_data_sets_whole(tmp_path: Path) -> None:
-    with started("simulate", "--out", tmp_path, "--datasets", "200") as process:
-        while len(list(tmp_path.glob("nineteen/*"))) < 3:
-            assert process.poll() is None
-            time.sleep(0.05)
-        said = interrupted(process)
-    assert (process.returncode, said) == (INTERRUPTED, "stereocal: interrupted.\n")
-    for path in files_below(tmp_path):
-        assert not path.name.startswith("."), path
-        if path.suffix == ".json":
-            json.loads(path.read_text())
-        else:
-            assert path.read_bytes().endswith(b"\n"), path
-
-
 @pytest.mark.parametrize(
     ("arguments", "both"),
     [
@@ -181,35 +164,6 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
     assert sentences((ended.stderr or b"").decode()) == []
     names = ["parameters_2d.json", "parameters_3d.json", "parameters_refined.json"]
     assert sorted(path.name for path in files_below(tmp_path)) == names * (words != ["--help"])
-
-
-@pytest.mark.parametrize(
-    "environment",
-    [
-        pytest.param({"PYTHONIOENCODING": "ascii"}, id="ascii", marks=pytest.mark.soak),
-        pytest.param({"LC_ALL": "C", "PYTHONUTF8": "0"}, id="C locale", marks=pytest.mark.soak),
-    ],
-)
-def test_a_terminal_of_plain_ascii(environment: dict[str, str], tmp_path: Path) -> None:
-    dataset = tmp_path / "Vögel"
-    shutil.copytree(FIELD, dataset)
-    about = json.loads((dataset / "dataset.json").read_text())
-    (dataset / "dataset.json").write_text(
-        json.dumps({**about, "name": "Vögel ± Δ"}, ensure_ascii=False), encoding="utf-8"
-    )
-    out = tmp_path / "größe"
-    ended = run("calibrate", dataset, "--out", out, "--runs", "0", **environment)
-    assert ended.returncode == 0, ended.stderr
-    printed = ended.stdout.decode("ascii")
-    assert "V?gel +- Delta" in printed
-    assert " +- " in printed.split("baseline")[1]
-    assert len(files_below(out)) == 3
-
-    ended = run("calibrate", tmp_path / "Größe", "--out", out, **environment)
-    said = ended.stderr.decode("ascii")
-    assert ended.returncode == 2
-    assert len(sentences(said)) == 1, said
-    assert "there is no such folder or file" in said
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")

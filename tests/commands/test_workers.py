@@ -112,18 +112,3 @@ def test_photographs_need_no_shared_disk(scheduler: str, tmp_path: Path) -> None
         assert executor.tasks_at_once == 2
         assert for_worker(path, executor) == b"content"
         assert for_worker(tmp_path / "none", executor) == tmp_path / "none"
-
-
-@pytest.mark.parametrize("name", OUT)
-@pytest.mark.parametrize("option", ["--workers", "--scheduler"])
-def test_what_cannot_compute_is_refused(
-    name: str,
-    option: str,
-    commands: dict[str, list[str]],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    value = {"--workers": "0", "--scheduler": "nonsense"}[option]
-    assert main([*commands[name], "--out", str(tmp_path / OUT[name]), option, value]) == 2
-    assert option[2:-1] in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())

@@ -60,21 +60,6 @@ def test_plumb_lines_and_points_in_the_world(
     assert "coordinates" not in pd.read_csv(tmp_path / "points.csv")
 
 
-def test_a_survey_with_origin_and_heading(
-    place: Place, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    survey = surveyed(place, 5)
-    (tmp_path / "survey.csv").write_bytes(survey_csv(survey))
-    assert run(tmp_path, "survey.csv", "--origin", "P3", "--heading", "90") == 0
-    printed = capsys.readouterr().out
-    assert "  P4: residual x " in printed
-    pose, data = written(tmp_path)
-    assert data["source"] == "survey"
-    third = place.world.inverse().apply(survey.world_m[3])
-    assert np.linalg.norm(pose.apply(third)) < 0.05
-    np.testing.assert_allclose(pose.R[0], place.world.R[1], atol=0.02)
-
-
 @pytest.mark.parametrize(
     ("change", "more", "says"),
     [

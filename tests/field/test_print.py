@@ -14,7 +14,6 @@ from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
 from stereocal.field.printing.print_board import print_board
 from stereocal.field.printing.print_target import (
-    planned_target,
     print_targets,
     target_size,
 )
@@ -22,7 +21,6 @@ from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tests.field.plans import plan
 from tests.field.prints import (
     INCH_MM,
     black_runs,
@@ -113,28 +111,6 @@ def test_the_size_of_a_target_follows_from_the_distance() -> None:
     assert "keep the bar beyond 3.2 m, or print smaller targets" in near.sentence
     far = target_size(7120.0, 8.0, 25.0, 15.0)
     assert "at least 20 px: print larger targets" in far.sentence
-
-
-def test_targets_that_hide_each_other_are_named() -> None:
-    assert not planned_target(plan()).advice
-    (advice,) = planned_target(plan(bar_m=0.2)).advice
-    assert advice == (
-        "On a bar of 0.2 m they hide each other: take a bar of at least 0.28 m, or smaller targets."
-    )
-
-
-@pytest.mark.parametrize(
-    ("values", "sentence"),
-    [
-        ((0.0, 8.0, 25.0), "The focal length in px must be above 0, not 0."),
-        ((7120.0, 8.0, float("nan")), "The far distance must be above 0, not nan."),
-        ((7120.0, 30.0, 25.0), "The near distance 30 m is beyond the far one, 25 m."),
-    ],
-)
-def test_impossible_distances(values: tuple[float, float, float], sentence: str) -> None:
-    with pytest.raises(StereocalError) as error:
-        target_size(*values)
-    assert str(error.value) == sentence
 
 
 def test_what_does_not_fit_names_a_paper_that_does() -> None:

@@ -19,11 +19,8 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.rig import Rig
-from stereocal.simulation.simulate import place_bars
-from tests.rigs.bumps import Case, bumped, cases, seen_by
+from tests.rigs.bumps import Case, bumped, seen_by
 from tests.rigs.refined_rigs import (
-    BAR_M,
-    DEPTHS_M,
     Misjudged,
     in_runs,
     random_rig,
@@ -73,19 +70,6 @@ def test_runs_are_no_movement_and_a_turn_is_still_found() -> None:
     assert alarms <= 2
     assert found >= 17
     assert since >= 12
-
-
-def test_twenty_bars_taken_one_by_one_show_a_turn() -> None:
-    found = 0
-    for case in cases(20, 47):
-        rig = bumped(case, np.radians(0.2))
-        images = images_of_bars(
-            seen_by(case, place_bars(rig, case.rng, 20, BAR_M, DEPTHS_M)), case.prior.rig
-        )
-        check = recheck(case.prior, images)
-        found += check.changed
-        assert check.noise.design_effect < 1.5
-    assert found >= 19
 
 
 def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,15 +12,12 @@ from stereocal.errors import StereocalError
 from stereocal.field.world.find import WorldSettings, find_world
 from stereocal.field.world.frame import Axes
 from stereocal.field.world.lines import world_of_lines
-from stereocal.field.world.observed import Line, Throw
+from stereocal.field.world.observed import Line
 from stereocal.field.world.survey import world_of_survey
-from stereocal.field.world.throw import path, world_of_throw
-from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.field.world.throw import world_of_throw
 from stereocal.rig.tracks import MeasuredOffset
 from tests.rigs.worlds import (
     CLICK_PX,
-    FRAME_RATE,
     GRAVITY,
     Place,
     known_places,
@@ -219,25 +215,6 @@ class TestSurvey:
         with pytest.raises(StereocalError, match="cannot tell which"):
             world_of_survey(place.rig, shuffled)
 
-    def test_residuals_that_the_parameters_explain_accuse_no_point(self, calibrated: Place) -> None:
-        survey = surveyed(calibrated, 8)
-        off = replace(survey, world_m=survey.world_m + 0.05 * np.eye(8, 3))
-        found = world_of_survey(calibrated.rig, off)
-        assert any("A point may be wrong." in note for note in found.notes)
-        # Parameters ten times as uncertain, and wrong accordingly.
-        uncertain = json.loads(json.dumps(calibrated.rig.uncertainties))
-        matrix = 100 * np.array(uncertain["covariance"]["matrix"])
-        uncertain["covariance"]["matrix"] = matrix.tolist()
-        pose = calibrated.rig.pose
-        angles = np.array(pose.angles) + 10 * np.sqrt(np.diag(matrix))[:5] / 10
-        worse = replace(
-            calibrated.rig,
-            uncertainties=uncertain,
-            pose=Pose.from_angles(Angles(*angles.tolist()), pose.baseline),
-        )
-        notes = " ".join(world_of_survey(worse, survey).notes)
-        assert "The errors that the parameter file states of itself explain them." in notes
-
 
 class TestThrow:
     def test_gravity_and_the_vertical(self, calibrated: Place) -> None:
@@ -289,50 +266,3 @@ class TestThrow:
         g = [each.about["gravity"]["m_per_s2"]["value"] for each in (wrong, found, exact)]
         # Measured: 9.838 m/s^2 as recorded, 9.793 shifted, 9.798 in step.
         assert abs(g[1] - g[2]) < 0.2 * abs(g[0] - g[2])
-
-    def test_what_is_no_free_flight(self, place: Place) -> None:
-        throw = thrown(place, 1)
-        held = throw.pixels.copy()
-        held[: len(held) // 2] = held[len(held) // 2]
-        with pytest.raises(StereocalError, match="path of a free flight"):
-            world_of_throw(place.rig, replace(throw, pixels=held))
-        few = Throw(throw.tracks[:4], throw.frames[:4], throw.pixels[:4], FRAME_RATE)
-        with pytest.raises(StereocalError, match=r"4 frames.*at least 6"):
-            world_of_throw(place.rig, few)
-        short = Throw(throw.tracks[:8], throw.frames[:8], throw.pixels[:8], FRAME_RATE)
-        with pytest.raises(StereocalError, match="vertical undetermined"):
-            world_of_throw(place.rig, short)
-        again = replace(throw, frames=np.zeros_like(throw.frames))
-        with pytest.raises(StereocalError, match="has frame 0 twice"):
-            world_of_throw(place.rig, again)
-        with pytest.raises(StereocalError, match=r"lasts .* s; is the frame rate right"):
-            world_of_throw(place.rig, replace(throw, frame_rate=0.5))
-        with pytest.raises(StereocalError, match="frame rate"):
-            replace(throw, frame_rate=float("nan"))
-
-
-def runge_kutta(times: FloatArray, k: float, g: FloatArray, v: FloatArray) -> FloatArray:
-    """Position at the last time, by small steps."""
-
-    def rate(state: FloatArray) -> FloatArray:
-        return np.concatenate([state[3:], g - k * np.linalg.norm(state[3:]) * state[3:]])
-
-    state = np.concatenate([np.zeros(3), v])
-    steps = 4000
-    h = times[-1] / steps
-    for _ in range(steps):
-        a = rate(state)
-        b = rate(state + 0.5 * h * a)
-        c = rate(state + 0.5 * h * b)
-        d = rate(state + h * c)
-        state = state + h / 6 * (a + 2 * b + 2 * c + d)
-    return state[:3]
-
-
-@pytest.mark.parametrize("drag", [0.0, 0.01, 0.2])
-def test_paths_are_right(drag: float) -> None:
-    """From a heavy ball to a shuttlecock."""
-    g, v = np.array([0.3, 9.8, -0.5]), np.array([4.0, -6.0, 2.0])
-    times = np.array([0.0, 0.5, 1.2])
-    expected = runge_kutta(times, drag, g, v)
-    np.testing.assert_allclose(path(times, np.zeros(3), v, g, drag)[-1], expected, atol=1e-6)

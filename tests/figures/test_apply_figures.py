@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 import pytest
 
 from stereocal.figures import (
-    describe_lengths,
     describe_matches,
     describe_pair_errors,
     describe_points,
-    matches,
-    plot_lengths,
     plot_matches,
     plot_pair_errors,
     plot_points,
 )
 from stereocal.figures.measured import MAXIMUM_DRAWN, MAXIMUM_TRACKS, drawn_tracks, in_view
 from stereocal.figures.space import VIEWS
-from stereocal.matching.lengths import check_lengths
-from stereocal.matching.nearest import NearestErrors, nearest_errors
+from stereocal.matching.nearest import nearest_errors
 from stereocal.matching.pairs import match, pixels_of
 from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.matching.threshold import Shares, ThresholdChoice
@@ -31,7 +25,7 @@ from stereocal.matching.tracks import tracks_by
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 FRAMES = 8
@@ -68,17 +62,6 @@ def traces(figure: go.Figure, name: str) -> list[go.Scatter]:
     return [trace for trace in figure.data if str(trace.name).startswith(name)]
 
 
-def test_nearest_errors_are_those_of_all_pairs() -> None:
-    first = pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == 1])
-    second = pixels_of(SECONDARY_TABLE[SECONDARY_TABLE["frame"] == 1])
-    every = np.array([[SET.reprojection_errors([p], [s]).mean() for s in second] for p in first])
-    every = np.sort(np.where(np.isnan(every), np.inf, every), axis=1)
-    found = nearest_errors(SET, [(first, second)])
-    # The same errors, computed one by one; they are around 100 px, the last digits differ.
-    np.testing.assert_allclose(found.best_px, every[:, 0], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(found.runner_up_px, every[:, 1], rtol=0, atol=1e-9)
-
-
 def test_histogram_holds_every_point_and_the_threshold() -> None:
     for threshold in (0.5, 5.0):
         figure = plot_pair_errors(NEAREST, threshold)
@@ -92,17 +75,6 @@ def test_histogram_holds_every_point_and_the_threshold() -> None:
         assert f"{within} have a partner within {threshold:.3g} px" in describe_pair_errors(
             NEAREST, threshold, CHOICE
         )
-
-
-@pytest.mark.parametrize("errors", [[], [np.inf, np.inf], [0.0, 0.0]])
-def test_histogram_of_nothing(errors: list[float]) -> None:
-    nothing = NearestErrors(np.array(errors), np.array(errors), 1)
-    assert plot_pair_errors(nothing, 1.0).layout.annotations
-    assert (
-        "0 have a second one" in describe_pair_errors(nothing, 1.0, None)
-        or not errors
-        or not errors[0]
-    )
 
 
 def test_matches_of_a_frame() -> None:
@@ -127,14 +99,6 @@ def test_matches_of_a_frame() -> None:
     for figure in figures:
         assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
         assert not figure.layout.images
-
-
-def test_many_matches_are_thinned() -> None:
-    many = pd.concat([PAIRS] * (1 + 2 * matches.MAXIMUM_DRAWN // len(PAIRS)), ignore_index=True)
-    rest = np.random.default_rng(1).uniform(0, 900, (3 * matches.MAXIMUM_DRAWN, 2))
-    figure = plot_matches(many, rest, "primary", SET.primary.image_size)
-    assert all(len(trace.x) <= matches.MAXIMUM_DRAWN for trace in figure.data)
-    assert f"At most {matches.MAXIMUM_DRAWN}" in describe_matches(many, rest, rest, 1)
 
 
 @pytest.mark.parametrize("colour", ["frame", "error"])
@@ -177,26 +141,6 @@ def test_points_in_a_world_frame_stand_upright() -> None:
     assert len(views) == len(VIEWS)
 
 
-def test_points_outside_the_volume_have_open_symbols() -> None:
-    marked = POINTS.assign(outside_volume=POINTS["z"] > 8.0)
-    outside = int(marked["outside_volume"].sum())
-    assert 0 < outside < len(POINTS)
-    inner, outer = plot_points(marked, "frame", SET).data[:2]
-    assert (inner.marker.symbol, outer.marker.symbol) == ("circle", "circle-open")
-    assert (inner.marker.showscale, outer.marker.showscale) == (True, False)
-    assert inner.y.max() <= 8.0 < outer.y.min()
-    assert inner.marker.cmin == outer.marker.cmin and inner.marker.cmax == outer.marker.cmax
-    assert outer.name == f"Outside the volume of the bars (n = {outside})"
-    sentence = f"; {outside} of them outside the volume of the bars, with open symbols"
-    assert sentence in describe_points(marked)
-    none, every = (
-        plot_points(POINTS.assign(outside_volume=each), "frame", SET) for each in (False, True)
-    )
-    assert len(none.data) == len(every.data)
-    assert every.data[0].marker.symbol == "circle-open"
-    assert "outside" not in describe_points(POINTS)
-
-
 def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
     odd = pd.concat([POINTS] * 20, ignore_index=True)
     odd.loc[0, ["x", "y", "z"]] = np.nan
@@ -209,14 +153,6 @@ def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
     assert "nothing to draw" in plot_points(nothing, "error", SET).layout.annotations[0].text
     assert "No pair meets" in describe_points(nothing)
     assert not in_view(np.full((3, 3), np.nan)).any()
-
-
-def test_many_points_are_thinned() -> None:
-    rng = np.random.default_rng(0)
-    many = pd.DataFrame(rng.uniform(1, 2, (MAXIMUM_DRAWN + 5, 3)), columns=list("xyz"))
-    many["frame"], many["error_px"] = 1, 0.1
-    assert len(plot_points(many, "error", SET).data[0].x) <= MAXIMUM_DRAWN
-    assert "evenly spread" in describe_points(many)
 
 
 def test_tracks_are_one_trace_with_gaps_and_the_frame_is_marked() -> None:
@@ -239,13 +175,3 @@ def test_many_tracks_are_thinned_and_keep_their_ends() -> None:
     many = list(np.arange(100_000).reshape(-1, 4))
     assert len(drawn_tracks(many)) <= MAXIMUM_TRACKS
     assert drawn_tracks([np.array([1])]) == []
-
-
-def test_lengths_are_drawn_with_their_sign() -> None:
-    check = check_lengths(POINTS, 2 * BAR_M, "end_primary", ("A", "B"))
-    figure = plot_lengths(check)
-    # Exact points: half as long as claimed, but for rounding.
-    np.testing.assert_allclose(figure.data[0].y, -50.0, rtol=0, atol=1e-6)
-    assert "median -50.00 %" in describe_lengths(check)
-    right = check_lengths(POINTS, BAR_M, "end_primary", ("A", "B"))
-    assert "median 0.00 %" in describe_lengths(replace(right, lengths_m=right.lengths_m - 1e-9))

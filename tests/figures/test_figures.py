@@ -7,18 +7,15 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.methods import METHODS
 from stereocal.calibration.montecarlo import Trace
-from stereocal.calibration.results import errors_of
 from stereocal.figures import (
     METHOD_COLOURS,
     METHOD_NAMES,
     METHOD_SYMBOLS,
     TARGET_COLOURS,
-    describe_coverage,
     describe_frame_errors,
     describe_rig,
-    describe_traces,
     plot_coverage,
     plot_frame_errors,
     plot_rig,
@@ -26,13 +23,10 @@ from stereocal.figures import (
 )
 from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves
 from stereocal.refined.outliers import frame_reprojection_px
-from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Pose, triangulate_rays
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
-from tests.refined.test_outliers import MIXED_UP, make_calibration, with_errors
+from tests.refined.test_outliers import MIXED_UP, make_calibration
 
 
 @pytest.fixture(scope="module")
@@ -64,15 +58,6 @@ def test_coverage_shows_the_points_of_both_images(calibration: Calibration) -> N
     assert symbols["A"] != symbols["B"]
 
 
-def test_coverage_joins_the_targets_of_a_frame(calibration: Calibration) -> None:
-    rows = calibration.dataset.correspondences
-    first, second = traces_of(plot_coverage(calibration.dataset), legendgroup="bars")
-    for trace, points in ((first, rows.primary), (second, rows.secondary)):
-        path = np.column_stack([trace.x, trace.y]).reshape(-1, 3, 2)
-        np.testing.assert_array_equal(path[:, :2], points[rows.bars])
-        assert np.isnan(path[:, 2]).all()
-
-
 def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
     figure = plot_traces(calibration)
     panels = {"2d": ("y", "y3", "y4"), "3d": ("y2", "y3", "y4")}
@@ -101,13 +86,6 @@ def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -
     assert (line.y[0], line.y[-1]) == (5, 1)
 
 
-def test_traces_that_were_not_recorded_are_said(calibration: Calibration) -> None:
-    figure = plot_traces(with_traces(calibration, None))
-    assert not figure.data
-    assert "not recorded" in figure.layout.annotations[0].text
-    assert "not recorded" in describe_traces(with_traces(calibration, None))
-
-
 def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
     figure = plot_frame_errors(calibration)
     rows = calibration.dataset.correspondences
@@ -122,29 +100,6 @@ def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
             assert shown == dict(zip(frames, values, strict=True))
             assert {t.marker.color for t in traces} == {METHOD_COLOURS[method]}
             assert {t.name for t in traces} == {METHOD_NAMES[method]}
-
-
-def test_the_refined_set_stands_among_the_errors_by_frame(calibration: Calibration) -> None:
-    refined = refine(calibration.screening.dataset, RefineSettings())
-    found = replace(calibration, refined=refined)
-    own = errors_of(refined.apply(found.dataset), refined.pose).length
-    shown = traces_of(plot_frame_errors(found), legendgroup="refined", yaxis="y2")
-    values = np.concatenate([trace.y for trace in shown])
-    assert sorted(values) == pytest.approx(sorted(100 * own), rel=1e-12)
-    assert "Refined set" in describe_frame_errors(found)
-    assert "Refined set" not in describe_frame_errors(replace(calibration, refined=None))
-
-
-def test_the_symbols_of_a_frame_stand_beside_each_other(calibration: Calibration) -> None:
-    """Those of the essential matrix and of the 2D set had hidden each other."""
-    figure = plot_frame_errors(calibration)
-    for axis in ("y", "y2"):
-        traces = traces_of(figure, mode="markers", yaxis=axis)
-        places = [x for trace in traces for x in trace.x if x is not None]
-        assert len(set(places)) == len(places)
-        for trace in traces:
-            if trace.customdata is not None:  # the key has none
-                assert np.abs(trace.x - trace.customdata).max() < 0.45
 
 
 def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:
@@ -167,25 +122,6 @@ def test_the_outlying_frame_is_named(calibration: Calibration) -> None:
     labels = traces_of(plot_frame_errors(calibration), mode="text", yaxis="y")
     assert [(list(t.text), list(t.x)) for t in labels] == [([f"<b>{MIXED_UP}</b>"], [MIXED_UP])]
     assert f"standing out: {MIXED_UP}" in describe_frame_errors(calibration)
-
-
-def test_errors_that_cannot_be_computed_are_said(calibration: Calibration) -> None:
-    errors = calibration.errors["2d"]
-    reprojection, length = errors.reprojection_px.copy(), errors.length.copy()
-    reprojection[5], length[3] = np.nan, np.nan
-    some = with_errors(
-        calibration, "2d", replace(errors, reprojection_px=reprojection, length=length)
-    )
-    title = plot_frame_errors(some).layout.xaxis2.title.text.replace("<br>", " ")
-    assert "2D set: 1 frame without reprojection error" in title
-    assert "2D set: 1 frame without length error" in title
-    assert "2D set: 1 frame without length error" in describe_frame_errors(some)
-    none = calibration
-    for method in METHODS:
-        lost = replace(errors, reprojection_px=reprojection * np.nan, length=length * np.nan)
-        none = with_errors(none, method, lost)
-    assert "3D set: 25 frames without" in plot_frame_errors(none).layout.xaxis2.title.text
-    assert "2D set none and none" in describe_frame_errors(none)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -267,19 +203,3 @@ def test_bars_behind_a_camera_are_counted(calibration: Calibration) -> None:
     (bars,) = [t for t in plot_rig(behind, "3d").data if t.name.startswith("Bars")]
     assert f"(n = {24 - missing}, {missing} behind a camera)" in bars.name
     assert f"{missing} bars not drawn" in describe_rig(behind, "3d")
-
-
-def test_known_points_without_bars_are_drawn() -> None:
-    exact = rig.dataset(25, 0.2, known_points=True)
-    only_a = exact.correspondences.where(exact.correspondences.target == 0)
-    settings = CalibrationSettings(known_points=True)
-    found = calibrate(replace(exact, correspondences=only_a), settings, trace=True)
-    assert len(plot_coverage(found.dataset).data) == 8
-    assert "there is no length" in plot_frame_errors(found).layout.xaxis2.title.text.replace(
-        "<br>", " "
-    )
-    (targets,) = traces_of(plot_rig(found, "3d"), name="Target A")
-    assert len(targets.x) == 25
-    assert set(targets.text) == {"no bar: the other target is missing"}
-    assert "0 and" not in describe_coverage(found.dataset)
-    assert describe_frame_errors(found).endswith(".")

@@ -69,11 +69,6 @@ def test_no_letter_leaves_the_page(name: str, width_mm: float) -> None:
             assert right < width + 0.5 and top < height + 0.5, shown
 
 
-def test_equal_data_give_equal_bytes() -> None:
-    draw, _ = DRAWN["validation"]()
-    assert rendered(draw, PAGE_MM) == rendered(draw, PAGE_MM)
-
-
 def test_the_figure_says_what_the_page_says() -> None:
     """The figures of the Plotly panels: FCP, interval and threshold of the 2D set."""
     found = of_field()

@@ -11,17 +11,15 @@ import pytest
 from stereocal.figures import (
     describe_draws,
     describe_residual_field,
-    describe_view_errors,
     plot_draws,
     plot_residual_field,
-    plot_view_errors,
 )
 from stereocal.figures.residual_field import arrow_scale
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.preview import preview
-from stereocal.intrinsics.quality import largest_shift_px, lens_residuals, typical_and_noise_px
+from stereocal.intrinsics.quality import lens_residuals, typical_and_noise_px
 from tests.intrinsics.test_intrinsics import FEW, calibrated, moved, usual
-from tests.lens import SMALL, facing, photographed, png, search
+from tests.lens import facing, photographed, png, search
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +38,6 @@ def test_every_draw_is_in_its_histogram() -> None:
         np.testing.assert_array_equal(trace.x, lens.draws[:, at])
         assert trace.xbins.start <= trace.x.min() and trace.xbins.end >= trace.x.max()
     assert f"{FEW.repeats} calibrations, each with {FEW.subset} of 30" in describe_draws(lens)
-
-
-def test_outlying_photograph_has_a_bar_of_its_own(bent: LensCalibration) -> None:
-    figure = plot_view_errors(bent)
-    usual_ones, outlying = (trace for trace in figure.data if trace.type == "bar")
-    assert list(outlying.x) == ["07.png"] and len(usual_ones.x) == 29
-    assert outlying.marker.pattern.shape == "/"
-    assert outlying.y[0] == bent.view_errors[7]
-    assert "07.png; 1 photograph more than twice" in describe_view_errors(bent)
 
 
 def test_arrows_are_the_mean_residuals_enlarged() -> None:
@@ -90,9 +79,3 @@ def test_preview_takes_the_distortion_away(tmp_path: Path) -> None:
     # Measured: 1.9 px and 0.1 px.
     assert bend(np.asarray(straight, dtype=np.uint8)) < 0.4
     assert bend(np.asarray(as_taken, dtype=np.uint8)) > 1.0
-
-
-def test_shift_of_the_distortion() -> None:
-    corner = np.array([[-0.5, -0.5], [639.5, 479.5], [-0.5, 479.5], [639.5, -0.5]])
-    expected = np.linalg.norm(SMALL.undistort_to_pixels(corner) - corner, axis=1).max()
-    assert largest_shift_px(SMALL) == pytest.approx(expected, rel=0.01)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import plotly.graph_objects as go
 import pytest
 
 from stereocal.figures import frame_errors, plot_coverage, plot_frame_errors, plot_rig, style
-from stereocal.figures.frame_errors import drawn_frames, frame_panels
 from stereocal.refined.results import Calibration
 from tests.refined.test_outliers import make_calibration
 
@@ -50,19 +47,3 @@ def test_no_figure_draws_all_points(
         assert points_in(figure, mode="lines") <= 5 * MOST
         said = figure.to_json()
         assert f"{MOST} drawn" in said or "the worst" in said
-
-
-def test_the_worst_frame_of_each_run_of_neighbours_is_drawn(
-    calibration: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(frame_errors, "MOST_DRAWN", MOST)
-    for panel in frame_panels(calibration):
-        drawn = drawn_frames(panel)
-        assert drawn.sum() == MOST
-        relative = [values / np.nanmedian(values) for values in panel.values.values()]
-        assert drawn[np.nanargmax(np.max(relative, axis=0))]
-        missing = {
-            name: np.where(np.arange(len(drawn)) == 3, np.nan, each)
-            for name, each in panel.values.items()
-        }
-        assert drawn_frames(replace(panel, values=missing)).sum() == MOST

@@ -20,11 +20,10 @@ from stereocal.figures import (
 )
 from stereocal.figures.accuracy import Quantity
 from stereocal.figures.disagreement import disagreement_table
-from stereocal.figures.tables import refined_table
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
+from stereocal.refined.uncertainty import Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 
@@ -85,13 +84,6 @@ def test_accuracy_shows_both_maps_cameras_and_targets(
     assert f"{median:.2g}{unit} (median)" in words
 
 
-def test_no_common_view_is_said(result: RefinedResult) -> None:
-    nothing = np.full((3, 4), np.nan)
-    empty = AccuracyMap("above", 0.0, np.arange(4.0), np.arange(3.0), nothing, nothing)
-    assert "share no view" in plot_accuracy([empty], result).layout.annotations[0].text
-    assert "share no view" in describe_accuracy([empty])
-
-
 def test_an_accused_input_stands_out() -> None:
     wrong = replace(FIELD, baseline_m=4.7)
     inputs = what_disagrees(refine(wrong, RefineSettings(baseline_sigma_m=0.005)))
@@ -117,14 +109,3 @@ def test_the_table_of_inputs_says_stated_and_estimated(result: RefinedResult) ->
     assert float(sigma) == pytest.approx(float(baseline.sigma[0]), rel=0.1) and unit == "m"
     held = what_disagrees(refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)))
     assert "held as stated" in set(disagreement_table(held)["Estimated"])
-
-
-def test_table_has_a_standard_error_for_each_number(result: RefinedResult) -> None:
-    table = refined_table(result)
-    assert table.shape == (15, 2)
-    assert float(str(table.loc["Baseline (m)", "Value"])) == pytest.approx(
-        result.pose.baseline, abs=1e-4
-    )
-    assert all(str(cell).startswith("± ") for cell in table["Standard error"])
-    held = refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
-    assert (refined_table(held)["Standard error"] == "held").sum() == 8

@@ -15,12 +15,12 @@ from stereocal.evaluation.summary import summarise
 from stereocal.figures import describe_comparison, describe_two_sets, describe_validation
 from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.report import SETTING_NAMES, report_html
-from stereocal.figures.tables import validation_answer, validation_table
+from stereocal.figures.tables import validation_answer
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset
 from stereocal.verdict.recommendation import recommend
 from stereocal.workflow import calibrate
-from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, without_bars
+from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries
 
 EVIL = "<script>alert(1)</script>"
 
@@ -68,13 +68,6 @@ def test_names_and_notes_are_escaped(report: str) -> None:
     assert "&lt;img src=x&gt;" in report
 
 
-def test_every_number_of_the_table_is_in_it(report: str, summaries: Summaries) -> None:
-    table = validation_table(summaries)
-    for name, cells in zip(table.index, table.to_numpy(), strict=True):
-        row = f'<th scope="row">{name}</th>' + "".join(f"<td>{cell}</td>" for cell in cells)
-        assert row in report
-
-
 def test_the_words_of_the_figures_are_in_it(
     report: str, summaries: Summaries, by_dataset: dict[str, Summaries]
 ) -> None:
@@ -97,13 +90,6 @@ def test_data_settings_angles_and_versions_are_in_it(
     for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True):
         assert f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}" in report
     assert f'<th scope="row">stereocal</th><td>{__version__}</td>' in report
-
-
-def test_it_can_be_written_when_no_bar_was_measured(
-    runs: list[list[Run]], dataset: Dataset
-) -> None:
-    lost = {method: without_bars(found) for method, found in summarise(runs[:1]).items()}
-    assert "No bar could be measured." in report_html(lost, {}, [dataset], SETTINGS)
 
 
 def test_the_recommendation_comes_first_with_the_frame_that_shows_why(

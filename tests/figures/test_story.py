@@ -41,10 +41,6 @@ def test_three_steps(story: Story) -> None:
     assert story.sets["3d"].gap_m > 10 * story.sets["2d"].gap_m
 
 
-def test_it_is_read_as_written(story: Story) -> None:
-    assert story.to_json() == STORY.read_text(encoding="utf-8")
-
-
 def test_each_bar_is_a_dot_and_each_set_a_line(story: Story) -> None:
     dots = [trace for trace in plot_story_lengths(story).data if trace.mode == "markers"]
     for trace, method in zip(dots, ROWS, strict=True):

@@ -10,7 +10,6 @@ import plotly.graph_objects as go
 import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
-from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
 from stereocal.figures import (
@@ -98,15 +97,6 @@ def test_every_panel_shows_its_pdfs(summaries: Summaries) -> None:
         assert errors.line.color == METHOD_COLOURS[method]
 
 
-def test_lines_stand_at_the_thresholds_and_at_one_percent(summaries: Summaries) -> None:
-    figure = plot_validation(summaries)
-    for method, summary in summaries.items():
-        for column, found in ((1, summary.residual), (2, summary.reprojection)):
-            line = trace(figure, "Recommended threshold", axis_of(method, column))
-            assert list(line.x) == [pytest.approx(found.threshold)] * 2
-        assert list(trace(figure, "3D error of 1 %", axis_of(method, 3)).x) == [1, 1]
-
-
 def apart(summaries: Summaries, best: Method) -> Summaries:
     """As if one method matched better than the others beyond the intervals."""
     others = {method: with_fcp(own, 0.1, 0.08, 0.12) for method, own in summaries.items()}
@@ -151,38 +141,6 @@ def test_panels_say_fcp_interval_and_counts(summaries: Summaries) -> None:
         median = f"median <b>{percent(summary.reconstruction.median.value)} %</b>"
         assert any(median in text for text in said)
     assert not any("without value" in text or "of zero" in text for text in said)
-
-
-def test_zeros_and_missing_values_are_said(summaries: Summaries) -> None:
-    found = summaries["2d"].reprojection
-    odd = replace(
-        found, wrong=replace(found.wrong, nans=7), correct=replace(found.correct, zeros=3)
-    )
-    changed = {**summaries, "2d": replace(summaries["2d"], reprojection=odd)}
-    assert any("7 without value, 3 of zero" in text for text in texts(plot_validation(changed)))
-    assert "7 without value, 3 of zero" in describe_validation(changed)
-
-
-def test_axes_are_in_units_and_label_decades(summaries: Summaries) -> None:
-    figure = plot_validation(summaries)
-    titles = [figure.layout[f"xaxis{number}"].title.text for number in (7, 8, 9)]
-    units = ("(no unit)", "(px)", "(%)")
-    assert all(unit in title for unit, title in zip(units, titles, strict=True))
-    assert not any("log" in title for title in titles)
-    for method in METHODS:
-        for column in (1, 2, 3):
-            axis = figure.layout[axis_of(method, column).replace("x", "xaxis")]
-            assert axis.type == "log" and axis.dtick in (1, 2)
-    assert figure.layout.xaxis8.exponentformat == "none"  # 0.01, not 10^-2
-
-
-def test_one_column_can_be_drawn_alone(summaries: Summaries) -> None:
-    figure = plot_validation(summaries, ["reconstruction"])
-    assert len(figure.layout.annotations) == 3
-    assert len(figure.layout.shapes) <= 1
-    assert not any(t.name == "Correct pairs" for t in figure.data)
-    with pytest.raises(StereocalError, match="residual, reprojection, reconstruction"):
-        plot_validation(summaries, ["depth"])
 
 
 def test_bars_that_cannot_be_reconstructed_are_said(summaries: Summaries) -> None:

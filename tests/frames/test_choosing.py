@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.detection.detect import Detection, refusal
-from stereocal.frames.choosing import MINIMUM_SURE, choose_boards
+from stereocal.frames.choosing import choose_boards
 from stereocal.frames.labelling import label_targets
 from stereocal.rig.compiled import FloatArray
 from tests import known_rig as rig
@@ -109,23 +109,6 @@ def test_what_the_others_decide_is_right(kind: str, least: int, most: int) -> No
     assert least <= len(decided) <= most
 
 
-def test_boards_that_one_camera_shows_alone() -> None:
-    """Clutter in either camera, other in each frame: nothing but the bar fits.
-
-    A doubt stays where a target might be hidden, and the clutter be the bar's other end.
-    """
-    _, sure = sure_frames()
-    rng = np.random.default_rng(12)
-    boards = []
-    for ends in rig.bar_ends(60, seed=9).reshape(-1, 2, 3):
-        first, second = seen(ends, rng)
-        more = rng.uniform(0, [1600, 1200], (1, 2)), rng.uniform(0, [1280, 1024], (1, 2))
-        boards.append((np.vstack([first, more[0]]), np.vstack([second, more[1]])))
-    decided = right_choices(sure, boards)
-    assert all(right for _, right in decided)
-    assert len(decided) >= 44  # measured: 49
-
-
 def frames_with(
     third: FloatArray | None,
     hidden: bool = False,
@@ -166,18 +149,3 @@ def test_the_frame_says_what_was_chosen_and_is_used() -> None:
     for report in label_targets(first, second, CAMERAS).frames:
         assert (report.state == "doubtful") == (report.frame in WITH_THIRD)
         assert ("It is blurred." in report.sentence) == (report.frame in WITH_THIRD)
-
-
-def test_too_few_sure_frames_decide_nothing() -> None:
-    third = np.array([0.4, 0.3, 8.0])
-    first, second, _ = frames_with(third, frames=MINIMUM_SURE + 1)  # two of them with a third board
-    labelling = label_targets(first, second, CAMERAS)
-    assert {pair.frame for pair in labelling.pairs if pair.sure}.isdisjoint(WITH_THIRD)
-    rng = np.random.default_rng(6)
-    bars = rig.bar_ends(30, seed=8).reshape(-1, 2, 3)
-    boards = [seen(np.vstack([ends, inside(rng)]), rng) for ends in bars]
-    sure = sure_frames()[1]
-    assert right_choices(sure[: MINIMUM_SURE - 1], boards) == []
-    decided = right_choices(sure[: MINIMUM_SURE + 4], boards)
-    assert all(right for _, right in decided)
-    assert len(decided) > 10  # measured: 17

@@ -13,19 +13,14 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.frames.frame import Centre, Frame
-from stereocal.frames.inspection import inspect_photographs, wrong_sizes
-from stereocal.frames.pairing import Pair, pair_names
+from stereocal.frames.frame import Frame
+from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import (
     compile_detection,
     detect_frames,
 )
-from stereocal.projects.pair_rows import PairRow
-from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import Project
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)
@@ -122,22 +117,6 @@ def test_cancelled(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
     assert asked.is_set()
 
 
-def test_sizes_without_a_camera_file(tmp_path: Path) -> None:
-    files = {f"left{i}.png": png(np.zeros((40, 60), np.uint8)) for i in (1, 2, 3)}
-    files |= {f"right{i}.png": png(np.zeros((20 + i, 60), np.uint8)) for i in (1, 1, 3)}
-    files["left3.png"] = png(np.zeros((40, 50), np.uint8))
-    looked = inspect_photographs(on_disk(files, tmp_path), lambda *_: None, lambda: False)
-    assert looked is not None
-    sizes, problems = looked
-    assert sizes["left1.png"] == (60, 40) and not problems
-    pairs = [Pair(i, f"left{i}.png", f"right{i}.png") for i in (1, 2, 3)]
-    wrong = wrong_sizes(pairs, sizes, (None, (60, 21)))
-    assert wrong == {
-        "left3.png": "left3.png: it has 50x40 px, and 2 of the 3 of the primary camera have 60x40.",
-        "right3.png": "right3.png: it has 60x23 px, and the secondary camera's file says 60x21.",
-    }
-
-
 def test_a_compiled_search_finds_the_drawn_boards() -> None:
     seen: list[Detection] = []
     with pytest.MonkeyPatch.context() as patch:
@@ -147,45 +126,6 @@ def test_a_compiled_search_finds_the_drawn_boards() -> None:
         compile_detection()
     # Only a photograph with targets runs all that is to be compiled.
     assert seen[0].targets is not None
-
-
-class TestProject:
-    @pytest.fixture
-    def store(self, tmp_path: Path) -> ProjectPhotographs:
-        return ProjectPhotographs(Project.create(tmp_path))
-
-    def give(self, store: ProjectPhotographs, names: list[str]) -> None:
-        store.add({name: store.keep(name, b"x") for name in names})
-
-    def test_pairs_follow_the_photographs_until_edited(self, store: ProjectPhotographs) -> None:
-        self.give(store, ["left1.png", "right1.png", "left2.png", "right2.png"])
-        assert [row.pair.frame for row in store.rows] == [1, 2]
-        edited = [PairRow(Pair(9, "left2.png", "right2.png"), use=False)]
-        store.keep_rows(edited)
-        assert store.rows == edited
-        self.give(store, ["left9.png", "right9.png"])
-        again = ProjectPhotographs(Project(store.database))
-        assert again.rows == [
-            *edited,
-            PairRow(Pair(1, "left1.png", "right1.png")),
-            PairRow(Pair(10, "left9.png", "right9.png")),
-        ]
-        store.keep_rows(None)
-        assert [row.pair.frame for row in store.rows] == [1, 2, 9]
-        store.clear()
-        assert not store.rows and not store.photographs and store.frames is None
-
-    def test_frames_become_the_projects_table(self, store: ProjectPhotographs) -> None:
-        pair = (Centre(1.0, 2.0, 0.1), Centre(3.0, 4.0, 0.1))
-        store.keep_frames([Frame(5, ("l", "r"), (pair, pair), "found")])
-        table = store.project.table
-        assert table is not None
-        np.testing.assert_array_equal(
-            read_table(table[1], "t").strict("t").primary, [[1, 2], [3, 4]]
-        )
-        with pytest.raises(StereocalError, match="No target"):
-            store.keep_frames([Frame(5, ("l", "r"), (pair, pair), "found", use=False)])
-        assert store.frames is not None and not store.frames[0].use
 
 
 class TestCommand:

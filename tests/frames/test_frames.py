@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.frames.frame import (
     Centre,
@@ -55,23 +51,6 @@ def test_there_and_back(given_frames: list[Frame]) -> None:
     assert unpack_frames(pack_frames(given_frames)) == given_frames
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("state", "lost"),
-        ("centres", [[None]]),
-        ("files", ["a"]),
-        ("frame", "x"),
-        ("centres", [[{"u": 1, "v": 2, "source": "guess"}, None], [None, None]]),
-    ],
-)
-def test_a_frame_that_cannot_be_is_refused(key: str, value: object) -> None:
-    content = json.loads(pack_frames([frame()]))
-    content["frames"][0][key] = value
-    with pytest.raises(StereocalError, match="cannot be read"):
-        unpack_frames(json.dumps(content).encode())
-
-
 def test_the_table_has_what_both_cameras_see_in_used_frames() -> None:
     half = frame(3).moved(1, 0, None)
     rows = correspondences_of([half, frame(2, use=False), frame(1)])
@@ -87,23 +66,8 @@ def test_the_table_has_what_both_cameras_see_in_used_frames() -> None:
     np.testing.assert_array_equal(back.source, rows.source)
 
 
-def test_swapped_and_moved() -> None:
-    swapped = frame().swapped(1)
-    assert swapped.centres == (PRIMARY, SECONDARY[::-1])
-    assert swapped.swapped(1) == frame()
-    assert frame().moved(0, 1, None).targets_in_both == [0]
-
-
 class TestThumbnails:
     image = np.full((400, 600), 90, np.uint8)
-
-    def test_size_and_cross(self) -> None:
-        drawn = tile(self.image, (Centre(200, 200), Centre(260, 220)))
-        assert drawn.shape == (HEIGHT, WIDTH, 3)
-        left, top, right, _ = box_around((Centre(200, 200), Centre(260, 220)), (400, 600))
-        scale = WIDTH / (right - left)
-        at = round((200 - top + 0.5) * scale - 0.5), round((200 - left + 0.5) * scale - 0.5)
-        assert drawn[at].tolist() == [115, 158, 0]
 
     @given(st.tuples(centres, centres), st.integers(16, 900), st.integers(16, 900))
     def test_any_centres_in_any_image(self, pair: CentrePair, width: int, height: int) -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.detection.detect import Detection, refusal
+from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
 from stereocal.frames.labelling import Labelling, label_targets
 from tests import known_rig as rig
@@ -88,12 +86,6 @@ def test_any_share_of_exchanged_labels_is_put_right(wrong: float, seed: int) -> 
     assert all(pair.sure for pair in labelling.pairs)
 
 
-def test_to_exchange_both_cameras_changes_nothing() -> None:
-    primary, secondary = bars()
-    labelling = labelled(primary[:, ::-1], secondary[:, ::-1])
-    assert {report.state for report in labelling.frames} == {"agreed"}
-
-
 def test_frames_off_the_others_stand_out_and_stay() -> None:
     primary, secondary = bars()
     off = secondary.copy()
@@ -121,21 +113,3 @@ def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
     assert max(report.residual_px, report.swapped_px) < 0.3
     assert report.state == "swapped"
     assert all(agree(labelling, primary, secondary))
-
-
-def test_doubts_and_refusals_are_passed_on() -> None:
-    primary, secondary = bars()
-    first = {i: detection(both) for i, both in enumerate(primary)}
-    second = {i: detection(both) for i, both in enumerate(secondary)}
-    second[2] = replace(second[2], doubts=("It is blurred.",), sentence="It is blurred.")
-    second[5] = refusal((1600, 1200), "saturated", "Too much light.")
-    del second[6]
-    labelling = label_targets(first, second, CAMERAS)
-    by_frame = {report.frame: report for report in labelling.frames}
-    assert sorted(by_frame) == list(range(FRAMES))
-    assert by_frame[2].state == "doubtful"
-    assert by_frame[2].sentence == "In the secondary: It is blurred."
-    assert by_frame[5].state == by_frame[6].state == "refused"
-    assert "Too much light." in by_frame[5].sentence
-    assert "no photograph of the secondary" in by_frame[6].sentence
-    assert len(labelling.pairs) == 2 * (FRAMES - 2)

@@ -95,34 +95,6 @@ def test_a_lost_twin_is_named_and_the_others_stay(
     assert twin in found.sentence
 
 
-@given(st.lists(st.text("lr0123_/.camLRb ", max_size=12), max_size=12))
-def test_every_photograph_is_accounted_for_once(names: list[str]) -> None:
-    found = pair_names(names)
-    shown = [name for pair in found.pairs for name in (pair.primary, pair.secondary)]
-    shown += [one.name for one in found.alone] + list(found.unknown)
-    assert sorted(shown) == sorted(set(names))
-    assert len({pair.frame for pair in found.pairs}) == len(found.pairs)
-    assert found.sentence
-
-
-@pytest.mark.parametrize(
-    ("names", "sentence"),
-    [
-        ([], "there is no photograph"),
-        (["left1.png"], "there is one photograph"),
-        (["foo.png", "bar.png"], "None of the 2 photographs could be paired by name"),
-        (["img_1.png", "img_2.png", "img_3.png"], "None of the 3 photographs"),
-        (["left1.png", "right2.png"], "left1.png (primary) has no partner right1.png"),
-        (["LEFT1.png", "RIGHT2.png"], "RIGHT2.png (secondary) has no partner LEFT2.png"),
-        (["left1.png", "left1.jpg", "right1.png"], "the same camera and frame: left1.jpg"),
-    ],
-)
-def test_nothing_to_pair_is_said(names: list[str], sentence: str) -> None:
-    found = pair_names(names)
-    assert not found.pairs and not found.ambiguous
-    assert sentence in found.sentence
-
-
 def test_frames_are_counted_where_no_number_tells_them_apart() -> None:
     pairs = {"*a": ("la", "ra"), "*b": ("lb", "rb"), "*9": ("l9", "r9")}
     assert [pair.frame for pair in number_pairs(pairs)] == [1, 2, 3]

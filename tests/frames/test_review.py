@@ -18,7 +18,6 @@ from stereocal.frames.frame import (
     Centre,
     Frame,
     State,
-    correspondences_of,
     pack_frames,
     unpack_frames,
 )
@@ -35,7 +34,6 @@ from stereocal.frames.review import (
     undo,
     unpack_edits,
 )
-from stereocal.frames.review_words import describe_use
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -79,10 +77,6 @@ class TestClick:
             assert math.dist((centre.u, centre.v), (u, v)) < 0.02
             assert centre.sigma_px is not None and 0 < centre.sigma_px < 0.02
 
-    def test_no_corner_near(self) -> None:
-        with pytest.raises(StereocalError, match=r"no corner of four squares near \(12.2, 7.5\)"):
-            centre_at(BARS.pairs[0].primary, (12.2, 7.5), raw=False)
-
     def test_which_target_is_meant(self) -> None:
         frame = true_frame(0)
         for target, centre in enumerate(frame.centres[0]):
@@ -100,18 +94,6 @@ class TestClick:
 
 
 class TestEdits:
-    def test_one_corrected_target_does_not_decide_a_doubtful_frame(self) -> None:
-        after = place(START, 2, 1, 0, SHIFT)
-        frame = after.frame(2)
-        assert frame.centres[1][0] == SHIFT and frame.corrected
-        assert not frame.use and not frame.reviewed and is_open(frame)
-        assert "It is left out. You have corrected it. Please decide" in describe_use(frame)
-        swapped = swap(START, 2, 0).frame(2)
-        assert not swapped.use and is_open(swapped)
-        assert choose(after, 2, True).frame(2).use
-        # Nor does it take a frame in again that the user has left out.
-        assert not place(choose(START, 2, False), 2, 0, 0, SHIFT).frame(2).use
-
     def test_a_frame_is_decided_once_the_user_has_placed_all_its_targets(self) -> None:
         after = START
         for target in (0, 1):
@@ -121,20 +103,6 @@ class TestEdits:
                     after, 4, camera, target, Centre(50.0 + 99 * target, 60.0, None, "manual")
                 )
         assert after.frame(4).use and after.frame(4).reviewed
-
-    def test_a_correction_of_a_found_frame_is_used(self) -> None:
-        after = place(START, 1, 1, 0, SHIFT)
-        frame = after.frame(1)
-        assert frame.centres[1][0] == SHIFT and frame.use and frame.reviewed
-        assert after.frames[1:] == START.frames[1:]
-        rows = correspondences_of(after.frames)
-        assert rows.source[rows.frame == 1].tolist() == [2, 0]
-
-    def test_two_targets_in_one_place_are_refused(self) -> None:
-        b = START.frames[0].centres[0][1]
-        assert b
-        with pytest.raises(StereocalError, match="Target B is already at this position in left1"):
-            place(START, 1, 0, 0, Centre(b.u + 0.5, b.v, 0.1, "corrected"))
 
     def test_undo_leaves_what_changed_since(self) -> None:
         moved = place(START, 1, 0, 0, SHIFT)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -12,7 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
 from stereocal.system.photograph import GreyImage, decode_photograph
-from tests.videos import number_in, picture, write_video
+from tests.videos import number_in, write_video
 
 pytest.importorskip("av")
 
@@ -21,12 +20,6 @@ RATE = 25.0
 
 def constant(frames: int, start: float = 0.0) -> list[float]:
     return [start + k / RATE for k in range(frames)]
-
-
-def variable(frames: int) -> list[float]:
-    """The rate changes smoothly between 20 and 33 frames a second."""
-    steps = 0.04 + 0.01 * np.sin(np.arange(frames) / 30)
-    return [0.0, *np.cumsum(steps)[:-1].tolist()]
 
 
 def taken(
@@ -72,44 +65,6 @@ def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) ->
     assert report.taken == 57
     for name, image in found.items():
         assert number_in(image) == int(name.split("/")[1].split(".")[0]) - 1
-
-
-def test_a_variable_rate_has_no_gap_but_a_dropped_frame_is_one(tmp_path: Path) -> None:
-    times = variable(120)
-    kept = [k for k in range(120) if k != 50]
-    videos = (
-        write_video(tmp_path / "a.mp4", times),
-        write_video(tmp_path / "b.mp4", [times[k] for k in kept], numbers=kept),
-    )
-    report, found = taken(videos, VideoSettings("every", 1))
-    assert "variable rate" in report.sentences[0] and "no frame is missing" in report.sentences[0]
-    assert "1 frame is missing: 1 after" in report.sentences[1]
-    for name, image in found.items():
-        if name.startswith("primary"):
-            partner = found[name.replace("primary", "secondary")]
-            assert number_in(image) == number_in(partner)
-    assert report.taken == 119
-
-
-def still_at(k: int) -> GreyImage:
-    """A target that stands still in frames 10 to 14 and 40 to 44, and moves and blurs else."""
-    image = picture(k)
-    still = k % 30 in range(10, 15)
-    x = 40 if still else 20 + (7 * k) % 100
-    image[20:44, x : x + 24] = 128 + 120 * (np.indices((24, 24)).sum(axis=0) // 3 % 2 - 0.5)
-    return image if still else np.asarray(cv2.blur(image, (5, 1)), dtype=np.uint8)
-
-
-def test_the_sharpest_still_frame_of_each_second(tmp_path: Path) -> None:
-    times = [k / 30 for k in range(60)]
-    videos = (
-        write_video(tmp_path / "a.mp4", times, draw=still_at),
-        write_video(tmp_path / "b.mp4", times, draw=still_at),
-    )
-    report, found = taken(videos, VideoSettings("still"))
-    assert report.taken == 2
-    numbers = sorted(number_in(image) for name, image in found.items() if "primary" in name)
-    assert numbers[0] in range(10, 15) and numbers[1] in range(40, 45)
 
 
 def test_cancelled(tmp_path: Path) -> None:
