@@ -67,19 +67,3 @@ def test_what_is_done_is_not_done_again_until_the_sources_change(clone: Path) ->
     later = (clone / ".venv/.compiled").stat().st_mtime + 10
     os.utime(clone / "stereocal/cli.py", (later, later))
     assert steps(clone)[0] == ["python -m stereocal compile", "streamlit run app.py"]
-
-
-def test_a_python_that_is_too_old_is_said(clone: Path) -> None:
-    (clone / "python").write_text(
-        f"#!/bin/sh\nexec {sys.executable} -c 'import sys; sys.version_info = (3, 10); '\"$2\"\n"
-    )
-    run = subprocess.run(
-        ["make", "run", f"PYTHON={clone / 'python'}"],
-        cwd=clone,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode != 0
-    assert "3.11" in run.stderr
-    assert not (clone / ".venv").exists()

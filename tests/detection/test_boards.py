@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 import cv2
@@ -46,27 +45,6 @@ def narrow_board(width: float, beside: float) -> Board:
     inside = np.zeros(cells.shape, dtype=bool)
     inside[cut:-cut, cut:-cut] = True
     return Board(np.where(inside, cells, beside), whole.size_m)
-
-
-class TestPattern:
-    @pytest.mark.parametrize(
-        ("arguments", "sentence"),
-        [
-            (("18", 0.03), "inner corners like 18x12"),
-            (("18x12x3", 0.03), "inner corners like 18x12"),
-            (("-8x6", 0.03), "inner corners like 18x12"),
-            (("2x6", 0.03), "3 to 100 each way"),
-            (("8x6", 0.0), "must be above 0"),
-            (("8x6", float("nan")), "must be above 0"),
-            (("8x6", 0.03, "DICT_9X9_50", 0.02), "is not known"),
-            (("8x6", 0.03, "DICT_4X4_50", None), "needs the side of its markers"),
-            (("8x6", 0.03, "DICT_4X4_50", 0.03), "needs the side of its markers"),
-            (("18x12", 0.03, "DICT_4X4_50", 0.02), "more than DICT_4X4_50 contains"),
-        ],
-    )
-    def test_boards_that_cannot_be(self, arguments: tuple[str, float], sentence: str) -> None:
-        with pytest.raises(StereocalError, match=re.escape(sentence)):
-            BoardPattern.parse(*arguments)
 
 
 class TestCorners:
@@ -150,16 +128,6 @@ class TestOrder:
         # Black stands top left, so white stands behind the first inner corner but one: the square
         # at row 1, column 1 is black again.
         np.testing.assert_allclose(view.corners, corners_of(pose, squares), rtol=0, atol=0.2)
-
-    def test_columns_and_rows_exchanged_find_the_same_corners(self) -> None:
-        image = photographed(facing(spin=0.1))
-        one = found(image, BoardPattern(8, 6, 0.03)).corners.reshape(6, 8, 2)
-        other = found(image, BoardPattern(6, 8, 0.03)).corners.reshape(8, 6, 2)
-        as_one = min(
-            (np.swapaxes(other, 0, 1)[::-1], np.swapaxes(other, 0, 1)[:, ::-1]),
-            key=lambda grid: float(np.abs(grid - one).max()),
-        )
-        np.testing.assert_allclose(as_one, one, rtol=0, atol=0.01)
 
     @given(
         st.sampled_from([(6, 8), (5, 8), (6, 6), (5, 5), (7, 7)]),

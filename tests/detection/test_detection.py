@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,7 +10,6 @@ import numpy.typing as npt
 import pytest
 
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.series import detect_series
 from stereocal.simulation.simulate import field_rig
 from tests.detection.boards import Board, paint
 from tools.photographs.backgrounds import outdoors
@@ -142,23 +139,3 @@ def test_the_bar_in_the_field_among_clutter() -> None:
             found = centres(detect_targets(image))
             off = min(np.abs(found - truth).max(), np.abs(found - truth[::-1]).max())
             assert off < 0.06  # the stated sigmas are 0.005 to 0.02 px
-
-
-def test_many_photographs_in_order_with_progress_and_cancel(
-    usual: Photograph, tmp_path: Path
-) -> None:
-    empty, good = tmp_path / "empty.png", tmp_path / "good.png"
-    cv2.imwrite(str(empty), np.zeros((50, 50), np.uint8))
-    cv2.imwrite(str(good), usual)
-    paths = [good, tmp_path / "none", *[empty] * 30, good]
-    photographs = {f"{number} {path.name}": path for number, path in enumerate(paths)}
-    steps: list[tuple[int, int]] = []
-    with ThreadPoolExecutor(2) as threads:
-        found = detect_series(photographs, threads, lambda done, of: steps.append((done, of)))
-        assert found is not None and list(found) == list(photographs)
-        assert [d.state for d in found.values()] == ["found", *["refused"] * 31, "found"]
-        missing = found["1 none"]
-        assert missing.reason == "unreadable" and missing.sentence.startswith("1 none cannot be")
-        assert steps == [(i + 1, len(paths)) for i in range(len(paths))]
-        assert detect_series(photographs, threads, cancelled=lambda: True) is None
-        assert detect_series({}, threads) == {}

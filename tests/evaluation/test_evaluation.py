@@ -223,17 +223,6 @@ def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list
         assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
 
 
-def test_progress_rises_to_the_total(pair_of_sets: list[Dataset]) -> None:
-    seen: list[tuple[int, int]] = []
-    with ThreadPoolExecutor(2) as threads:
-        evaluate(pair_of_sets, FEW, threads, lambda *both: seen.append(both), chunk=2)
-    done = [at for at, _ in seen]
-    assert {total for _, total in seen} == {14}
-    assert done == sorted(done)
-    assert len(done) == 8
-    assert done[-1] == 14
-
-
 def test_cancelled_returns_none_and_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
     many = replace(FEW, runs=2000)
     done: list[int] = []
@@ -332,17 +321,3 @@ def test_a_set_by_itself_is_counted_on_all_frames(field: Dataset) -> None:
     fcp, median = figures_of_set(run)
     assert 0 <= fcp < 0.05
     assert median == pytest.approx(np.median(np.abs(lengths - 1)))
-
-
-@pytest.mark.parametrize(
-    ("frames_at_once", "told"), [(5000, [5]), (50, [2, 4, 5]), (1, [1, 2, 3, 4, 5])]
-)
-def test_a_task_has_fewer_runs_of_more_frames(
-    frames_at_once: int, told: list[int], field: Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Ten runs of 20,000 frames held a worker for minutes, without progress."""
-    monkeypatch.setattr("stereocal.evaluation.evaluate.FRAMES_AT_ONCE", frames_at_once)
-    settings, seen = replace(FEW, runs=5), list[int]()
-    with ThreadPoolExecutor(1) as executor:
-        evaluate([field], settings, executor, lambda done, _: seen.append(done))
-    assert [done for done in seen if done] == told

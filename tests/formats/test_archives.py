@@ -15,20 +15,17 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.rig.camera import Camera
-from stereocal.rig.rig import Rig
 from tests.archives import (
-    BACKGROUND,
     PLAIN,
     caliscope_files,
     easywand_camera,
     easywand_fields,
-    from_bottom,
     kalibr_chain,
     mat,
     stereo_struct,
     wand_csv,
 )
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
 
 USUAL = ExchangeOptions()
 OPENCV = Rig(PRIMARY, SECONDARY, RIG)
@@ -63,39 +60,6 @@ def test_easywand_gives_the_same_data_set_as_our_csv() -> None:
     measured = [each.dataset("x", BASELINE_M, BAR_M) for each in (csv, found)]
     rays = [dataset.rays for dataset in measured]
     assert np.abs(rays[0] - rays[1]).max() < 1e-12
-
-
-def test_background_points_become_frames_of_one_target_that_are_no_neighbours() -> None:
-    found = easywand()
-    rows = found.correspondences
-    assert rows is not None
-    added = rows.frame >= 1000
-    assert rows.frame[added].tolist() == [1000, 1010, 1020, 1030]
-    assert np.abs(rows.primary[added] - images(BACKGROUND)[0]).max() < 1e-9
-    assert len(rows.bars) == 11
-    assert "frames 1000 to 1030" in found.dataset("x", None, None).notes
-
-
-def test_a_thrown_object_is_written_beside_the_data_set() -> None:
-    path = np.array([[0.1 * t, -1 + 0.5 * t**2, 8.0] for t in np.linspace(0, 1, 6)])
-    pairs = [
-        from_bottom(side, camera)
-        for side, camera in zip(images(path), (PRIMARY, SECONDARY), strict=True)
-    ]
-    pairs[1][4] = np.nan
-    found = easywand(axisPts=np.hstack(pairs), gravityFreq=125.0)
-    assert found.throw is not None
-    assert found.throw.columns.tolist() == [
-        "frame",
-        "u_primary",
-        "v_primary",
-        "u_secondary",
-        "v_secondary",
-    ]
-    assert found.throw["frame"].tolist() == [1, 2, 3, 4, 6]
-    assert found.throw["v_secondary"][0] == pytest.approx(images(path)[1][0, 1])
-    assert any("125 frames a second" in note for note in found.notes)
-    assert easywand(axisPts=np.hstack(pairs)).throw is None
 
 
 def test_the_pair_of_cameras_is_chosen() -> None:
@@ -200,14 +164,6 @@ def test_cameras_of_each_program_with_a_wand_table(name: str) -> None:
     assert len(dataset.correspondences.bars) == 11
     pose = dataset.reconstructed_lengths_m(RIG)
     assert np.median(np.abs(pose - BAR_M)) < 0.02
-
-
-def test_a_unit_is_needed_only_for_a_baseline_that_is_used() -> None:
-    files = {"wand.csv": wand_csv(), **export_files(OPENCV, "aniposelib")}
-    files["calibration.toml"] = files["calibration.toml"].replace(b"lengths in metres", b"")
-    with pytest.raises(StereocalError, match="unit"):
-        gather(files, USUAL)
-    assert gather(files, USUAL, baseline_known=True).baseline_m is None
 
 
 def test_caliscope_of_both_versions() -> None:

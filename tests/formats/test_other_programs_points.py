@@ -183,26 +183,6 @@ class TestWhoWroteIt:
             with pytest.raises(StereocalError, match=f"not have the layout {other}"):
                 propose_layout(content, "points", other)
 
-    @pytest.mark.parametrize(
-        "header",
-        [
-            ",frame,pos_x,pos_y",
-            "id,when,right,down",
-            "x,y,width,height",
-            "x1,y1,x2,y2",
-            "a,b,c,d,e,f,g,h",
-            "frame,id,x1,y1,x2,y2,w,h",
-            "x,y,score,id,x,y,score,id",
-        ],
-    )
-    def test_named_columns_are_no_headerless_wand_file(self, header: str) -> None:
-        width = header.count(",") + 1
-        content = csv(header, [[10 * k + c for c in range(width)] for k in range(3)])
-        assert "wand" not in layout_of(content, "points").program
-        assert not holds_bars(content, "points")
-        if width == 8:  # what a person says holds
-            assert propose_layout(content, "points", "wand").cameras == ("cam1", "cam2")
-
     @pytest.mark.parametrize("content", [odd(0), b"1,2,3\n4,5,6\n", b"x,y,x\n1,2,3\n4,5,6\n"])
     def test_an_unknown_table_has_no_columns_before_a_person_has_chosen(
         self, content: bytes
@@ -300,21 +280,6 @@ class TestHdf5:
             point_text(hdf5_bytes_of_deeplabcut(), "dlc.h5")
         assert point_text(b"frame,u,v\n", "a.csv") == b"frame,u,v\n"
 
-    @pytest.mark.parametrize(
-        "change",
-        [
-            {"tracks": np.zeros((2, 3, 2, 5))},
-            {"tracks": np.zeros((1, 2, 5, 4))},
-            {"tracks": np.zeros((3, 4))},
-            {"tracks": np.zeros((1, 2, 2, 4), dtype="i4")},
-            {"point_scores": np.zeros((1, 2, 3))},
-            {"node_names": np.zeros(2)},
-        ],
-    )
-    def test_other_arrays(self, change: dict[str, object]) -> None:
-        with pytest.raises(StereocalError, match=r"^a\.h5: .*(shape|SLEAP)"):
-            point_text(sleap_h5(0, **change), "a.h5")
-
     def test_links_to_other_files_are_not_followed(self, tmp_path: Path) -> None:
         secret = tmp_path / "secret.h5"
         secret.write_bytes(sleap_h5(0))
@@ -377,14 +342,6 @@ class TestCommandLine:
         assert run_match(tmp_path, (write(0), write(1)), "--layout", layout, *more) == 0
         self.check(tmp_path, range(FIRST, FIRST + FRAMES), 2 * FRAMES - (layout == "sleap"))
         assert "read as" in capsys.readouterr().out
-
-    @pytest.mark.parametrize(
-        ("layout", "content"),
-        [("dltdv5", DLTDV5), ("dltdv8", DLTDV8), ("argus", ARGUS), ("wand", WAND)],
-    )
-    def test_both_cameras_in_one_file(self, layout: str, content: bytes, tmp_path: Path) -> None:
-        assert run_match(tmp_path, (content, content), "--layout", layout) == 0
-        self.check(tmp_path, range(1, FRAMES + 1))
 
     def test_cameras_exchanged_and_counted_otherwise(self, tmp_path: Path) -> None:
         """Camera 2 is the primary; the height counts as h + 1, from a first pixel of 0.5."""

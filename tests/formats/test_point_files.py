@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.point_files import read_bars, read_points
+from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
 from tests.known_rig import bar_ends, images
 
@@ -29,30 +29,6 @@ def wand(header: str = "") -> bytes:
         lines.append(",".join("NaN" if np.isnan(x) else repr(float(x)) for x in cells))
     lines[-1] = ",".join(["0"] * 12)
     return ("\n".join(lines) + "\n").encode()
-
-
-def test_deeplabcut() -> None:
-    content = (
-        b"scorer,net,net,net,net,net,net\n"
-        b"bodyparts,nose,nose,nose,tail,tail,tail\n"
-        b"coords,x,y,likelihood,x,y,likelihood\n"
-        b"0,10.5,20.25,0.99,30,40,0.2\n"
-        b"1,11.5,21.25,0.98,,,\n"
-    )
-    layout = propose_layout(content, "dlc.csv")
-    assert (layout.program, layout.points, layout.questions != ()) == (
-        "DeepLabCut",
-        ("nose", "tail"),
-        True,
-    )
-    table = read_points(content, layout, "cam1")
-    assert table.to_numpy().tolist() == [
-        [0, 10.5, 20.25, "nose"],
-        [0, 30.0, 40.0, "tail"],
-        [1, 11.5, 21.25, "nose"],
-    ]
-    sure = read_points(content, replace(layout, least_likelihood=0.6), "cam1")
-    assert set(sure["point"]) == {"nose"}
 
 
 def test_deeplabcut_with_several_animals() -> None:
@@ -95,20 +71,3 @@ def test_trackmate(unit: str, asks: bool) -> None:
 def test_what_is_no_point_file(content: bytes, says: str) -> None:
     with pytest.raises(StereocalError, match=says):
         propose_layout(content, "x.csv")
-
-
-def test_bad_rows_and_choices() -> None:
-    content = wand().replace(b"NaN", b"none!", 1)
-    layout = propose_layout(wand(), "w.csv")
-    with pytest.raises(StereocalError, match='line 1: column 5 is "none!"'):
-        read_points(content, layout, "cam3", 1024, "w.csv")
-    with pytest.raises(StereocalError, match="cam9"):
-        read_points(wand(), layout, "cam9", 1024)
-    with pytest.raises(StereocalError, match="image height"):
-        read_points(wand(), layout, "cam1")
-    with pytest.raises(StereocalError, match="both"):
-        read_bars(wand(), layout, ("cam1", "cam3"), ("A", "B"), HEIGHTS)
-    with pytest.raises(StereocalError, match="point C"):
-        read_bars(wand(), layout, ("cam1", "cam2"), ("A", "C"), HEIGHTS)
-    with pytest.raises(StereocalError, match="12 columns"):
-        read_points(b"1,2\n", layout, "cam1", 1024)

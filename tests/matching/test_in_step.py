@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 from stereocal.matching.application import unlabelled
-from stereocal.matching.in_step import SHIFT
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import POINT, match
 from stereocal.matching.point_table import PointTable
@@ -78,15 +77,3 @@ def test_pairs_from_elsewhere_are_shifted_when_they_are_measured(
     assert report is not None
     assert "were shifted in time" in report.notes[0]
     assert report.median_error_px < 0.3
-
-
-def test_without_tracks_nothing_is_shifted_and_that_is_said(
-    late: RigParameters, points: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path
-) -> None:
-    first, second = (
-        written(table[["frame", *POINT]], tmp_path / f"{i}.csv") for i, table in enumerate(points)
-    )
-    report = match_tables(late, first, second, tmp_path / "pairs.csv")
-    assert report is not None
-    assert "could not be applied" in report.notes[0]
-    assert (pd.read_csv(tmp_path / "pairs.csv")[SHIFT] == 0).all()

@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats.point_answers import (
-    UNKNOWN,
-    Answers,
-    BarAnswers,
-    answered,
-    bars_of,
-    column_names,
-    first_answers,
-    holds_bars,
-    layout_of,
-)
-from stereocal.formats.point_files import read_points
 from stereocal.matching.lengths import check_lengths, has_two_a_frame
 
 
@@ -70,49 +56,3 @@ def test_a_name_twice_in_a_frame_is_left_out_and_said() -> None:
 def test_refused(known: float, ends: tuple[str, str], sentence: str) -> None:
     with pytest.raises(StereocalError, match=sentence):
         check_lengths(BIRDS, known, "bird", ends)
-
-
-ODD = b"when;across;down;weight\n7;10,5;20;heavy\n8;11,5;21;light\n"
-
-
-def test_columns_chosen_by_hand() -> None:
-    layout = layout_of(ODD, "odd.csv")
-    assert layout.program == UNKNOWN and layout.header_rows == 1
-    assert column_names(ODD, layout, "odd.csv")[1] == "2: across"
-    proposed = first_answers(layout, 0)
-    assert proposed.columns is None
-    with pytest.raises(StereocalError, match="choose the columns"):
-        answered(layout, proposed, ODD, "odd.csv")
-    answers = replace(proposed, columns=(0, 1, 2))
-    moved = replace(answers, first_pixel=0.5, px_per_unit=2.0)
-    table = read_points(ODD, answered(layout, moved, ODD, "odd.csv"), "cam1")
-    assert table.to_dict("list") == {
-        "frame": [7, 8],
-        "u": [20.5, 22.5],
-        "v": [39.5, 41.5],
-        "weight": ["heavy", "light"],
-    }
-    counted = replace(answers, columns=(None, 1, 2))
-    table = read_points(ODD, answered(layout, counted, ODD, "odd.csv"), "cam1")
-    assert table["frame"].tolist() == [1, 2]
-    assert Answers.from_json(moved.to_json()) == moved
-
-
-def test_answers_of_another_version() -> None:
-    good = Answers("cam1").to_json()
-    for bad in ({**good, "corner": "middle"}, {**good, "more": 1}, {"camera": "cam1"}):
-        with pytest.raises(StereocalError, match="answers of"):
-            Answers.from_json(bad)
-
-
-def test_which_files_hold_bars() -> None:
-    wand = b"1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n"
-    assert holds_bars(wand, "wand.csv")
-    assert not holds_bars(ODD, "odd.csv")
-    assert not holds_bars(b"frame,target,u_primary\n1,A,3\n", "ours.csv")
-    assert not holds_bars(b"", "empty.csv")
-    answers = BarAnswers(("cam1", "cam1"), ("A", "B"))
-    with pytest.raises(StereocalError, match="two cameras are the same"):
-        bars_of(wand, answers, "wand.csv")
-    rows = bars_of(wand, replace(answers, cameras=("cam2", "cam1")), "wand.csv")
-    assert rows.primary[0].tolist() == [3, 4] and rows.secondary[2].tolist() == [5, 6]

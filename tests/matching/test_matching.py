@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -173,22 +172,6 @@ class TestThresholdFromThePoints:
         assert chosen.shares.lost < 0.03
         # Errors of correct pairs are a half-normal of 0.21 px.
         assert 3 < chosen.threshold_px / 0.21 < 14
-
-    def test_parameters_that_fit_nothing(self) -> None:
-        """The threshold is that of the file, and without one there is none."""
-        rng = np.random.default_rng(0)
-        sizes = np.array(PRIMARY.image_size), np.array(SECONDARY.image_size)
-        frames = [tuple(rng.uniform(0, size - 1, (300, 2)) for size in sizes) for _ in range(5)]
-        data: Any = frames
-        found = choose_threshold(RIG_2D, data)
-        assert found.threshold_px == 0.8
-        assert found.noise is None and found.shares is None
-        assert "cannot be estimated" in found.sentence()
-        without = replace(RIG_2D, matching_threshold_px=None)
-        with pytest.raises(StereocalError, match="cannot be separated"):
-            choose_threshold(without, data)
-        with pytest.raises(StereocalError, match="No threshold can be chosen"):
-            choose_threshold(without, [])
 
 
 class TestPurposeAndRig:

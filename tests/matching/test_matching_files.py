@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,18 +11,13 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.formats.world_file import read_world
 from stereocal.matching import parquet
-from stereocal.matching.lengths import further_columns
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import (
-    COORDINATES,
     OUTSIDE_VOLUME,
     PIXELS,
-    reconstruct,
     reconstruct_table,
 )
 from stereocal.rig.parameters import RigParameters
@@ -115,20 +109,6 @@ class TestMatch:
             check_dtype=False,
         )
 
-    def test_rows_in_any_order(self, folder: Path) -> None:
-        assert run_match(folder) == 0
-        ordered = (folder / "pairs.csv").read_text()
-        table = pd.read_csv(folder / "p.csv")
-        mixed = table.sort_values("bird", kind="stable")
-        assert (np.diff(mixed["frame"]) < 0).any()
-        mixed.to_csv(folder / "p.csv", index=False)
-        assert run_match(folder) == 0
-        key = ["frame", "bird_primary"]
-        before = pd.read_csv(folder / "pairs.csv").sort_values(key, ignore_index=True)
-        (folder / "pairs.csv").write_text(ordered)
-        after = pd.read_csv(folder / "pairs.csv").sort_values(key, ignore_index=True)
-        pd.testing.assert_frame_equal(before, after)
-
     @pytest.mark.parametrize("rows", [7, 20, 33])
     def test_frames_across_the_blocks_of_reading(
         self, folder: Path, rows: int, monkeypatch: pytest.MonkeyPatch
@@ -159,24 +139,6 @@ class TestMatch:
         printed = capsys.readouterr().out
         assert "Your points scatter by" in printed
         assert "This is the 3D set" in printed
-
-    def test_frames_of_one_camera_and_rows_without_points(
-        self, folder: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        table = pd.read_csv(folder / "p.csv")
-        table = table[table["frame"] != 5]
-        table.to_csv(folder / "p.csv", index=False)
-        with (folder / "p.csv").open("a") as file:
-            file.write("99,10,10,1,small\n5,,,,\n\n5,NaN,nan,,\n")
-        lost = folder / "lost.csv"
-        assert run_match(folder, "--unmatched", str(lost)) == 0
-        printed = capsys.readouterr().out
-        assert "1 frames are in" in printed
-        assert "(99)" in printed
-        assert "(5)" in printed
-        assert "2 rows without a point" in printed
-        left = pd.read_csv(lost)
-        assert len(left[(left["frame"] == 5) & (left["camera"] == "secondary")]) == POINTS
 
     def test_cancelled_leaves_nothing(self, folder: Path) -> None:
         sides = [PointTable(folder / f"{side}.csv", ("u", "v")) for side in "ps"]
@@ -229,38 +191,6 @@ class TestReconstruct:
         )
         np.testing.assert_allclose(points["error_px"], pairs["error_px"], atol=2e-6)
 
-    @pytest.mark.parametrize("ending", ["csv", "parquet"])
-    def test_points_outside_the_volume_are_marked(
-        self, folder: Path, ending: str, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        """By the depth in the primary's frame, also in the world's; as `ambiguous` is written."""
-        (folder / "world.csv").write_text("0,0,1,5\n1,0,0,2\n0,1,0,3\n0,0,0,1\n")
-        rig = replace(RIG_2D, method="3d", volume=Volume((-1.0, 1.0), (-1.0, 1.0), (5.0, 10.0)))
-        rig.save(folder / "3d.json")
-        assert run_match(folder, ending=ending) == 0
-        more = ["--world", str(folder / "world.csv"), "--sigma-px", "0.1", "--workers", "2"]
-        assert self.run(folder, *more, ending=ending) == 0
-        read = pd.read_csv if ending == "csv" else pd.read_parquet
-        pairs, points = (read(folder / f"{name}.{ending}") for name in ("pairs", "points"))
-        sigmas = ["sigma_x", "sigma_y", "sigma_z"]
-        assert list(points)[5:11] == [*sigmas, OUTSIDE_VOLUME, COORDINATES, "ambiguous"]
-        name = name_of_world(read_world(folder / "world.csv"))
-        assert re.fullmatch("world-[0-9a-f]{8}", name)
-        assert (points[COORDINATES] == name).all()
-        assert COORDINATES not in further_columns(points)
-        assert points[OUTSIDE_VOLUME].dtype == points["ambiguous"].dtype == bool
-        depth = points["x"] - 5
-        assert (points[OUTSIDE_VOLUME] == (depth > 10.0)).all()
-        outside = int(points[OUTSIDE_VOLUME].sum())
-        assert 0 < outside < len(points)
-        printed = " ".join(capsys.readouterr().out.split())
-        assert f"{outside} of {len(points)} points lie outside the volume that the bars" in printed
-        assert "filled (5 to 10 m); errors there can be larger than stated." in printed
-        world = read_world(folder / "world.csv")
-        by_library = reconstruct(rig, pairs, world, sigma_px=0.1)
-        assert list(by_library) == list(points)
-        assert (by_library[OUTSIDE_VOLUME] == points[OUTSIDE_VOLUME]).all()
-
     def test_pairs_without_a_point_are_marked_and_not_counted(self, folder: Path) -> None:
         """One pair of three does not meet in front of both cameras, another is too far away."""
         rig = replace(RIG_2D, method="3d", volume=Volume((-1.0, 1.0), (-1.0, 1.0), (5.0, 8.0)))
@@ -277,34 +207,6 @@ class TestReconstruct:
         points = pd.read_csv(folder / "points.csv")
         assert points[OUTSIDE_VOLUME].tolist() == [True, False, True]
         assert points["x"].isna().tolist() == [True, False, False]
-
-    def test_wrong_purpose_and_wrong_rig(
-        self, folder: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        assert run_match(folder) == 0
-        exchanged = replace(RIG_2D, method="2d", pose=RIG.inverse())
-        exchanged.save(folder / "3d.json")
-        assert self.run(folder) == 0
-        printed = capsys.readouterr().out
-        assert "This is the 2D set" in printed
-        assert "do not fit these parameters at all" in printed
-        assert self.run(folder, "--matched-with", str(folder / "2d.json")) == 2
-        assert "different rigs" in capsys.readouterr().err
-
-    def test_bad_pairs(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert run_match(folder) == 0
-        capsys.readouterr()
-        lines = (folder / "pairs.csv").read_text().splitlines()
-        for change, says in (
-            ("3,5000,1,1,1,0,0,False,0.1,0.1,1,large,1", "line 5: the primary point"),
-            ("3,1,1,,1,0,0,False,0.1,0.1,1,large,1", "line 5: u_secondary"),
-            ("3,1,1", "line 5: u_secondary"),
-        ):
-            spoilt = [*lines[:4], change, *lines[5:]]
-            (folder / "pairs.csv").write_text("\n".join(spoilt) + "\n")
-            assert self.run(folder) == 2
-            assert says in capsys.readouterr().err
-            assert not (folder / "points.csv").exists()
 
 
 Edit = Callable[[pd.DataFrame], pd.DataFrame]

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.matching.pairs import match
 from stereocal.matching.reconstruction_files import noise_of_pairs, reconstruct
 from stereocal.matching.threshold import FramePixels, choose_threshold
@@ -111,28 +110,6 @@ def test_standard_errors_are_of_these_points() -> None:
     ].to_numpy()
     # 1 expected; the noise is known to 2.5 %, 900 points. Measured: 0.98 to 1.03.
     np.testing.assert_allclose(np.sqrt(np.mean(z**2, axis=0)), 1.0, atol=0.1)
-
-
-def test_points_that_state_their_noise() -> None:
-    """By column, other for each point; what is typed goes before; a contradiction is said."""
-    first, second = seen(0.5)
-    first["sigma_px"] = second["sigma_px"] = 0.5
-    first.loc[first["bird"] == 0, "sigma_px"] = 0.8
-    pairs = match(FILE, first, second)
-    zero = pairs["bird_primary"] == 0
-    assert pairs.loc[zero, "sigma_primary_px"].eq(0.8).all()
-    assert pairs.loc[~zero, "sigma_primary_px"].eq(0.5).all()
-    points = reconstruct(FILE, pairs)
-    plain = reconstruct(FILE, pairs, sigma_px=0.5)
-    ratio = points["sigma_x"] / plain["sigma_x"]
-    assert ratio[~zero].to_numpy() == pytest.approx(1.0)
-    assert ratio[zero].between(1.05, 1.6).all()
-    typed = match(FILE, first, second, sigma_px=0.6)
-    assert typed["sigma_primary_px"].eq(0.6).all()
-    small = choose_threshold(FILE, sample((first, second)), sigma_px=0.1)
-    assert small.noise is not None and small.noise.seen_px == pytest.approx(0.5, rel=0.12)
-    with pytest.raises(StereocalError, match="above 0"):
-        choose_threshold(FILE, sample((first, second)), sigma_px=0.0)
 
 
 def test_errors_of_the_parameters_are_no_noise_of_the_points() -> None:

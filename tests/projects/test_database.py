@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import random
 import signal
 import sqlite3
@@ -94,28 +93,6 @@ def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
     journal_mode.journal_of.cache_clear()
 
 
-def test_with_a_rollback_journal_readers_and_writers_do_not_wait_for_each_other_forever(
-    tmp_path: Path,
-) -> None:
-    project = placed(FULL, tmp_path)
-    with closing(sqlite3.connect(project.database.path)) as db:
-        db.execute("PRAGMA journal_mode = DELETE")
-    over = threading.Event()
-
-    def write() -> None:
-        while not over.is_set():
-            project.keep_settings({"seed": 3})
-
-    thread = threading.Thread(target=write)
-    thread.start()
-    began = time.monotonic()
-    for _ in range(40):
-        assert project.inputs.baseline_m == 2.0
-    over.set()
-    thread.join()
-    assert time.monotonic() - began < 60
-
-
 def test_a_large_value_goes_in_and_out_piece_by_piece(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,25 +141,6 @@ def test_a_full_disk_says_so_and_loses_nothing(
     store.clear()
     store.add({"again.png": store.keep("again.png", bytes(100_000))})
     assert store.database.path.stat().st_size < 200_000
-
-
-def test_an_act_that_hides_the_error_of_a_full_disk_is_not_half_done(
-    database: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plain = database_module.connect
-
-    def small(path: Path) -> sqlite3.Connection:
-        db = plain(path)
-        db.execute("PRAGMA max_page_count = 100")
-        return db
-
-    monkeypatch.setattr(database_module, "connect", small)
-    with pytest.raises(DiskFullError), database.transaction():
-        keep_values(database, "a", {"first": 1})
-        with contextlib.suppress(StereocalError):
-            keep_file(database, bytes(1_000_000), "large")
-        keep_values(database, "a", {"second": 2})
-    assert values_of(database, "a") == {}
 
 
 def test_a_click_in_the_middle_of_an_upload_loses_nothing(tmp_path: Path) -> None:

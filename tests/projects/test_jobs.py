@@ -91,43 +91,6 @@ def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
     again.end()
 
 
-def test_progress_and_parts_are_written_at_most_once_a_second(
-    database: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    job = begun(database)
-    parts = job.checkpoints("runs", str.encode, bytes.decode)
-    written = []
-    now = 100.0
-    monkeypatch.setattr("stereocal.projects.jobs.time.monotonic", lambda: now)
-    for done in range(12):
-        parts.keep(f"{done}", "x")
-        job.progress(0, done, 1000)
-        written += database.rows("SELECT done, (SELECT count(*) FROM finished) FROM job")
-        now += 0.26
-    assert len(set(written)) == 3 and written[-1][1] == 9
-    assert parts.get("11") == "x"  # what waits is written first
-    job.end()
-
-
-def test_parts_of_other_work_are_removed(database: Database) -> None:
-    job = begun(database)
-    keep(job, "a")
-    crash(job)
-    other = begun(database, {**WORK, "settings": {"runs": 4}})
-    assert kept(other, "a") is None
-    crash(other)
-    again = begun(database)
-    assert kept(again, "a") is None
-    again.end()
-
-
-def test_other_software_is_other_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = jobs.digest_of("evaluation", WORK)
-    assert before != jobs.digest_of("apply", WORK)
-    monkeypatch.setattr("stereocal.__version__", "another")
-    assert before != jobs.digest_of("evaluation", WORK)
-
-
 def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Database) -> None:
     job = begun(database)
     keep(job, "a")
@@ -138,18 +101,6 @@ def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Data
     again = begun(database)
     assert state(database) == "running" and kept(again, "a") == "a"
     again.end()
-
-
-def test_discard_forgets_everything(database: Database) -> None:
-    job = begun(database)
-    keep(job, "a")
-    crash(job)
-    jobs.discard(database, "evaluation")
-    assert state(database) is None
-    again = begun(database)
-    assert kept(again, "a") is None
-    again.end()
-    jobs.discard(database, "apply")  # which never was
 
 
 def test_another_server_can_ask_for_a_stop(
@@ -182,15 +133,6 @@ def test_a_removed_project_stops_its_job_and_can_go_on_when_it_is_back(
     again = begun(project.database)
     assert kept(again, "a") == "a"
     again.end()
-
-
-@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"stages": 3}'])
-def test_a_damaged_record_is_none(database: Database, content: str) -> None:
-    crash(begun(database))
-    with database.transaction() as db:
-        db.execute("UPDATE job SET record = ?", [content])
-    assert state(database) is None
-    begun(database).end()
 
 
 def test_on_a_full_disk_the_job_goes_on(

@@ -125,17 +125,6 @@ def test_result_survives_with_settings_and_trace(tmp_path: Path) -> None:
     np.testing.assert_array_equal(trace.ratio, kept.ratio)
 
 
-def test_result_keeps_the_data_it_was_made_from(tmp_path: Path) -> None:
-    project = filled(tmp_path)
-    dataset = project.dataset
-    assert dataset is not None
-    project.keep_calibration(calibrate(dataset), project.inputs)
-    project.give({}, baseline_m=4.6)
-    kept = project.calibration
-    assert kept is not None and kept.dataset.sha256 == dataset.sha256
-    assert project.dataset is not None and project.dataset.sha256 != dataset.sha256
-
-
 def test_result_is_kept_with_the_inputs_it_was_made_from_not_with_later_ones(
     tmp_path: Path,
 ) -> None:
@@ -147,14 +136,6 @@ def test_result_is_kept_with_the_inputs_it_was_made_from_not_with_later_ones(
     project.keep_calibration(made, inputs)
     kept = project.calibration
     assert kept is not None and kept.dataset.baseline_m == 4.5
-
-
-def test_point_outside_is_found_as_soon_as_table_and_camera_are_there(tmp_path: Path) -> None:
-    project = Project.create(tmp_path)
-    table = b"frame,target,u_primary,v_primary,u_secondary,v_secondary\n1,A,9999,1,1,1\n"
-    project.give({"correspondences": ("points.csv", table)})
-    with pytest.raises(StereocalError, match=r"line 2: .* outside the 2336x1728 px image"):
-        project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())})
 
 
 def test_settings_are_remembered(tmp_path: Path) -> None:

@@ -17,8 +17,6 @@ from stereocal.projects.home import (
     find_projects,
     recent_projects,
     remove,
-    removed_at,
-    removed_projects,
     sweep,
 )
 from stereocal.projects.project import Project
@@ -106,26 +104,6 @@ def test_removed_projects_come_back_whole(tmp_path: Path) -> None:
         bring_back(tmp_path, project.id)
     with pytest.raises(StereocalError, match="for good"):
         bring_back(tmp_path, "../projects/" + project.id)
-
-
-def test_removed_ones_are_listed_the_newest_first_also_damaged_ones(tmp_path: Path) -> None:
-    assert removed_projects(tmp_path) == []
-    old, damaged, new = filled(tmp_path), filled(tmp_path), filled(tmp_path)
-    old.rename("Swifts <b>")
-    for project in (new, damaged, old):
-        assert removed_at(tmp_path, project.id) is None
-        remove(tmp_path, project.id)
-    damaged.database.path.write_bytes(b"{" * 5000)
-    aged(old.database.marker, 2)
-    aged(damaged.database.marker, 1)
-    found = removed_projects(tmp_path)
-    assert [one.id for one in found] == [new.id, damaged.id, old.id]
-    assert [one.title for one in found[1:]] == ["", "Swifts <b>"]
-    assert found[2].removed == pytest.approx(time.time() - 2 * 86_400, abs=60)
-    assert removed_at(tmp_path, old.id) == found[2].removed
-    bring_back(tmp_path, new.id)
-    assert [one.id for one in removed_projects(tmp_path)] == [damaged.id, old.id]
-    assert removed_at(tmp_path, f"../projects/{old.id}") is None
 
 
 def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.projects.application import APPLIED, ProjectApplication
 from stereocal.projects.archive import unpack_project
-from stereocal.projects.files import files_of, free_unnamed
+from stereocal.projects.files import files_of
 from stereocal.projects.home import duplicate
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
@@ -79,13 +79,3 @@ def test_removed_photographs_make_room_at_once_and_nothing_else_goes(tmp_path: P
     with project.database.reading():
         assert {PAIRS, POINTS} <= files_of(project.database, APPLIED).keys()
     assert len(ProjectPhotographs(twin).photographs) == 12
-
-
-def test_photographs_that_went_while_they_were_stored_are_said(tmp_path: Path) -> None:
-    project = placed(FULL, tmp_path)
-    store = ProjectPhotographs(project)
-    stored = store.keep("a.jpg", b"x")
-    assert free_unnamed(project.database, 1e12) == 1
-    with pytest.raises(StereocalError, match=r"a\.jpg has gone .* give it again"):
-        store.add({"a.jpg": stored})
-    assert len(store.photographs) == 12

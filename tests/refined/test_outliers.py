@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.results import Errors
 from stereocal.refined.outliers import (
-    frame_reprojection_px,
     held_out,
     left_out,
     length_outliers,
@@ -39,20 +37,6 @@ def calibration() -> Calibration:
     return make_calibration(noise_px=0.2, shift_px=10.0)
 
 
-def with_errors(calibration: Calibration, method: str, errors: Errors) -> Calibration:
-    """The same calibration, with other errors for one method."""
-    changed = Calibration(
-        calibration.dataset,
-        calibration.settings,
-        calibration.screening,
-        calibration.frames,
-        calibration.methods,
-        calibration.warnings,
-    )
-    changed.__dict__["errors"] = {**calibration.errors, method: errors}
-    return changed
-
-
 def test_the_mixed_up_frame_stands_out_alone(calibration: Calibration) -> None:
     assert reprojection_outliers(calibration) == [MIXED_UP]
     assert outlying_frames(calibration) == sorted({MIXED_UP, *length_outliers(calibration)})
@@ -77,15 +61,3 @@ def test_the_limit_is_six_robust_deviations_above_the_median() -> None:
     assert outlying(above, 0.0).tolist() == [False] * 4 + [True] + [False] * 2
     above[4] = limit - 1e-3
     assert not outlying(above, 0.0).any()
-
-
-def test_what_cannot_be_computed_stands_out(calibration: Calibration) -> None:
-    errors = calibration.errors["2d"]
-    lost = errors.reprojection_px.copy()
-    lost[5] = np.nan
-    frame = int(calibration.dataset.correspondences.frame[5])
-    changed = with_errors(calibration, "2d", replace(errors, reprojection_px=lost))
-    assert frame in outlying_frames(changed)
-    assert np.isnan(frame_reprojection_px(changed, "2d")).sum() == 1
-    assert outlying(np.full(3, np.nan), 0.0).all()
-    assert outlying(np.empty(0), 0.0).tolist() == []

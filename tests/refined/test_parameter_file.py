@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
-from typing import Literal
-
 import numpy as np
 import pytest
 
-from stereocal.calibration.methods import CalibrationSettings
-from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined.bar_fit import TIME
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters
@@ -18,12 +12,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.volume import Volume
-from stereocal.workflow import answer, calibrate
+from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, spoiled, stated
-
-METHODS: tuple[Literal["2d", "3d"], ...] = ("2d", "3d")
 
 
 @pytest.fixture(scope="module")
@@ -66,37 +57,6 @@ def test_what_the_uncertainties_say(result: RefinedResult) -> None:
     assert stated_ones["sigma_px"]["source"] == "estimated from the residuals"
     length = stated_ones["bar_length_m"]
     assert abs(length["estimate"] - length["stated"]) < 4 * Misjudged().bar_m
-
-
-def test_noise_and_volume_of_the_papers_sets() -> None:
-    """Each set's own points of the frames it was fitted to; the noise of the best fit there is."""
-    data = rig.dataset(25, 0.2)
-    found = calibrate(data, CalibrationSettings(calibration_frames=8), refined=None)
-    rows = data.correspondences
-    used = np.isin(rows.frame, found.frames)
-    for method in METHODS:
-        file = found.parameters(method)
-        own = file.reconstruct(rows.primary, rows.secondary)
-        assert file.volume == Volume.of_bars(own[used])
-        assert file.volume.contains(own[used]).all()
-        assert not file.volume.contains(own).all()
-        assert found.screening.fit is not None
-        assert file.noise_px == found.screening.fit.sigma_px.value == pytest.approx(0.2, rel=0.3)
-    refined = refine(data)
-    with_refined = replace(found, refined=refined).parameters("3d")
-    assert with_refined.noise_px == refined.sigma_px.value != found.parameters("3d").noise_px
-    trusting = calibrate(data, CalibrationSettings(all_frames=True), refined=None)
-    assert trusting.parameters("2d").noise_px is None
-    # The page's files name one noise, and what is stored of a calibration keeps the screening's.
-    sets = answer(replace(found, refined=refined), None).sets
-    assert {each.noise_px for each in sets.values()} == {refined.sigma_px.value}
-    stored = unpack_calibration(pack_calibration(found, {}), lambda _: data)
-    assert stored.parameters("3d").noise_px == found.parameters("3d").noise_px
-    assert stored.parameters("3d").volume == found.parameters("3d").volume
-    old = json.loads(pack_calibration(found, {}))
-    del old["screening"]["noise_px"]
-    older = unpack_calibration(json.dumps(old).encode(), lambda _: data)
-    assert older.parameters("3d").noise_px is None
 
 
 def test_calibrate_runs_it_beside_the_papers_three() -> None:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.pose_fit import LENGTH_TOLERANCE, essential_fit
-from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import pack_dataset
-from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.refined.diagnosis import explain_failure
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Correspondences, Dataset
-from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import observe, place_bars
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
 from stereocal.workflow import calibrate
@@ -152,41 +146,6 @@ def test_a_bad_frame_among_them_is_named_before_any_length() -> None:
     said = explain_failure(data, screen(data))
     assert "(5)" in said
     assert "baseline" not in said
-
-
-def test_it_is_in_files_tables_and_after_packing(exchanged: Dataset) -> None:
-    found = calibrate(exchanged)
-    for method in ("2d", "3d"):
-        again = RigParameters.loads(found.parameters(method).dumps())
-        assert again.frames_left_out == BAD
-    line = left_out_line(found.screening)
-    assert "3 and 17" in line
-    assert "exchanged" in line
-    unpacked = unpack_calibration(pack_calibration(found, {}), lambda _: exchanged)
-    assert unpacked.screening.left_out == BAD
-    assert unpacked.screening.exchanged == BAD
-    np.testing.assert_array_equal(unpacked.errors["2d"].kept_pairs, found.errors["2d"].kept_pairs)
-
-
-def test_on_the_command_line(
-    exchanged: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "data"
-    folder.mkdir()
-    for name, content in pack_dataset(exchanged).items():
-        (folder / name).write_bytes(content)
-    out = tmp_path / "out"
-    main(["calibrate", str(folder), "--out", str(out), "--runs", "0"])
-    said = capsys.readouterr().out
-    assert "3 and 17" in said
-    for name in ("parameters_2d.json", "parameters_3d.json", "parameters_refined.json"):
-        assert json.loads((out / name).read_text())["frames_left_out"] == list(BAD)
-    main(["evaluate", str(folder), "--out", str(out), "--runs", "5"])
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["datasets"][0]["frames_left_out"] == list(BAD)
-    assert "Left out: frames 3 and 17" in (out / "report.html").read_text()
-    # The paper to the letter: the bad frames are in, and it shows.
-    assert main(["calibrate", str(folder), "--out", str(out), "--all-frames"]) == 2
 
 
 def test_frames_that_lie_together_accuse_the_lens() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -66,27 +64,3 @@ def test_bars_behind_the_camera_or_missing_do_not_count() -> None:
     for none in (-points, np.empty((0, 3)), np.full((2, 3), np.nan)):
         with pytest.raises(StereocalError, match="No bar is in front"):
             Volume.of_bars(none)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        None,
-        {},
-        [1, 2, 3],
-        "wide",
-        {"x/z": [0.0, 0.1], "y/z": [0.0, 0.1]},
-        {**VOLUME.to_json(), "z_m": [8.0, 3.0]},
-        {**VOLUME.to_json(), "z_m": [3.0]},
-        {**VOLUME.to_json(), "z_m": [3.0, 4.0, 5.0]},
-        {**VOLUME.to_json(), "z_m": 3.0},
-        {**VOLUME.to_json(), "x/z": [0.0, float("nan")]},
-        {**VOLUME.to_json(), "x/z": [0.0, float("inf")]},
-        {**VOLUME.to_json(), "y/z": ["left", "right"]},
-        {**VOLUME.to_json(), "y/z": [None, 0.1]},
-        {**VOLUME.to_json(), "y/z": [0, 10**400]},
-    ],
-)
-def test_refused_with_one_message(change: Any) -> None:
-    with pytest.raises(StereocalError, match=r"^file\.json: the volume of the bars must give x/z"):
-        Volume.from_json(change, "file.json")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import struct
-import subprocess
-import sys
 import zlib
 from pathlib import Path
 
@@ -207,28 +205,3 @@ def test_what_cannot_be_used_is_said(content: bytes, sentence: str) -> None:
         decode_photograph(content, "left 7.png")
     assert str(raised.value).startswith("left 7.png: ")
     assert sentence in str(raised.value)
-
-
-def test_nothing_is_written_to_the_terminal() -> None:
-    """A colour profile that libpng complains of, a tag that libtiff does not know, a cut file."""
-    chunks = chunks_of(PNG)
-    profile = png_of([chunks[0], (b"iCCP", b"x\0\0" + zlib.compress(b"junk")), *chunks[1:]])
-    strange = tiff().replace(struct.pack("<HHI", 339, 3, 1), struct.pack("<HHI", 60123, 3, 1))
-    code = (
-        "import sys\nfrom stereocal.system.photograph import decode_photograph\n"
-        "for content in map(bytes.fromhex, sys.stdin.read().split()):\n"
-        "    try:\n        decode_photograph(content, 'a')\n"
-        "    except ValueError as error:\n        print(error)\n"
-    )
-    cut = png_of([chunks[0], (b"IDAT", chunks[1][1][:-30]), chunks[-1]])
-    run = subprocess.run(
-        [sys.executable, "-c", code],
-        input=f"{profile.hex()} {strange.hex()}",
-        text=True,
-        capture_output=True,
-        check=True,
-        cwd=Path(__file__).parents[2],
-    )
-    assert (run.stdout, run.stderr) == ("", "")
-    with pytest.raises(StereocalError, match="damaged"):
-        decode_photograph(cut, "a")

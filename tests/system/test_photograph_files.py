@@ -75,24 +75,6 @@ def test_no_path_of_a_zip_is_written_to(name: str, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["in"]
 
 
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        (b"", "the file is empty"),
-        (b"no zip", "not a valid zip"),
-        (zipped({}), "the zip is empty"),
-        (zipped({"primary/1.pgm": bytes(40_000_000)}), "would expand to 40000000"),
-        (zipped({"notes.txt": b"x"}), "there is no photograph in it"),
-    ],
-    ids=["empty", "text", "no files", "bomb", "no photograph"],
-)
-def test_what_cannot_be_used_is_said(content: bytes, sentence: str, tmp_path: Path) -> None:
-    (tmp_path / "a.zip").write_bytes(content)
-    with pytest.raises(StereocalError, match=sentence):
-        photographs_in(tmp_path / "a.zip", tmp_path / "in")
-    assert not (tmp_path / "in").exists()
-
-
 def test_a_size_that_lies_does_not_swell(tmp_path: Path) -> None:
     bomb = zipped({"a.png": bytes(40_000_000)})
     lie = bomb.replace((40_000_000).to_bytes(4, "little"), (10).to_bytes(4, "little"))

@@ -68,27 +68,6 @@ def test_results_come_in_the_order_of_the_tasks(make: Callable[[], Executor | No
     assert steps == [(done, 99) for done in range(1, 100)]
 
 
-@pytest.mark.parametrize("ahead", [1, 2, 5])
-def test_no_more_than_so_many_are_held(ahead: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What has ended and waits for the first counts too."""
-    monkeypatch.setattr("stereocal.system.tasks.POLL_S", 0.01)
-    taken: list[int] = []
-    by_hand = ByHand()
-    asked = 0
-
-    def cancelled() -> bool:
-        nonlocal asked
-        asked += 1
-        while len(by_hand.waiting) > 1:
-            by_hand.end(1)
-        return asked > 20
-
-    every = run_tasks(squares(100, taken), by_hand, 100, cancelled=cancelled, ahead=ahead)
-    with pytest.raises(StoppedError):
-        next(every)
-    assert taken == list(range(ahead))
-
-
 class Kept(dict[str, int]):
     def keep(self, key: str, piece: int) -> None:
         self[key] = piece

@@ -16,7 +16,6 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
 from tests.simulation.test_simulate import assert_same_numbers
 from tools.photographs.__main__ import main
-from tools.photographs.backgrounds import WALL_M, outdoors
 from tools.photographs.bars import (
     BarSettings,
     photograph_bars,
@@ -70,46 +69,6 @@ def test_each_pair_shows_the_targets_at_the_true_centres() -> None:
             assert all(is_x_corner(image, centre) for centre in centres)
             assert not is_x_corner(image, centres.mean(axis=0))
         assert (pair.primary[0, 0], pair.secondary[0, 0]) == (120, 90)
-
-
-def test_pairs_are_made_one_at_a_time_and_by_the_seed() -> None:
-    scene = small_scene(3, 4)
-    settings = PhotographSettings(bits=12)
-    made = [
-        photograph_bars(scene, (120.0, 120.0), BarSettings(), settings, np.random.default_rng(seed))
-        for seed in (5, 5, 6)
-    ]
-    first, second, other = (next(pairs) for pairs in made)
-    assert np.array_equal(first.primary, second.primary)
-    assert np.array_equal(first.secondary, second.secondary)
-    assert not np.array_equal(first.primary, other.primary)
-    assert first.primary.dtype == np.uint16
-
-
-def test_both_cameras_see_the_same_background() -> None:
-    rig = small_scene(0, 1).rig
-    pictures = outdoors(rig, np.random.default_rng(4), 0.0, chessboard_about=False)
-    again = outdoors(rig, np.random.default_rng(4), 0.0, chessboard_about=False)
-    other = outdoors(rig, np.random.default_rng(5), 0.0, chessboard_about=False)
-    for picture, same, different in zip(pictures, again, other, strict=True):
-        assert picture.shape == (432, 584)
-        assert np.array_equal(picture, same)
-        assert np.abs(picture - different).mean() > 10.0
-        assert picture.min() >= 0.0
-        assert picture.max() <= 255.0
-        assert picture.std() > 20.0
-    # The same points of the wall, wherever both see them.
-    v, u = np.mgrid[5:427:7, 5:579:7]
-    rays = rig.primary.undistort(np.column_stack([u.ravel(), v.ravel()]))
-    wall = WALL_M * np.column_stack([rays, np.ones(len(rays))])
-    pixels = rig.secondary.project(rig.pose.apply(wall))
-    inside = ((pixels > 1) & (pixels < [582, 430])).all(axis=1)
-    assert inside.sum() > 200
-    first = pictures[0][v.ravel(), u.ravel()][inside]
-    columns, rows = (pixels[inside].T[:, :, None]).astype(np.float32)
-    second = cv2.remap(pictures[1], columns, rows, cv2.INTER_LINEAR).ravel()
-    # The two grids of pixels blur the finest leaves each in its own way.
-    assert np.corrcoef(first, second)[0, 1] > 0.9
 
 
 def test_command_writes_the_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from dataclasses import replace
 from functools import lru_cache
 
@@ -26,7 +25,6 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
-from stereocal.verdict import fresh_bars as bars_drawn
 from stereocal.verdict.forecast import Outlook, forecast_files
 from stereocal.verdict.fresh_bars import fresh_bars
 from stereocal.verdict.judging import add_noise
@@ -102,18 +100,6 @@ def test_fresh_bars_are_in_the_volume_and_have_the_length() -> None:
     assert volume.contains(ends.reshape(-1, 3)).all()
     lengths = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2)
     np.testing.assert_allclose(lengths, rig.BAR_M, rtol=0.02)  # those adjusted to the images
-
-
-def test_bars_of_a_long_recording_are_drawn_without_a_number_for_each() -> None:
-    """0.4 MB measured; a number for each recorded bar, draw and group takes 39 MB."""
-    tracemalloc.start()
-    drawn = bars_drawn._drawn(5000, 8, 200, np.random.default_rng(5))
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 4e6
-    assert drawn.shape == (8, 200)
-    groups = np.sort(drawn.reshape(-1, bars_drawn.GROUP), axis=1)
-    assert (np.diff(groups, axis=1) > 0).all()
 
 
 def test_bars_along_one_axis_stay_so() -> None:
