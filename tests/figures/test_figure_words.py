@@ -38,6 +38,8 @@ def read_off(figure: go.Figure) -> FloatArray:
     for each in (*figure.layout.annotations, *figure.data):
         for key in ("text", "name", "hovertemplate"):
             found += numbers(str(each[key])) if key in each else []
+    for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
+        found += numbers(str(axis.title.text))
     for trace in figure.data:
         for axis in "xyz":
             values = drawn(trace[axis]) if axis in trace and trace[axis] is not None else NONE

@@ -28,7 +28,6 @@ from tests.archives import (
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
 
 USUAL = ExchangeOptions()
-OPENCV = Rig(PRIMARY, SECONDARY, RIG)
 
 
 def easywand(options: ExchangeOptions = USUAL, **changed: Any) -> Archive:
