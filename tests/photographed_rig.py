@@ -14,8 +14,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
-from tools.photographs.board_series import draw_board_poses, photograph_boards
-from tools.photographs.rendering import PhotographSettings, chessboard
+from tools.photographs.board_series import draw_board_poses
+from tools.photographs.rendering import PhotographSettings, Placed, chessboard, photograph
 
 BASELINE_M, BAR_M, BOARD_M = 1.2, 0.6, 0.2
 CORNERS, SQUARE_M = (11, 8), 0.03
@@ -81,8 +81,10 @@ def photographed_rig(frames: int, boards: int, seed: int = 0) -> PhotographedRig
     series = {}
     for which, camera in (("primary", PRIMARY), ("secondary", SECONDARY)):
         poses = draw_board_poses(camera, rng, boards, squares, SQUARE_M)
-        taken = photograph_boards(camera, board, poses, 120.0, good_light, rng)
-        series[which] = {f"{at:02}.png": png(image) for at, image in enumerate(taken, start=1)}
+        series[which] = {
+            f"{at:02}.png": png(photograph(camera, 120.0, [Placed(board, pose)], good_light, rng))
+            for at, pose in enumerate(poses, start=1)
+        }
     return PhotographedRig(bars, series)
 
 

@@ -10,19 +10,15 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import field_rig
 from tests.known_rig import PRIMARY
 from tools.photographs.board_series import (
-    CHARUCO_MARKER,
     LENS_SQUARE_M,
     LENS_SQUARES,
-    charuco_board,
     draw_board_poses,
-    photograph_boards,
     true_corners,
 )
 from tools.photographs.rendering import (
@@ -31,7 +27,6 @@ from tools.photographs.rendering import (
     Picture,
     Placed,
     chessboard,
-    chessboard_corners,
     expose,
     paint,
     photograph,
@@ -191,7 +186,10 @@ def test_chessboards_of_the_series_are_found_where_they_are() -> None:
     camera, rng = field_rig().primary, np.random.default_rng(3)
     poses = draw_board_poses(camera, rng, 2)
     board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
-    images = photograph_boards(camera, board, poses, 110.0, PhotographSettings(), rng)
+    images = [
+        photograph(camera, 110.0, [Placed(board, pose)], PhotographSettings(), rng)
+        for pose in poses
+    ]
     size = (LENS_SQUARES[0] - 1, LENS_SQUARES[1] - 1)
     errors = []
     for image, pose in zip(images, poses, strict=True):
@@ -211,27 +209,3 @@ def test_chessboards_of_the_series_are_found_where_they_are() -> None:
     assert np.abs(errors_px).max() < 0.1
     assert np.sqrt((errors_px**2).mean()) < 0.03
     assert np.abs(errors_px.mean(axis=(0, 1))).max() < 0.01
-
-
-def test_charuco_board_is_opencvs() -> None:
-    """Its corners have the order and spacing of OpenCV's, and OpenCV finds them."""
-    squares, camera = (7, 5), PRIMARY
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250)
-    peer = cv2.aruco.CharucoBoard(squares, 0.04, 0.04 * CHARUCO_MARKER, dictionary)
-    corners = chessboard_corners(squares, 0.04)
-    theirs = np.asarray(peer.getChessboardCorners()) - [0.14, 0.1, 0.0]
-    np.testing.assert_allclose(corners, theirs, atol=1e-6)
-    pose = Pose(turned((0.4, -0.2, 0.1)), np.array([0.02, -0.01, 0.6]))
-    image = photograph(
-        camera,
-        110.0,
-        [Placed(charuco_board(squares, 0.04), pose)],
-        PhotographSettings(),
-        np.random.default_rng(0),
-    )
-    found, ids, _, _ = cv2.aruco.CharucoDetector(peer).detectBoard(image)
-    assert len(ids) == 24
-    truth = camera.project(pose.apply(corners))[np.ravel(ids)]
-    # Refined, as OpenCV 4.9 counts these corners from the edge of the first pixel.
-    error = refine(image, np.asarray(found, dtype=np.float64).reshape(-1, 2), 5.0) - truth
-    assert np.sqrt((error**2).mean()) < 0.04  # measured 0.024 px

@@ -1,8 +1,7 @@
 """Average the cells of a board over the area of each pixel, with optical blur.
 
-Each pixel is divided into parts. A part crossed by one edge uses the exact areas on both sides; a
-part where more cells meet is sampled. A weighted sum over the parts then applies the pixel area and
-the blur together.
+Each pixel is divided into parts. A part where cells meet is sampled. A weighted sum over the parts
+then applies the pixel area and the blur together.
 """
 
 from __future__ import annotations
@@ -12,10 +11,8 @@ import numpy.typing as npt
 
 from stereocal.rig.compiled import FloatArray, compiled, inlined
 
-SAMPLES = 233
-"""Number of samples of a part where more than two cells meet; a Fibonacci number."""
-PARALLEL = 1e-6
-"""Tolerance within which an edge counts as parallel to the rows or columns of the pixels."""
+SAMPLES, LATTICE = 233, 144
+"""Samples of a part where cells meet, and the step that spreads them (Fibonacci numbers)."""
 BLUR_REACH = 4.0
 """Half width of the blur kernel, in standard deviations."""
 
@@ -23,7 +20,7 @@ BLUR_REACH = 4.0
 def sample_offsets() -> FloatArray:
     """(SAMPLES, 2): a Fibonacci lattice in the unit square."""
     i = np.arange(SAMPLES)
-    return (np.column_stack([i, i * 144 % SAMPLES]) + 0.5) / SAMPLES
+    return (np.column_stack([i, i * LATTICE % SAMPLES]) + 0.5) / SAMPLES
 
 
 def pixel_weights(blur_px: float, parts: int) -> npt.NDArray[np.float32]:
@@ -94,23 +91,6 @@ def at(corners: tuple[float, float, float, float], a: float, b: float) -> float:
 
 
 @inlined
-def share_below(corners: tuple[float, float, float, float], level: float) -> float:
-    """The fraction of a square in which a linear function is below `level`.
-
-    Args:
-        corners: the function at the corners, as in `at`.
-    """
-    a = 0.5 * abs(corners[1] - corners[0] + corners[3] - corners[2])
-    b = 0.5 * abs(corners[2] - corners[0] + corners[3] - corners[1])
-    low = 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]) - 0.5 * (a + b)
-    c = level - low
-    if min(a, b) < PARALLEL * max(a, b):
-        return min(max(c / (a + b), 0.0), 1.0)
-    corner = max(c, 0.0) ** 2 - max(c - a, 0.0) ** 2
-    return (corner - max(c - b, 0.0) ** 2 + max(c - a - b, 0.0) ** 2) / (2.0 * a * b)
-
-
-@inlined
 def cell_at(cells: FloatArray, row: float, column: float) -> tuple[float, float]:
     """Grey level and coverage of a cell: 0 off the board, or if row or column is NaN."""
     if 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
@@ -136,20 +116,9 @@ def part_average(
     left, right, top, bottom = q / parts, (q + 1) / parts, p / parts, (p + 1) / parts
     across = at(s, left, top), at(s, right, top), at(s, left, bottom), at(s, right, bottom)
     down = at(t, left, top), at(t, right, top), at(t, left, bottom), at(t, right, bottom)
-    column, last_column = np.floor(min(across)), np.floor(max(across))
-    row, last_row = np.floor(min(down)), np.floor(max(down))
-    grey, cover = cell_at(cells, row, column)
-    if row == last_row and column == last_column:
+    same, grey, cover = one_cell(across, down, cells)
+    if same:
         return grey, cover
-    if (row == last_row and column + 1 == last_column) or (
-        column == last_column and row + 1 == last_row
-    ):
-        other_grey, other_cover = cell_at(cells, last_row, last_column)
-        share = share_below(across, last_column) if row == last_row else share_below(down, last_row)
-        return (
-            share * grey + (1.0 - share) * other_grey,
-            share * cover + (1.0 - share) * other_cover,
-        )
     grey = cover = 0.0
     for n in range(len(offsets)):
         a, b = (q + offsets[n, 0]) / parts, (p + offsets[n, 1]) / parts

@@ -16,8 +16,15 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from tools.photographs.pixel_rays import ray_splines
-from tools.photographs.rendering import Picture, Placed, blurred, chessboard, paint, turned
+from tools.photographs.rendering import (
+    Picture,
+    Placed,
+    blurred,
+    chessboard,
+    paint,
+    ray_splines,
+    turned,
+)
 from tools.photographs.scenery import Canvas, clouded, paint_scenery
 
 WALL_M = 40.0

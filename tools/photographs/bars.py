@@ -46,11 +46,7 @@ ROD_SHADES = (60.0, 110.0, 145.0, 160.0, 140.0, 105.0, 65.0)
 
 @dataclass(frozen=True)
 class BarSettings:
-    """The bar and its boards.
-
-    Raises:
-        StereocalError: an impossible length or tilt.
-    """
+    """The bar and its boards."""
 
     board_m: float = 0.18
     """Side of a 2x2 checkerboard: at 8 to 25 m and f = 7120 px it is 160 to 51 px across."""
@@ -61,15 +57,6 @@ class BarSettings:
     """Range of the angle between a board's normal and the line to the middle of the cameras."""
     rod_m: float = 0.025
     """Thickness of the rod between the boards and of the pole below it; 0 draws none."""
-
-    def __post_init__(self) -> None:
-        low, high = self.tilt_rad
-        if self.board_m <= 0 or self.rod_m < 0:
-            raise StereocalError("The boards' side must be above 0, the rod's thickness 0 or more.")
-        if not 0 <= low <= high <= 1.4:
-            raise StereocalError(
-                "The tilt of the boards must be a range from 0 to at most 1.4 rad (80 degrees)."
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,11 +175,7 @@ def place_visible_bars(
     depths_m: tuple[float, float] = FIELD_DEPTHS_M,
     margin_px: float = VISIBLE_MARGIN_PX,
 ) -> Scene:
-    """As `simulate.place_bars`, for bars whose boards do not hide each other in either camera.
-
-    Raises:
-        StereocalError: no such bars are found, because the boards are too large for the bar.
-    """
+    """As `simulate.place_bars`, for bars whose boards do not hide each other in either camera."""
     eyes = (np.zeros(3), rig.pose.inverse().T)
     found = np.empty((0, 2, 3))
     for _ in range(MAXIMUM_ROUNDS):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-
-import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
@@ -12,13 +9,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from tools.photographs.rendering import (
-    Board,
-    Photograph,
-    PhotographSettings,
-    Picture,
-    Placed,
     chessboard_corners,
-    photograph,
     turned,
 )
 
@@ -35,34 +26,7 @@ SPIN_RAD = 0.3
 """Standard deviation of the rotation in the board's plane."""
 EDGE_PX = 4.0
 """Least distance of the outer squares from the edge of the image."""
-CHARUCO_MARKER = 0.75
-"""Side of a marker of a ChArUco board, in squares."""
 MAXIMUM_TRIES = 20_000
-
-
-def charuco_board(
-    squares: tuple[int, int],
-    square_m: float,
-    black: float = 35.0,
-    white: float = 205.0,
-    dictionary: int = cv2.aruco.DICT_4X4_250,
-) -> Board:
-    """A ChArUco board of (columns, rows) squares, as OpenCV draws it, with a white border.
-
-    Its markers have 3/4 of the side of a square (`CHARUCO_MARKER`), so that the bits of a marker of
-    4x4 bits are cells of 1/8 of a square. Its inner corners: `chessboard_corners`.
-
-    Args:
-        dictionary: one of OpenCV's dictionaries of 4x4 bits.
-    """
-    columns, rows = squares
-    drawn = cv2.aruco.CharucoBoard(
-        squares, 1.0, CHARUCO_MARKER, cv2.aruco.getPredefinedDictionary(dictionary)
-    ).generateImage((80 * columns, 80 * rows), marginSize=0)
-    # Drawn large, then one pixel per cell is used: OpenCV 4.9 misplaces small markers by rounding.
-    drawn = np.asarray(drawn)[5::10, 5::10]
-    cells = np.pad(np.where(drawn > 127, white, black), 8, constant_values=white)
-    return Board(cells, ((columns + 2) * square_m, (rows + 2) * square_m))
 
 
 def draw_board_poses(
@@ -76,9 +40,6 @@ def draw_board_poses(
 
     Size, tilt and rotation are random. The position is random too, more often near the edges and
     corners of the image than in its centre.
-
-    Raises:
-        StereocalError: the board does not fit into the image.
     """
     outline = _outline(squares, square_m)
     poses: list[Pose] = []
@@ -92,19 +53,6 @@ def draw_board_poses(
         f"A board of {squares[0]}x{squares[1]} squares does not fit into an image of "
         f"{camera.image_size[0]}x{camera.image_size[1]} px when it is tilted."
     )
-
-
-def photograph_boards(
-    camera: Camera,
-    board: Board,
-    poses: Sequence[Pose],
-    background: Picture | float,
-    settings: PhotographSettings,
-    rng: np.random.Generator,
-) -> Iterator[Photograph]:
-    """Render one photograph for each pose of the board, one at a time."""
-    for pose in poses:
-        yield photograph(camera, background, [Placed(board, pose)], settings, rng)
 
 
 def true_corners(
@@ -122,11 +70,9 @@ def _outline(squares: tuple[int, int], square_m: float) -> FloatArray:
     half = 0.5 * square_m * np.array(squares)
     sides = np.linspace(-1.0, 1.0, 9)
     ends = np.ones_like(sides)
-    around = [
-        np.column_stack(side)
-        for side in ((sides, ends), (sides, -ends), (ends, sides), (-ends, sides))
-    ]
-    return np.column_stack([np.concatenate(around) * half, np.zeros(36)])
+    around = (sides, ends), (sides, -ends), (ends, sides), (-ends, sides)
+    points = np.concatenate([np.column_stack(side) for side in around])
+    return np.column_stack([points * half, np.zeros(len(points))])
 
 
 def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) -> Pose | None:

@@ -94,11 +94,7 @@ def exposed(
     exposure: Sequence[Sequence[Placed]],
     blur_px: float,
 ) -> Picture:
-    """The image on the sensor: the mean over the steps of an exposure.
-
-    Raises:
-        StereocalError: a background of another size, or a board not in front of the camera.
-    """
+    """The image on the sensor: the mean over the steps of an exposure."""
     empty = background_picture(camera, background, blur_px)
     picture = np.zeros_like(empty)
     for objects in exposure:

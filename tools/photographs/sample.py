@@ -11,7 +11,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import TABLE, pack_dataset
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Angles, Pose
@@ -41,10 +40,15 @@ from tools.photographs.board_series import (
     LENS_SQUARE_M,
     LENS_SQUARES,
     draw_board_poses,
-    photograph_boards,
 )
 from tools.photographs.flaws import NO_FLAW, SAMPLE_FLAWS, Flaw
-from tools.photographs.rendering import Photograph, PhotographSettings, chessboard
+from tools.photographs.rendering import (
+    Photograph,
+    PhotographSettings,
+    Placed,
+    chessboard,
+    photograph,
+)
 
 JPEG_QUALITY = 50
 """Its effect on accuracy is in sample_data/README.md."""
@@ -91,7 +95,8 @@ class PhotographedField:
         camera = self.cameras[which]
         board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
         background = indoors(camera, rng)
-        return photograph_boards(camera, board, self.boards[which], background, self.settings, rng)
+        for pose in self.boards[which]:
+            yield photograph(camera, background, [Placed(board, pose)], self.settings, rng)
 
 
 def prepare_photographs(
@@ -129,13 +134,7 @@ def drawn_rig(rng: np.random.Generator) -> Rig:
 
 
 def jpeg(image: Photograph, quality: int) -> bytes:
-    """The bytes of a grey JPEG file.
-
-    Raises:
-        StereocalError: the image has more than 8 bits.
-    """
-    if image.dtype != np.uint8:
-        raise StereocalError("A JPEG has 8 bits per pixel; save photographs with more as PNG.")
+    """The bytes of a grey JPEG file, of 8 bits."""
     options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     return bytes(cv2.imencode(".jpg", image, options)[1])
 
@@ -183,9 +182,6 @@ def write_photographs(
 
     Args:
         progress: called with the number of photographs written and the total.
-
-    Raises:
-        StereocalError: the folder cannot be written to.
     """
     field = prepare_photographs(seed, frames, boards)
     for name, content in describing_files(field).items():
