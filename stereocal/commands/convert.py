@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.commands.options import add_lens_model, image_size
+from stereocal.commands.options import add_lens_model, add_questions, answers, image_size
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.pixel_origin import CORNERS, FLIPS
-from stereocal.formats.units import UNITS
+from stereocal.formats.exchange.questions import ORIGIN
 from stereocal.formats.world_file import read_world
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
@@ -35,29 +34,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         required=True,
         help="folder to create; or a file name with its suffix, for formats of a single file",
     )
-    command.add_argument(
-        "--unit",
-        choices=tuple(UNITS),
-        help="with --from: the unit of the file's lengths, if the file does not state it",
-    )
+    add_questions(command, "unit")
     add_lens_model(command)
     dlt = command.add_argument_group("DLT coefficients")
-    dlt.add_argument(
-        "--image-origin", choices=CORNERS, default="upper-left", help="default: upper-left"
-    )
-    dlt.add_argument(
-        "--first-pixel",
-        type=float,
-        default=0.0,
-        metavar="N",
-        help="coordinate of the centre of the first pixel: 1 for DLTdv (default: 0)",
-    )
-    dlt.add_argument(
-        "--flip",
-        choices=FLIPS,
-        default="h",
-        help="lower left: v' = this minus v, with the image height h (default: h)",
-    )
+    add_questions(dlt, *ORIGIN)
     dlt.add_argument(
         "--world",
         type=Path,
@@ -77,12 +57,8 @@ def run(parsed: argparse.Namespace) -> None:
     """Convert, and print the files written."""
     options = ExchangeOptions(
         (image_size(parsed.image_size_primary), image_size(parsed.image_size_secondary)),
-        unit=parsed.unit,
-        lens_model=parsed.lens_model,
-        corner=parsed.image_origin,
-        first_pixel=parsed.first_pixel,
-        flip=parsed.flip,
         world=None if parsed.world is None else read_world(parsed.world),
+        **answers(parsed),
     )
     if parsed.to is not None:
         rig = RigParameters.load(parsed.parameters)

@@ -7,15 +7,21 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from stereocal.commands.options import add_lens_model, image_size, with_sigmas
-from stereocal.commands.point_options import add_origin, two_cameras
+from stereocal.commands.options import (
+    add_lens_model,
+    add_questions,
+    answers,
+    image_size,
+    with_sigmas,
+)
+from stereocal.commands.point_options import two_cameras
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.dataset_files import FREE, pack_dataset
 from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.questions import ORIGIN
 from stereocal.formats.point_layouts import LAYOUTS
-from stereocal.formats.units import UNITS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.limits import Limits
@@ -33,7 +39,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--cameras", metavar="P,S", help="primary and secondary camera: 1,2 or names (default: 1,2)"
     )
-    command.add_argument("--unit", choices=tuple(UNITS), help="unit of the lengths in the files")
+    add_questions(command, "unit")
     command.add_argument(
         "--baseline",
         metavar="B",
@@ -48,7 +54,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--layout", type=str.lower, choices=BAR_LAYOUTS, help="which program wrote the table"
     )
-    add_origin(command)
+    add_questions(command, *ORIGIN)
     add_lens_model(command)
 
 
@@ -61,12 +67,8 @@ def run(parsed: argparse.Namespace) -> None:
         ExchangeOptions(
             image_sizes=(size, size),
             cameras=None if parsed.cameras is None else two_cameras(parsed.cameras),
-            unit=parsed.unit,
-            corner=parsed.image_origin,
-            first_pixel=parsed.first_pixel,
-            flip=parsed.flip,
             layout=parsed.layout,
-            lens_model=parsed.lens_model,
+            **answers(parsed),
         ),
         baseline_known=baseline is not None,
     )

@@ -12,7 +12,7 @@ from typing import Any
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_model import LENS_MODELS
+from stereocal.formats.exchange.questions import QUESTIONS
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
@@ -40,17 +40,27 @@ def add_search_options(parser: argparse.ArgumentParser) -> None:
 
 def add_lens_model(parser: argparse.ArgumentParser) -> None:
     """The option of the lens model, and those of the standard errors of the lengths."""
-    parser.add_argument(
-        "--lens-model",
-        choices=LENS_MODELS,
-        help="the model of four distortion coefficients, if the file does not state it: brown is "
-        "OpenCV's usual k1 k2 p1 p2",
-    )
+    add_questions(parser, "lens_model")
     for option, what in (
         ("--baseline-sigma", "the baseline"),
         ("--distance-sigma", "the distance between the targets"),
     ):
         parser.add_argument(option, type=float, metavar="S", help=f"standard error of {what}, m")
+
+
+def add_questions(parser: argparse._ActionsContainer, *names: str) -> None:
+    """What files of other programs may not say, as options that `answers` reads."""
+    for name in names:
+        asked = QUESTIONS[name]
+        kind: dict[str, Any] = (
+            {"choices": tuple(asked.choices)} if asked.choices else {"type": float, "metavar": "N"}
+        )
+        parser.add_argument(asked.option, dest=name, help=asked.help, **kind)
+
+
+def answers(parsed: argparse.Namespace) -> dict[str, Any]:
+    """The answers to all of `QUESTIONS` that the command asks, by name."""
+    return {name: value for name, value in vars(parsed).items() if name in QUESTIONS}
 
 
 def image_size(text: str | None) -> tuple[int, int] | None:

@@ -6,8 +6,10 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from stereocal.commands.options import add_questions, answers
 from stereocal.errors import StereocalError
-from stereocal.formats.pixel_origin import CORNERS, FLIPS
+from stereocal.formats.exchange.questions import ORIGIN, QUESTIONS
+from stereocal.formats.exchange.reading import camera_index
 from stereocal.formats.point_answers import (
     OURS,
     Answers,
@@ -27,15 +29,13 @@ from stereocal.rig.parameters import RigParameters
 
 BY_HAND = "columns"
 COUNTED = "-"
-OPTIONS = (
-    "cameras",
-    "columns",
-    "image_origin",
-    "first_pixel",
-    "flip",
-    "px_per_unit",
-    "least_likelihood",
-)
+OPTIONS = {
+    "cameras": "--cameras",
+    "columns": "--columns",
+    **{name: QUESTIONS[name].option for name in ORIGIN},
+    "px_per_unit": "--px-per-unit",
+    "least_likelihood": "--least-likelihood",
+}
 
 
 def add_point_options(parser: argparse.ArgumentParser) -> None:
@@ -59,26 +59,13 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
         help='columns by name or number (from 1), with --layout columns or table; "-" as FRAME '
         "counts the rows",
     )
-    add_origin(group)
+    add_questions(group, *ORIGIN)
     group.add_argument("--px-per-unit", type=float, metavar="N", help="pixels in one unit")
     group.add_argument(
         "--least-likelihood",
         type=float,
         metavar="P",
         help="leave out less likely points",
-    )
-
-
-def add_origin(parser: argparse._ActionsContainer) -> None:
-    """The options of the pixel origin."""
-    parser.add_argument(
-        "--image-origin", choices=CORNERS, help="origin of the points (default: the layout's)"
-    )
-    parser.add_argument(
-        "--first-pixel", type=float, metavar="N", help="coordinate of the first pixel's centre"
-    )
-    parser.add_argument(
-        "--flip", choices=FLIPS, help="lower left: v' = this minus v, with the image height h"
     )
 
 
@@ -102,10 +89,9 @@ def point_tables(
     Raises:
         StereocalError: a file cannot be read, or an option is missing or wrong.
     """
-    given = [name for name in OPTIONS if getattr(parsed, name) is not None]
+    given = [option for name, option in OPTIONS.items() if getattr(parsed, name) is not None]
     if parsed.layout is None and given:
-        option = given[0].replace("_", "-")
-        raise StereocalError(f"--{option} is for files of other programs: give --layout too.")
+        raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
     files = (parsed.primary, rig.primary), (parsed.secondary, rig.secondary)
     first, second = (
         _ours(path) if parsed.layout is None else _theirs(parsed, which, path, camera, folder)
@@ -167,9 +153,7 @@ def _answers(
         raise StereocalError(f"{source}: {layout.questions[0]} Give --px-per-unit.")
     first = first_answers(layout, which, camera.image_size[1])
     values = {
-        "corner": parsed.image_origin,
-        "first_pixel": parsed.first_pixel,
-        "flip": parsed.flip,
+        **answers(parsed),
         "px_per_unit": parsed.px_per_unit,
         "least_likelihood": parsed.least_likelihood,
         "camera": _camera(parsed.cameras, layout, which, source),
@@ -179,23 +163,17 @@ def _answers(
 
 
 def _camera(text: str | None, layout: PointLayout, which: int, source: str) -> str | None:
-    cameras = layout.cameras
-    if text is None:
-        if len(cameras) > 2:
-            raise StereocalError(
-                f"{source}: the file has {len(cameras)} cameras ({', '.join(cameras)[:100]}): say "
-                "which are the primary and the secondary, as --cameras 1,2."
-            )
-        return None
-    name = two_cameras(text)[which]
-    number = int(name) if name.isdecimal() else 0
-    if name in cameras or f"cam{name}" in cameras:
-        return name if name in cameras else f"cam{name}"
-    if not 1 <= number <= len(cameras):
+    if text is not None:
+        wanted = two_cameras(text)[which]
+        cameras = layout.cameras
+        return wanted if wanted in cameras else cameras[camera_index(wanted, cameras, source)]
+    if len(layout.cameras) > 2:
         raise StereocalError(
-            f"{source}: there is no camera {name}; the file has {', '.join(cameras)[:200]}."
+            f"{source}: the file has {len(layout.cameras)} cameras "
+            f"({', '.join(layout.cameras)[:100]}): say which are the primary and the secondary, as "
+            "--cameras 1,2."
         )
-    return cameras[number - 1]
+    return None
 
 
 def _columns(

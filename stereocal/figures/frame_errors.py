@@ -46,16 +46,46 @@ BESIDE = 0.2
 SIZES: dict[Method, int] = {"essential": 9, "2d": 7, "3d": 8, "refined": 7}
 
 
+@dataclass(frozen=True)
+class FrameKind:
+    """What some frames are for, and how their symbols show it."""
+
+    words: str
+    key: str = ""
+    """In the legend."""
+    is_open: bool = False
+    is_dotted: bool = False
+
+    @property
+    def suffix(self) -> str:
+        """Of Plotly's name of a symbol."""
+        return "-open" * self.is_open + "-dot" * self.is_dotted
+
+
+KINDS = (
+    FrameKind("calibrated with"),
+    FrameKind("held out", "Open: held out", True),
+    FrameKind("left out", "Dotted: left out", True, True),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class FramePanel:
-    """One kind of error: frames, values by method, and the frames to label."""
+    """One kind of error: what is plotted, printed and said of it."""
 
     title: str
     unit: str
     frames: IntArray
+    kinds: dict[FrameKind, BoolArray]
+    """(n,) each: which frames are of the kind."""
     values: dict[Method, FloatArray]
     labelled: Method
     outliers: list[int]
+
+    @property
+    def counts(self) -> list[int]:
+        """Frames of each kind."""
+        return [int(of_kind.sum()) for of_kind in self.kinds.values()]
 
     @property
     def known(self) -> FloatArray:
@@ -76,6 +106,13 @@ class FramePanel:
         largest = float(self.known.max(initial=0.0))
         return largest > LOG_BEYOND * self.smallest_median
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Of the axis of errors."""
+        if self.is_log:
+            return lowest_drawn(self) / 1.3, 3 * float(self.known.max())
+        return 0.0, 1.15 * float(self.known.max(initial=0.0)) or 1.0
+
 
 def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go.Figure:
     """Reprojection and length error of every frame and method.
@@ -90,12 +127,12 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
     panels = frame_panels(calibration)
     for row, panel in enumerate(panels, start=1):
         for method in panel.values:
-            _add_method(figure, row, calibration, panel, method)
+            _add_method(figure, row, panel, method)
         _add_labels(figure, row, panel)
         figure.update_yaxes(
             row=row, col=1, title_text=f"{panel.title} ({panel.unit})", **_scale(panel)
         )
-    _add_key(figure, calibration)
+    _add_key(figure, panels[0])
     figure.update_xaxes(row=2, col=1, title_text=_frame_title(calibration, panels))
     if chosen is not None:
         figure.add_shape(
@@ -114,8 +151,9 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
 
 def describe_frame_errors(calibration: Calibration) -> str:
     """The figure in words: median and largest errors of the methods, and outlying frames."""
+    panels = frame_panels(calibration)
     parts = []
-    for panel in frame_panels(calibration):
+    for panel in panels:
         values = [
             f"{METHOD_NAMES[method]} {_number(_median(errors))} and {_number(_largest(errors))}"
             for method, errors in panel.values.items()
@@ -123,14 +161,12 @@ def describe_frame_errors(calibration: Calibration) -> str:
         parts.append(
             f"{panel.title.lower()} in {panel.unit}, median and largest: {', '.join(values)}"
         )
-    frames = calibration.dataset.correspondences.frames
-    left = int(held_out(calibration, frames).sum())
-    without = int(left_out(calibration, frames).sum())
+    frames, (_, left, without) = panels[0].frames, panels[0].counts
     outliers = outlying_frames(calibration)
     named = ", ".join(map(str, outliers[:MAXIMUM_LABELS]))
     more = " and more" if len(outliers) > MAXIMUM_LABELS else ""
     ending = [
-        *_missing(frame_panels(calibration)),
+        *_missing(panels),
         f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
     ]
     return (
@@ -142,11 +178,13 @@ def describe_frame_errors(calibration: Calibration) -> str:
 
 def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
     """Reprojection errors and length errors of all sets."""
+    frames, of_bars = calibration.dataset.correspondences.frames, bar_frames(calibration)
     return (
         FramePanel(
             "Reprojection error",
             "px",
-            calibration.dataset.correspondences.frames,
+            frames,
+            _kinds(calibration, frames),
             {method: frame_reprojection_px(calibration, method) for method in calibration.errors},
             "2d",
             reprojection_outliers(calibration),
@@ -154,7 +192,8 @@ def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
         FramePanel(
             "Length error",
             "%",
-            bar_frames(calibration),
+            of_bars,
+            _kinds(calibration, of_bars),
             {method: 100 * errors.length for method, errors in calibration.errors.items()},
             "3d",
             length_outliers(calibration),
@@ -162,19 +201,16 @@ def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
     )
 
 
-def _add_method(
-    figure: go.Figure, row: int, calibration: Calibration, panel: FramePanel, method: Method
-) -> None:
-    """Draw up to three traces: calibration frames filled, held-out open, left-out dotted."""
-    left = held_out(calibration, panel.frames)
-    without = left_out(calibration, panel.frames)
+def _kinds(calibration: Calibration, frames: IntArray) -> dict[FrameKind, BoolArray]:
+    left, without = held_out(calibration, frames), left_out(calibration, frames)
+    return dict(zip(KINDS, (~(left | without), left, without), strict=True))
+
+
+def _add_method(figure: go.Figure, row: int, panel: FramePanel, method: Method) -> None:
+    """Draw a trace for each kind of frames."""
     drawn = drawn_frames(panel)
-    for chosen, kind, suffix in (
-        (~(left | without), "calibrated with", ""),
-        (left, "held out", "-open"),
-        (without, "left out", "-open-dot"),
-    ):
-        chosen = chosen & drawn
+    for kind, of_kind in panel.kinds.items():
+        chosen = of_kind & drawn
         if not chosen.any():
             continue
         figure.add_trace(
@@ -185,16 +221,16 @@ def _add_method(
                 customdata=panel.frames[chosen],
                 marker={
                     "color": METHOD_COLOURS[method],
-                    "symbol": METHOD_SYMBOLS[method] + suffix,
+                    "symbol": METHOD_SYMBOLS[method] + kind.suffix,
                     "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0),
                     "opacity": 0.85,
                 },
                 unselected={"marker": {"opacity": 0.85}},
                 name=METHOD_NAMES[method],
                 legendgroup=method,
-                showlegend=row == 1 and not suffix,
+                showlegend=row == 1 and not kind.key,
                 hovertemplate=(
-                    f"{METHOD_NAMES[method]}, frame %{{customdata}} ({kind})<br>"
+                    f"{METHOD_NAMES[method]}, frame %{{customdata}} ({kind.words})<br>"
                     f"{panel.title.lower()} %{{y:.3~r}} {panel.unit}<extra></extra>"
                 ),
             ),
@@ -286,14 +322,10 @@ def _height_of_axis(panel: FramePanel) -> float:
     return float(panel.known.max()) or 1.0
 
 
-def _add_key(figure: go.Figure, calibration: Calibration) -> None:
+def _add_key(figure: go.Figure, panel: FramePanel) -> None:
     """Explain open and dotted symbols in the legend, if there are any."""
-    frames = calibration.dataset.correspondences.frames
-    for symbol, name, chosen in (
-        ("circle-open", "Open: held out", held_out(calibration, frames)),
-        ("circle-open-dot", "Dotted: left out", left_out(calibration, frames)),
-    ):
-        if not chosen.any():
+    for kind, n in zip(panel.kinds, panel.counts, strict=True):
+        if not kind.key or not n:
             continue
         figure.add_trace(
             go.Scatter(
@@ -301,8 +333,8 @@ def _add_key(figure: go.Figure, calibration: Calibration) -> None:
                 y=[None],
                 mode="markers",
                 hoverinfo="skip",
-                marker={"color": NEUTRAL, "symbol": symbol, "size": 9},
-                name=f"{name} (n = {int(chosen.sum())})",
+                marker={"color": NEUTRAL, "symbol": f"circle{kind.suffix}", "size": 9},
+                name=f"{kind.key} (n = {n})",
             ),
             row=1,
             col=1,
@@ -311,15 +343,9 @@ def _add_key(figure: go.Figure, calibration: Calibration) -> None:
 
 def _scale(panel: FramePanel) -> dict[str, object]:
     if not panel.is_log:
-        top = 1.15 * panel.known.max(initial=0.0)
-        return {"type": "linear", "range": [0.0, top or 1.0]}
-    low, high = lowest_drawn(panel) / 1.3, panel.known.max() * 3
-    return {
-        "type": "log",
-        "exponentformat": "none",
-        "range": [np.log10(low), np.log10(high)],
-        "dtick": 1,
-    }
+        return {"type": "linear", "range": list(panel.ends)}
+    ends = np.log10(panel.ends).tolist()
+    return {"type": "log", "exponentformat": "none", "range": ends, "dtick": 1}
 
 
 def lowest_drawn(panel: FramePanel) -> float:

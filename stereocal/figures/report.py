@@ -15,7 +15,13 @@ import pandas as pd
 import plotly
 import scipy
 
-from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
+from stereocal.calibration.methods import (
+    ALL_METHODS,
+    METHOD_NAMES,
+    CalibrationSettings,
+    Method,
+)
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
@@ -41,30 +47,24 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
+from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import left_out_line, listed
 from stereocal.verdict.recommendation import Recommendation
 from stereocal.version import __version__
 
 SETTING_NAMES = {
-    "delta": "First size of a step, Δ (rad)",
-    "delta_min": "Smallest step, Δ min (rad)",
-    "acceptance": "The step shrinks below an acceptance ratio of",
-    "shrink": "Factor of a shrinking step",
-    "minimum_moves": "Moves at one step before the ratio is looked at",
     "maximum_moves": "Most moves of a search",
-    "time_offset": "The time offset between the cameras is found",
-    "time_drift": "Its drift is found",
-    "seed": "Seed of the random numbers",
-    "essential": "Solver of the essential matrix",
     "calibration_frames": "Frames to calibrate with, in each run",
     "known_points": "3D cost from known points instead of lengths",
-    "all_frames": "Trust every frame, also one that contradicts the others",
-    "frames_put_back": "Frames kept though they contradict the others",
-    "frames_left_out": "Frames that the user left out",
     "runs": "Runs for each data set",
     "refined": "Settings of the refined method",
     "splits": "Left out together (runs: frames that follow each other)",
+    **{
+        name: about.title
+        for settings in (SearchSettings, CalibrationSettings)
+        for name, about in descriptions(settings).items()
+    },
 }
 
 

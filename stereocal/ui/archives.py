@@ -16,17 +16,15 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.exchange.exchange import camera_names, has_both_cameras
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_hdf5, is_matlab
-from stereocal.formats.units import UNITS
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
-from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Fit, one_of, setting
+from stereocal.ui.foreign import ask, ask_size
 from stereocal.ui.intake import clear_refusal, escape_markdown
 from stereocal.ui.texts import escaped_table
 from stereocal.ui.wizard import ask_buttons
-
-AS_STATED = "as the file says"
 
 
 def is_archive(name: str, content: bytes) -> bool:
@@ -82,36 +80,15 @@ def _form(project: Project, label: str, content: bytes) -> ExchangeOptions:
     names = read_once(_cameras_in, content, label)
     cameras = _cameras(project, names) if len(names) > 2 else None
     with st.expander("Say what the file does not, or has wrong"):
-        left, middle, right = st.columns(3)
-        unit = left.selectbox(
-            "Unit of its lengths",
-            [AS_STATED, *UNITS],
-            **setting(project, "archive_unit", AS_STATED, one_of([AS_STATED, *UNITS])).widget(),
-        )
-        sides = [
-            column.number_input(
-                title,
-                min_value=1,
-                value=None,
-                step=1,
-                placeholder=AS_STATED,
-                **setting(project, key, None, number(1, or_none=True)).widget(),
-            )
-            for column, title, key in (
-                (middle, "Image width (px)", "archive_width"),
-                (right, "Image height (px)", "archive_height"),
-            )
-        ]
-        usual = st.toggle(
-            "Four distortion coefficients are k1 k2 p1 p2, not a fisheye's",
-            **setting(project, "archive_usual_lens", False, yes_or_no).widget(),
-        )
-    size = None if None in sides else (sides[0], sides[1])
+        left, right = st.columns(2)
+
+        def widget(name: str, usual: Any, fit: Fit) -> dict[str, Any]:
+            return setting(project, f"archive_{name}", usual, fit).widget()
+
+        unit, lens_model = ask(left, "unit", widget), ask(right, "lens_model", widget)
+        size = ask_size(project, "archive", "")
     return ExchangeOptions(
-        cameras=cameras,
-        unit=None if unit == AS_STATED else unit,
-        image_sizes=(size, size),
-        lens_model="brown" if usual else None,
+        cameras=cameras, unit=unit, image_sizes=(size, size), lens_model=lens_model
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import streamlit as st
 
@@ -10,17 +11,15 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.pixel_origin import CORNERS
+from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.fields import Fit, one_of, setting
+from stereocal.ui.foreign import ask_origin
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import Answer
-
-CORNER_TITLES = {"upper-left": "upper left", "lower-left": "lower left"}
-
 
 FILES: dict[Method, tuple[str, str]] = {
     "2d": ("parameters_2d.json", "to match"),
@@ -74,7 +73,7 @@ def other_formats(project: Project, answer: Answer) -> None:
     )
     rig, file_name = sets[method], FILES[method][0]
     try:
-        options = dlt_options(project, method) if chosen == "dlt" else ExchangeOptions()
+        options = _dlt_options(project, method) if chosen == "dlt" else ExchangeOptions()
         name, content = packed(export_files(rig, chosen, options), file_name, chosen)
         for note in export_notes(rig, chosen):
             st.caption(escape_markdown(note))
@@ -101,25 +100,15 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
     return f"{stem}_{chosen}.zip", pack_zip(files)
 
 
-def dlt_options(project: Project, which: str) -> ExchangeOptions:
+def _dlt_options(project: Project, which: str) -> ExchangeOptions:
     """The form of the pixel origin of DLT coefficients; `which` is part of the widgets' keys."""
-    left, right = st.columns(2)
-    corner = left.selectbox(
-        "Points are counted from the",
-        CORNERS,
-        format_func=CORNER_TITLES.__getitem__,
-        **setting(project, f"dlt_corner_{which}", CORNERS[0], one_of(CORNERS)).widget(),
-        help="Lower left: DLTdv5 to 7, Argus, easyWand. Upper left: DLTdv8.",
-    )
-    first = right.number_input(
-        "First pixel",
-        0.0,
-        1.0,
-        step=0.5,
-        **setting(project, f"dlt_first_{which}", 0.0, number(0.0, 1.0)).widget(),
-        help="Coordinate of the centre of the first pixel: 1 for DLTdv, 0 for Argus and easyWand.",
-    )
-    return ExchangeOptions(corner=corner, first_pixel=first)
+
+    def widget(name: str, usual: Any, fit: Fit) -> dict[str, Any]:
+        name = "first" if name == "first_pixel" else name
+        return setting(project, f"dlt_{name}_{which}", usual, fit).widget()
+
+    origin = ask_origin(widget, PixelOrigin())
+    return ExchangeOptions(corner=origin.corner, first_pixel=origin.first_pixel, flip=origin.flip)
 
 
 def _mime(name: str) -> str:

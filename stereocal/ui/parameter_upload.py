@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +10,10 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.exchange import FORMATS, import_files
-from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
-from stereocal.formats.lens_model import FourCoefficientsError, LensModel
-from stereocal.formats.units import UNITS, Unit, UnitError
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.lens_model import FourCoefficientsError
+from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.units import UnitError
 from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -20,7 +21,8 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.latest import read_once
 from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import unzip
-from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.fields import Fit, one_of, setting
+from stereocal.ui.foreign import ask, ask_origin, ask_size
 from stereocal.ui.intake import (
     check_uploads,
     clear_refusal,
@@ -30,18 +32,11 @@ from stereocal.ui.intake import (
     taking,
 )
 from stereocal.ui.messages import callback
-from stereocal.ui.parameter_files import FILES, dlt_options
+from stereocal.ui.parameter_files import FILES
 from stereocal.ui.sets_in_use import PAPERS
 
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
-STATED = "as the file says"
-UNIT_TITLES: Mapping[Unit | None, str] = {None: STATED, **{unit: unit for unit in UNITS}}
-LENS_TITLES: Mapping[LensModel | None, str] = {
-    None: STATED,
-    "brown": "k1 k2 p1 p2: the usual lens",
-    "fisheye": "k1 k2 k3 k4: a fisheye",
-}
 
 
 def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
@@ -79,7 +74,7 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
             index=None,
             format_func=lambda each: FORMATS[each].title,
             placeholder="choose",
-            **_answer(project, f"set_format_{use}", None, list(FORMATS)),
+            **_answer(project, f"set_format_{use}", None, one_of(list(FORMATS))),
         )
         options = _options(project, use, name)
         rig: RigParameters | None = None
@@ -113,54 +108,37 @@ def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -
 
 def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
     left, right = st.columns(2)
-    unit = left.selectbox(
-        "Its lengths are in",
-        list(UNIT_TITLES),
-        format_func=UNIT_TITLES.__getitem__,
-        **_answer(project, f"set_unit_{use}", None, list(UNIT_TITLES)),
+
+    def widget(field: str, usual: Any, fit: Fit) -> dict[str, Any]:
+        field = "lens" if field == "lens_model" else field
+        return _answer(project, f"set_{field}_{use}", usual, fit)
+
+    options = ExchangeOptions(
+        unit=ask(left, "unit", widget), lens_model=ask(right, "lens_model", widget)
     )
-    lens = right.selectbox(
-        "Four distortion coefficients are",
-        list(LENS_TITLES),
-        format_func=LENS_TITLES.__getitem__,
-        **_answer(project, f"set_lens_{use}", None, list(LENS_TITLES)),
-    )
-    options = ExchangeOptions(unit=unit, lens_model=lens)
     if name == "dlt":
-        stated = dlt_options(project, f"set_{use}")
-        options = replace(options, corner=stated.corner, first_pixel=stated.first_pixel)
+        origin = ask_origin(widget, PixelOrigin())
+        options = replace(
+            options, corner=origin.corner, first_pixel=origin.first_pixel, flip=origin.flip
+        )
     if name not in ("dlt", "opencv"):  # the others say it
         return options
     sizes = [
-        _size(project, f"set_size_{use}_{which}", which, camera.image_size if camera else None)
+        ask_size(
+            project,
+            f"set_size_{use}_{which}",
+            f", {which}",
+            camera.image_size if camera else None,
+            tabs_own=True,
+        )
         for which, camera in zip(CAMERAS, project.cameras, strict=True)
     ]
     return replace(options, image_sizes=(sizes[0], sizes[1]))
 
 
-def _answer(project: Project, key: str, usual: Any, options: Sequence[Any]) -> dict[str, Any]:
+def _answer(project: Project, key: str, usual: Any, fit: Fit) -> dict[str, Any]:
     """Key and callback of a question's widget; each tab has its own answer."""
-    return setting(project, key, usual, one_of(options), tabs_own=True).widget()
-
-
-def _size(project: Project, key: str, which: str, known: ImageSize | None) -> ImageSize | None:
-    """The image size of a camera, for files without it."""
-    sides: list[int | None] = []
-    for k, (column, side) in enumerate(zip(st.columns(2), ("width", "height"), strict=True)):
-        start = None if known is None else known[k]
-        field = setting(project, f"{key}_{side}", start, number(1, or_none=True), tabs_own=True)
-        sides.append(
-            column.number_input(
-                f"Image {side}, {which} (px)",
-                min_value=1,
-                value=None,
-                step=1,
-                placeholder=STATED,
-                **field.widget(),
-            )
-        )
-    width, height = sides
-    return None if width is None or height is None else (width, height)
+    return setting(project, key, usual, fit, tabs_own=True).widget()
 
 
 @callback

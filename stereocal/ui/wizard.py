@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip
+from stereocal.formats.pixel_origin import Corner, PixelOrigin
 from stereocal.formats.point_answers import (
     Answers,
     BarAnswers,
@@ -30,16 +29,15 @@ from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
+from stereocal.ui.foreign import ask_origin
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 from stereocal.ui.messages import callback
-from stereocal.ui.parameter_files import CORNER_TITLES
 from stereocal.ui.texts import escaped_table
 
 PREVIEW_ROWS = 5
 COUNTED = -1
 """Instead of the frame's column; None means not chosen yet."""
 COUNTED_TITLE = "none: the rows are counted"
-FLIP_TITLES = {"h": "h − v (most programs)", "h-1": "h − 1 − v", "h+1": "h + 1 − v"}
 
 
 def ask_about_points(store: ProjectApplication, side: CameraName, image_height: int | None) -> None:
@@ -142,8 +140,8 @@ def _point_form(
         one = form.field("camera", first.camera, one_of(layout.cameras))
         camera = st.selectbox(f"The {side} camera is", layout.cameras, **one)
     columns = _columns(form, content, label, first) if can_choose_columns(layout) else None
-    corner, flip, first_pixel = _origin(form, first.corner)
-    height = _height(form, "image_height", "Image height (px)", first.image_height, corner)
+    origin = ask_origin(form.field, PixelOrigin(first.corner, first.first_pixel, first.flip))
+    height = _height(form, "image_height", "Image height (px)", first.image_height, origin.corner)
     per_unit, likelihood = 1.0, 0.0
     if layout.program == "TrackMate" or can_choose_columns(layout):
         per_unit = st.number_input(
@@ -163,9 +161,9 @@ def _point_form(
     return dataclasses.replace(
         first,
         camera=camera,
-        corner=corner,
-        flip=flip,
-        first_pixel=first_pixel,
+        corner=origin.corner,
+        flip=origin.flip,
+        first_pixel=origin.first_pixel,
         image_height=height,
         px_per_unit=per_unit,
         least_likelihood=likelihood,
@@ -184,23 +182,23 @@ def _bar_form(form: _Form) -> BarAnswers:
     ):
         one = form.field(name, options[int(name[-1])], one_of(options))
         chosen[name] = st.selectbox(title, options, **one)
-    corner, flip, first_pixel = _origin(form, layout.origin.corner, layout.origin.first_pixel)
+    origin = ask_origin(form.field, layout.origin)
     heights = [
         _height(
             form,
             f"height_{k}",
             f"Image height, {which} (px)",
             None if camera is None else camera.image_size[1],
-            corner,
+            origin.corner,
         )
         for k, (which, camera) in enumerate(zip(CAMERAS, cameras, strict=True))
     ]
     return BarAnswers(
         (chosen["camera_0"], chosen["camera_1"]),
         (chosen["end_0"], chosen["end_1"]),
-        corner,
-        flip,
-        first_pixel,
+        origin.corner,
+        origin.flip,
+        origin.first_pixel,
         (heights[0], heights[1]),
     )
 
@@ -233,34 +231,6 @@ def _columns(
     if frame is None or u is None or v is None:
         return None
     return None if frame == COUNTED else frame, u, v
-
-
-def _origin(
-    form: _Form, corner: Corner, first_pixel: float | None = None
-) -> tuple[Corner, Flip, float]:
-    left, middle, right = st.columns(3)
-    start = form.layout.origin.first_pixel if first_pixel is None else first_pixel
-    chosen = left.selectbox(
-        "Points are counted from the",
-        CORNERS,
-        format_func=CORNER_TITLES.__getitem__,
-        **form.field("corner", corner, one_of(CORNERS)),
-    )
-    pixel = middle.number_input(
-        "The first pixel's centre is at",
-        step=0.5,
-        help="0 here and in OpenCV, 1 in MATLAB and DLTdv, 0.5 in COLMAP.",
-        **form.field("first_pixel", float(start), number(-math.inf)),
-    )
-    flip: Flip = "h"
-    if chosen == "lower-left":
-        flip = right.selectbox(
-            "Height h counts as",
-            FLIPS,
-            format_func=FLIP_TITLES.__getitem__,
-            **form.field("flip", form.layout.origin.flip, one_of(FLIPS)),
-        )
-    return chosen, flip, pixel
 
 
 def _height(form: _Form, name: str, title: str, known: int | None, corner: Corner) -> int | None:

@@ -33,7 +33,10 @@ DRAWN: dict[str, Callable[[], Drawn]] = {
     "validation": lambda: validation(of_field(), refined=False),
     "with refined": lambda: validation(of_field(), refined=True),
     "errors": lambda: (partial(draw_frame_errors, of_field().calibration), "Length error (%)"),
-    "left out": lambda: (partial(draw_frame_errors, of_recording().calibration), "left out"),
+    "left out": lambda: (
+        partial(draw_frame_errors, of_recording().calibration),
+        "Dotted: left out",
+    ),
     "rig": lambda: (partial(draw_rig, of_recording().calibration, "3d"), "secondary"),
     "flat rig": lambda: (partial(draw_rig, of_field().calibration, "refined"), "From the side"),
 }

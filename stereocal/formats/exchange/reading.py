@@ -157,13 +157,18 @@ def chosen_pair(cameras: tuple[str, ...], wanted: tuple[str, str] | None, source
         raise StereocalError(f"two cameras are expected; the file has {len(cameras)}.", source)
     if wanted is None:
         return Chosen(cameras, (0, 1), False)
-    first, second = (_index(name, cameras, source) for name in wanted)
+    first, second = (camera_index(name, cameras, source) for name in wanted)
     if first == second:
         raise StereocalError("primary and secondary are the same camera: choose two.", source)
     return Chosen(cameras, (first, second), True)
 
 
-def _index(wanted: str, names: tuple[str, ...], source: str) -> int:
+def camera_index(wanted: str, names: tuple[str, ...], source: str) -> int:
+    """The index of a camera by its number from 1, or its name with or without `cam`.
+
+    Raises:
+        StereocalError: it is not there.
+    """
     for name in (wanted, f"cam{wanted}"):
         if name in names and not wanted.isdecimal():
             return names.index(name)
