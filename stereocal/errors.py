@@ -29,6 +29,9 @@ DAMAGED = (
 class StereocalError(ValueError):
     """Invalid input. The message tells the user what is wrong and what to do.
 
+    Every function that meets input may raise it: inside the package, docstrings name only other
+    exceptions, and what is special about this one.
+
     Messages may quote untrusted files: characters that are not printable are replaced by spaces,
     and a message over `LONGEST` characters loses its middle, because its end says what to do.
 

@@ -28,9 +28,6 @@ def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
 
     Args:
         rows: mask (n,) of the rows to check; all if None.
-
-    Raises:
-        StereocalError: fewer than 5 pairs, or all points of a camera close together.
     """
     table = dataset.correspondences
     count = len(table) if rows is None else int(np.count_nonzero(rows))
@@ -54,11 +51,7 @@ def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
 
 
 def check_in_front(dataset: Dataset, pose: Pose) -> None:
-    """Check that all pairs are triangulated in front of both cameras.
-
-    Raises:
-        StereocalError: some are not; the message names the first three.
-    """
+    """Check that all pairs are triangulated in front of both cameras."""
     points = triangulate_rays(pose.R, pose.T, dataset.rays)
     behind = np.flatnonzero(np.isnan(points[:, 0]))
     if len(behind):

@@ -58,9 +58,6 @@ def calibrate_essential(
         tie_breaker: a cost that selects among poses that fit equally well: five pairs fit up to ten
             essential matrices exactly.
         start: initial pose, instead of the 8-point or 5-point estimate.
-
-    Raises:
-        StereocalError: fewer than 5 pairs, or points that determine no pose.
     """
     started = clock()
     pairs = rays.shape[1]

@@ -26,11 +26,7 @@ COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "ref
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """The settings of a calibration; the defaults are the paper's.
-
-    Raises:
-        StereocalError: a value outside its range.
-    """
+    """The settings of a calibration; the defaults are the paper's."""
 
     search: SearchSettings = field(default_factory=SearchSettings)
     essential: Solver = described(
@@ -91,11 +87,7 @@ class CalibrationSettings:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> CalibrationSettings:
-        """The settings that `to_json` describes; missing ones keep their defaults.
-
-        Raises:
-            StereocalError: an unknown setting, or a value of the wrong type or out of range.
-        """
+        """The settings that `to_json` describes; missing ones keep their defaults."""
         rest, usual = dict(data), cls()
         names = [each.name for each in fields(cls) if each.name in rest]
         own: dict[str, Any] = {name: rest.pop(name) for name in names}

@@ -24,11 +24,7 @@ OUT_OF_MOVES = "the largest number of moves was reached"
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Settings of the search; the defaults are the paper's, where the paper gives one.
-
-    Raises:
-        StereocalError: a value outside its range.
-    """
+    """Settings of the search; the defaults are the paper's, where the paper gives one."""
 
     delta: float = described(
         1e-3,
@@ -135,9 +131,6 @@ def minimise(
         seed: `SeedSequence(settings.seed)` if None.
         trace: record every move. The search then runs a second time with the same random numbers,
             because the length of the record is not known before.
-
-    Raises:
-        StereocalError: at the start, a point is behind a camera.
     """
     started = clock()
     initial_cost = problem.cost(start)

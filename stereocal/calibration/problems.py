@@ -24,9 +24,6 @@ def reconstruction_problem(
 
     Args:
         rows: mask (n,) of the rows to use; all if None.
-
-    Raises:
-        StereocalError: no frame has both targets, or no row has a known point.
     """
     table = dataset.correspondences
     used = np.ones(len(table), dtype=np.bool_) if rows is None else rows

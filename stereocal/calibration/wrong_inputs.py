@@ -58,9 +58,6 @@ def check_inputs(dataset: Dataset, nominal: Fit | None = None) -> list[str]:
 
     Args:
         nominal: the fit of the unchanged data set; computed if None.
-
-    Raises:
-        StereocalError: a hypothesis fits images and lengths much better; the message names it.
     """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return []
@@ -186,11 +183,7 @@ class _Hypothesis:
     targets_exchanged: bool = False
 
     def apply(self, dataset: Dataset) -> Dataset:
-        """The data set with the corrected inputs.
-
-        Raises:
-            StereocalError: a corrected lens cannot be inverted at a point.
-        """
+        """The data set with the corrected inputs."""
         if self.targets_exchanged:
             dataset = dataset.with_targets_exchanged(dataset.correspondences.frames)
         return replace(dataset, primary=self.primary, secondary=self.secondary)

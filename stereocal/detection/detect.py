@@ -81,9 +81,6 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
 
     Args:
         image: (h, w): grey levels, as 8-bit, 16-bit or floating-point numbers.
-
-    Raises:
-        StereocalError: not such an array.
     """
     intensity = normalise_intensity(image)
     size = (int(image.shape[1]), int(image.shape[0]))

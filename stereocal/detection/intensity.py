@@ -32,11 +32,7 @@ class Intensity:
 
 
 def normalise_intensity(image: npt.NDArray[Any]) -> Intensity:
-    """Convert a photograph (height, width) to 32-bit floats with the brightest parts at 255.
-
-    Raises:
-        StereocalError: not a grey image, not numbers, or not finite.
-    """
+    """Convert a photograph (height, width) to 32-bit floats with the brightest parts at 255."""
     if image.ndim != 2 or not image.size:
         raise StereocalError(
             f"A photograph must be a grey image (height, width), not an array {image.shape}."

@@ -52,11 +52,7 @@ MOST_RUNS = 100_000
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """Settings of the validation; the defaults are the paper's.
-
-    Raises:
-        StereocalError: a number is below 1, or there are more than `MOST_RUNS` runs.
-    """
+    """Settings of the validation; the defaults are the paper's."""
 
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     runs: int = 100
@@ -91,11 +87,7 @@ class EvaluationSettings:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> EvaluationSettings:
-        """The settings that `to_json` describes.
-
-        Raises:
-            StereocalError: an unknown setting, or a value of the wrong type or out of range.
-        """
+        """The settings that `to_json` describes."""
         rest = dict(data)
         own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
         if not all(isinstance(value, int) for value in own.values()):
@@ -135,9 +127,6 @@ def evaluate_run(
 
     Args:
         whole: of this data set and these settings; made if None.
-
-    Raises:
-        StereocalError: too few frames, or points that do not determine the pose.
     """
     own = settings.calibration
     seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
@@ -251,9 +240,6 @@ def split(
     Args:
         calibration_frames: with clusters, an upper limit: whole clusters, at least one.
         clusters: (f,): of the frames, which are drawn together; None to draw frame by frame.
-
-    Raises:
-        StereocalError: fewer than 2 frames are left for the test.
     """
     check_split(dataset, calibration_frames)
     rows = dataset.correspondences
@@ -272,11 +258,7 @@ def split(
 
 
 def check_split(dataset: Dataset, calibration_frames: int) -> None:
-    """Check that a split leaves enough frames for the test.
-
-    Raises:
-        StereocalError: fewer than 2 frames are left.
-    """
+    """Check that a split leaves enough frames for the test."""
     frames = len(dataset.correspondences.frames)
     if frames - calibration_frames < MINIMUM_VALIDATION_FRAMES:
         raise StereocalError(
@@ -397,9 +379,6 @@ def evaluate(
 
     Returns:
         The runs by data set, in order; None if cancelled.
-
-    Raises:
-        StereocalError: a data set that allows no calibration, or a split that leaves no test.
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)

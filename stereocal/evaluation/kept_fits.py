@@ -43,9 +43,6 @@ def evaluate_with_kept_fits(
 
     Args:
         progress: called after each chunk of fits; what it raises ends the work.
-
-    Raises:
-        StereocalError: as `evaluate`.
     """
     found = evaluate(datasets, replace(settings, refined=None), executor)
     assert found is not None  # nobody cancels

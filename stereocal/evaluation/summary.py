@@ -145,9 +145,6 @@ def summarise(
         runs: by data set, as returned by `evaluate.evaluate`.
         bin_width: width of the bins of the PDFs in decades, a multiple of 0.02 up to 1.
         seed: of the bootstrap.
-
-    Raises:
-        StereocalError: no runs, or an invalid bin width.
     """
     if not runs or not all(runs):
         raise StereocalError("There are no runs to summarise.")
@@ -185,11 +182,7 @@ def summarise(
 def summarise_all(
     names: Sequence[str], runs: Sequence[Sequence[Run]], bin_width: float = 0.1
 ) -> tuple[dict[Method, MethodSummary], dict[str, dict[Method, MethodSummary]]]:
-    """The summary of all data sets pooled, and the summary of each by name.
-
-    Raises:
-        StereocalError: as in `summarise`.
-    """
+    """The summary of all data sets pooled, and the summary of each by name."""
     pooled = summarise(runs, bin_width)
     if len(runs) == 1:
         return pooled, {names[0]: pooled}

@@ -22,9 +22,6 @@ def epipolar_residuals_px(
 
     Returns:
         By target (0 A, 1 B), px of the undistorted image, the larger of the two cameras.
-
-    Raises:
-        StereocalError: the other frames are too few, or determine no geometry.
     """
     others = [frame for frame in frames if frame.use and frame.frame != number]
     shared = sum(len(frame.targets_in_both) for frame in others)

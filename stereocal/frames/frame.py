@@ -79,11 +79,7 @@ class Frame:
 
 
 def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
-    """The table of points: targets that both photographs of a used frame show.
-
-    Raises:
-        StereocalError: there are none.
-    """
+    """The table of points: targets that both photographs of a used frame show."""
     frames = sorted(frames, key=lambda frame: frame.frame)
     seen = [
         (frame.frame, target, first, second, _source_of(first, second))
@@ -113,11 +109,7 @@ def pack_frames(frames: Sequence[Frame]) -> bytes:
 
 
 def unpack_frames(content: bytes) -> list[Frame]:
-    """The frames of `pack_frames`.
-
-    Raises:
-        StereocalError: the content is damaged, or of another version.
-    """
+    """The frames of `pack_frames`."""
     try:
         data = json.loads(content)
         if data["format"] != FRAMES_FORMAT:

@@ -41,11 +41,7 @@ class Review:
     edits: tuple[Edit, ...] = ()
 
     def frame(self, number: int) -> Frame:
-        """The frame of this number.
-
-        Raises:
-            StereocalError: there is none.
-        """
+        """The frame of this number."""
         for frame in self.frames:
             if frame.frame == number:
                 return frame
@@ -59,9 +55,6 @@ def centre_at(image: npt.NDArray[Any], point: tuple[float, float], raw: bool) ->
         image: (h, w), grey.
         point: the click (u, v), px.
         raw: use the click itself, with unknown standard error.
-
-    Raises:
-        StereocalError: the click is outside the image, or no corner is near it.
     """
     height, width = image.shape
     u, v = point
@@ -83,9 +76,6 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
     """The target (0 A, 1 B) that a new centre belongs to.
 
     The missing target, unless the centre is close to the other; if none is missing, the nearest.
-
-    Raises:
-        StereocalError: both are missing.
     """
     if not any(frame.centres[camera]):
         raise StereocalError(
@@ -101,11 +91,7 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
 
 
 def place(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
-    """Set a target in one camera.
-
-    Raises:
-        StereocalError: no such frame, or the other target is already at this position.
-    """
+    """Set a target in one camera."""
     frame = review.frame(number)
     if _distance(frame.centres[camera][1 - target], centre) < SAME_POSITION_PX:
         raise StereocalError(
@@ -116,11 +102,7 @@ def place(review: Review, number: int, camera: int, target: int, centre: Centre)
 
 
 def swap(review: Review, number: int, camera: int) -> Review:
-    """Exchange A and B in one camera.
-
-    Raises:
-        StereocalError: no such frame.
-    """
+    """Exchange A and B in one camera."""
     frame = review.frame(number)
     swapped = frame.swapped(camera)
     if swapped == frame:
@@ -129,11 +111,7 @@ def swap(review: Review, number: int, camera: int) -> Review:
 
 
 def choose(review: Review, number: int, use: bool) -> Review:
-    """Use a frame, or leave it out.
-
-    Raises:
-        StereocalError: no such frame, or one to be used whose photographs share no target.
-    """
+    """Use a frame, or leave it out."""
     frame = review.frame(number)
     if use and not frame.targets_in_both:
         raise StereocalError(
@@ -189,9 +167,6 @@ def unpack_edits(content: bytes, frames: Sequence[Frame]) -> tuple[Edit, ...]:
     """The edits of `pack_edits` that can still be undone.
 
     Edits of frames that were removed or searched again since are dropped.
-
-    Raises:
-        StereocalError: the content is damaged, or of another version.
     """
     try:
         data = json.loads(content)

@@ -28,9 +28,6 @@ class BoardPattern:
         square_m: side of a square.
         dictionary: name of a ChArUco board's dictionary (`DICTIONARIES`); None for a chessboard.
         marker_m: side of a ChArUco board's markers.
-
-    Raises:
-        StereocalError: a number is out of range.
     """
 
     columns: int
@@ -74,11 +71,7 @@ class BoardPattern:
         dictionary: str | None = None,
         marker_m: float | None = None,
     ) -> BoardPattern:
-        """The board with a size such as `18x12`, in inner corners.
-
-        Raises:
-            StereocalError: not a size, or a number is out of range.
-        """
+        """The board with a size such as `18x12`, in inner corners."""
         found = _SIZE.fullmatch(size)
         if found is None:
             raise StereocalError(

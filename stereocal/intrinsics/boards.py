@@ -152,9 +152,6 @@ def find_boards(
 
     Returns:
         Boards and refused photographs, in order of name; None if cancelled.
-
-    Raises:
-        StereocalError: no photograph, sizes that differ, or no board in any of them.
     """
     if not photographs:
         raise StereocalError("There are no photographs of the board.")

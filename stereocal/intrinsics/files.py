@@ -44,11 +44,7 @@ def pack_search(search: BoardSearch) -> bytes:
 
 
 def unpack_search(content: bytes) -> BoardSearch:
-    """The boards of `pack_search`.
-
-    Raises:
-        StereocalError: the content is damaged.
-    """
+    """The boards of `pack_search`."""
     head, arrays = _unpack(content)
     return _search(head, arrays)
 
@@ -64,11 +60,7 @@ def pack_lens(calibration: LensCalibration) -> bytes:
 
 
 def unpack_lens(content: bytes) -> LensCalibration:
-    """The calibration of `pack_lens`.
-
-    Raises:
-        StereocalError: the content is damaged.
-    """
+    """The calibration of `pack_lens`."""
     head, arrays = _unpack(content)
     try:
         settings = LensSettings(**head["settings"])

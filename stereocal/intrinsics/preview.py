@@ -18,11 +18,7 @@ ORANGE_BGR = (0, 159, 230)
 
 
 def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
-    """Two JPEG images: the photograph with the found corners marked, and undistorted (same K).
-
-    Raises:
-        StereocalError: the photograph cannot be read.
-    """
+    """Two JPEG images: the photograph with the found corners marked, and undistorted (same K)."""
     grey = eight_bits(read_photograph(path))
     undistorted = cv2.undistort(grey, camera.K, camera.distortion)
     scale = WIDTH / grey.shape[1]

@@ -156,9 +156,6 @@ def apply_sets(
         tables: the primary's and the secondary's points.
         executor: computes blocks of both tables; None: the calling thread.
         pieces: checkpoint of finished blocks of the same input.
-
-    Raises:
-        StereocalError: the points or the parameters are invalid, or do not belong together.
     """
     refuse_different_rigs(work.matching, work.measuring)
     if begin is not None:

@@ -89,9 +89,6 @@ def check_lengths(
         points: a table as returned by `reconstruct`.
         column: column with the points' names; None uses the frames with exactly two points.
         ends: the names of the two points in that column.
-
-    Raises:
-        StereocalError: an invalid length, equal names, or no frame has both points.
     """
     check_length("known length", known_m)
     columns = ["frame", "x", "y", "z", *([] if column is None else [column])]

@@ -67,9 +67,6 @@ def match_points(
         primary_px: (n, 2) raw pixels; `secondary_px`: (m, 2).
         threshold_px: largest reprojection error of a pair; None: that of the parameter file.
         depths_m: nearest and farthest depth z of a pair's point in the primary's frame.
-
-    Raises:
-        StereocalError: no threshold, or an invalid threshold or depth range.
     """
     threshold = threshold_of(rig, threshold_px)
     near, far = check_depths(depths_m)
@@ -99,11 +96,7 @@ def match_points(
 
 
 def threshold_of(rig: RigParameters, threshold_px: float | None) -> float:
-    """The threshold to match with: `threshold_px`, or else that of the parameter file.
-
-    Raises:
-        StereocalError: there is neither, or it is not a number of 0 or more.
-    """
+    """The threshold to match with: `threshold_px`, or else that of the parameter file."""
     value = rig.matching_threshold_px if threshold_px is None else threshold_px
     if value is None:
         raise StereocalError(
@@ -116,11 +109,7 @@ def threshold_of(rig: RigParameters, threshold_px: float | None) -> float:
 
 
 def check_depths(depths_m: Sequence[float]) -> tuple[float, float]:
-    """The nearest and the farthest depth.
-
-    Raises:
-        StereocalError: they are negative or in the wrong order.
-    """
+    """The nearest and the farthest depth."""
     near, far = float(depths_m[0]), float(depths_m[1])
     if not 0 <= near < far:
         raise StereocalError(
@@ -222,10 +211,6 @@ def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
     """Reject two parameter files that cannot be of the same rig.
 
     The sets of one rig differ by less than 1 % and 2 degrees.
-
-    Raises:
-        StereocalError: focal lengths or baselines differ by more than 5 %, directions by more than
-            5 degrees, or image sizes differ.
     """
     for which in CAMERAS:
         a, b = getattr(one, which), getattr(other, which)

@@ -94,9 +94,6 @@ def match_tables(
         progress: called with the number of frames done and the total.
         executor: matches blocks of frames; None: the calling thread.
         pieces: checkpoint of finished blocks of the same input; CSV only, without `unmatched`.
-
-    Raises:
-        StereocalError: bad input; no file is written then.
     """
     secondary, timing = bring_into_step(secondary, POINT, rig)
     contents = [
@@ -164,12 +161,7 @@ def _few_partners(chosen: ThresholdChoice) -> str:
 
 
 def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
-    """Read a table once and check its points.
-
-    Raises:
-        StereocalError: duplicate points or points outside the image, with their rows; or more
-            than `OTHER_IMAGES` of them outside: the parameters are of other images.
-    """
+    """Read a table once and check its points."""
     outside = 0
     rows = 0
     size = np.array(camera.image_size)
@@ -287,11 +279,7 @@ def _settle(
     depths_m: tuple[float, float],
     sigma_px: float | None,
 ) -> ThresholdChoice:
-    """The threshold, and what it rests on.
-
-    Raises:
-        StereocalError: the tables share no frame, or no threshold can be chosen.
-    """
+    """The threshold, and what it rests on."""
     common = np.intersect1d(contents[0].frames, contents[1].frames)
     if not len(common):
         a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in contents)

@@ -41,11 +41,7 @@ def nearest_errors(
     frames: Sequence[FramePixels],
     depths_m: tuple[float, float] = ANY_DEPTH,
 ) -> NearestErrors:
-    """The two least errors of each primary point.
-
-    Raises:
-        StereocalError: an invalid depth range.
-    """
+    """The two least errors of each primary point."""
     near, far = check_depths(depths_m)
     scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
     found = [np.empty((0, 2))]

@@ -49,9 +49,6 @@ def match(
 
     Returns:
         The pairs, with the columns of `pairs.csv`, ordered by frame.
-
-    Raises:
-        StereocalError: a column is missing, a number is not finite, or no threshold can be chosen.
     """
     for which, table in (("primary", primary), ("secondary", secondary)):
         missing = [name for name in ("frame", *POINT) if name not in table]

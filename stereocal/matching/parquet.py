@@ -23,22 +23,14 @@ def block_rows(names: Sequence[str]) -> int:
 
 
 def parquet_names(path: Path, label: str) -> list[str]:
-    """The names of the columns.
-
-    Raises:
-        StereocalError: not a Parquet file, or one with too many rows.
-    """
+    """The names of the columns."""
     file = _parquet_file(path, label)
     Limits.from_environment().check_rows(file.metadata.num_rows, label)
     return [str(name) for name in file.schema_arrow.names]
 
 
 def parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
-    """The rows in blocks, with an index from 1.
-
-    Raises:
-        StereocalError: not a Parquet file, or a damaged one.
-    """
+    """The rows in blocks, with an index from 1."""
     start = 1
     file = _parquet_file(path, label)
     batches = file.iter_batches(batch_size=block_rows(file.schema_arrow.names))
@@ -57,11 +49,7 @@ def parquet_chunks(path: Path, label: str) -> Iterator[pd.DataFrame]:
 
 
 def parquet_library() -> Any:
-    """`pyarrow.parquet`.
-
-    Raises:
-        StereocalError: it is not installed.
-    """
+    """`pyarrow.parquet`."""
     try:
         import pyarrow.parquet
     except ImportError as error:

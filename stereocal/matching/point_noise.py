@@ -85,11 +85,7 @@ class PointNoise:
 
 
 def check_sigma(sigma_px: float | None) -> None:
-    """Check a noise that was typed.
-
-    Raises:
-        StereocalError: not a number above 0.
-    """
+    """Check a noise that was typed."""
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The noise of the points is {sigma_px} px: it must be above 0.")
 

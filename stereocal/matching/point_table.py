@@ -66,9 +66,6 @@ class PointTable:
         path: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
         numbers: names of the columns that must hold finite numbers.
         label: name of the table in messages; None: its path.
-
-    Raises:
-        StereocalError: no such file, or a column is missing.
     """
 
     def __init__(self, path: Path, numbers: Sequence[str], label: str | None = None) -> None:
@@ -96,9 +93,6 @@ class PointTable:
 
         Args:
             refuse: returns further problems in a block of whole frames.
-
-        Raises:
-            StereocalError: invalid rows, named by their lines; or no rows at all.
         """
         try:
             return self._checked(refuse)
@@ -134,11 +128,7 @@ class PointTable:
                 yield int(numbers[start]), block.iloc[start:end]
 
     def blocks(self) -> Iterator[pd.DataFrame]:
-        """The rows in the order of the frames, in blocks of whole frames.
-
-        Raises:
-            StereocalError: as `check`, which is called first if it was not before.
-        """
+        """The rows in the order of the frames, in blocks of whole frames."""
         if self._in_order is None:
             self.check()
         yield from self._blocks()

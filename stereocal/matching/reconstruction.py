@@ -60,9 +60,6 @@ def reconstruct_points(
             (25, 25) of all shared unknowns of `bar_fit`, added to the effect of image noise; None:
             that of the file. Its part is common to all points: distances between points are more
             precise than their positions.
-
-    Raises:
-        StereocalError: an invalid noise or covariance.
     """
     rays = stack_rays(rig.primary.undistort(primary_px), rig.secondary.undistort(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
@@ -84,11 +81,7 @@ def reconstruct_points(
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
-    """Image noise (px) and covariance (25, 25) of the shared unknowns of a file, else None.
-
-    Raises:
-        StereocalError: the uncertainties of the file cannot be read.
-    """
+    """Image noise (px) and covariance (25, 25) of the shared unknowns of a file, else None."""
     stored = rig.uncertainties
     if not stored:
         return None, None
@@ -120,10 +113,6 @@ def point_covariances(
     Args:
         sigma_px: of all points, or (n, 2).
         covariance: of the shared unknowns (25, 25), or of the pose alone (6, 6).
-
-    Raises:
-        StereocalError: a negative noise, or a covariance that is not a symmetric table of this
-            size.
     """
     if not (np.isfinite(sigma_px).all() and np.min(sigma_px, initial=0.0) >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")

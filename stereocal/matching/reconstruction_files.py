@@ -118,9 +118,6 @@ def reconstruct(
         know the volume of the bars, then `coordinates` with the name of the world frame, if there
         is one, then the further columns. NaN, and outside, for pairs that do
         not meet in front of both cameras.
-
-    Raises:
-        StereocalError: a column is missing, or a noise below 0.
     """
     missing = [name for name in ("frame", *PIXELS) if name not in pairs]
     if missing:
@@ -140,9 +137,6 @@ def noise_of_pairs(
     Args:
         sigma_px: the noise, if it is known; None: by their columns, else by their errors, else that
             of the calibration.
-
-    Raises:
-        StereocalError: a noise that is not above 0.
     """
     check_sigma(sigma_px)
     if sigma_px is not None:
@@ -206,9 +200,6 @@ def reconstruct_table(
 
     Returns:
         The report; None if cancelled, then no file is written.
-
-    Raises:
-        StereocalError: bad input; no file is written then.
     """
     pairs, timing = bring_into_step(pairs, PIXELS[2:], rig)
     sample: list[pd.DataFrame] = []

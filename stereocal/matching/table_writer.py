@@ -73,11 +73,7 @@ class TableWriter:
 
 @contextmanager
 def open_table(path: Path, columns: list[str]) -> Iterator[TableWriter]:
-    """A writer for a new table; the file appears complete at the end, or not at all.
-
-    Raises:
-        StereocalError: the folder cannot be written to, or the disk is full.
-    """
+    """A writer for a new table; the file appears complete at the end, or not at all."""
     with write_in_parts(path) as temporary:
         writer = TableWriter(temporary, columns, path.suffix.lower() in PARQUET)
         try:

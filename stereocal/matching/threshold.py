@@ -155,9 +155,6 @@ def choose_threshold(
         sigma_px: noise of the points, if it is known; None: by the points, if they state it, else
             estimated, else that of the calibration.
         threshold_px: the threshold, if it is given.
-
-    Raises:
-        StereocalError: no threshold can be chosen, and the file has none; or an invalid one.
     """
     if threshold_px is not None:
         threshold_of(rig, threshold_px)

@@ -137,11 +137,7 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
 
 
 def read_archive(path: Path) -> ReproducibleResult:
-    """The result in an archive, in the paper kit that holds it, or in a project's zip.
-
-    Raises:
-        StereocalError: not a zip, without `reproduce.json`, or damaged.
-    """
+    """The result in an archive, in the paper kit that holds it, or in a project's zip."""
     try:
         files = unzip(path, path.name, lambda member: "/" not in member)
         if ARCHIVE in files:

@@ -19,11 +19,7 @@ FEWEST_BARS = 5
 
 
 def with_baseline_found(dataset: Dataset) -> Dataset:
-    """The data set with a free baseline set to the refined method's value; others unchanged.
-
-    Raises:
-        StereocalError: too few bars, or the refined method finds no pose.
-    """
+    """The data set with a free baseline set to the refined method's value; others unchanged."""
     if not dataset.baseline_is_free:
         return dataset
     bars = dataset.correspondences.bars

@@ -205,9 +205,6 @@ def refine(
 
     The time offset is an unknown only where the motion of the points is known, after
     `Dataset.shifted` (see `time_offset.bring_into_step`).
-
-    Raises:
-        StereocalError: too few points, nothing that determines the scale, or no fit.
     """
     settings = with_lens_priors(settings or RefineSettings(), dataset)
     if dataset.time_offset is None:
@@ -238,9 +235,6 @@ def _check_lengths(result: RefinedResult) -> None:
     """Check that the fit has kept to the measured lengths.
 
     With wide priors on both, shrinking the whole scene explains all lengths (a baseline of 5e-7 m).
-
-    Raises:
-        StereocalError: it has left one further than its prior allows.
     """
     settings, dataset = result.settings, result.dataset
     for what, factor, sigma, stated in (

@@ -81,9 +81,6 @@ class Calibration:
             validation: figures of a validation of this data set; its `threshold_px` becomes the
                 recommended matching threshold.
             forecast: figures on frames to come; its threshold is used if there is no validation.
-
-        Raises:
-            StereocalError: there is no refined set.
         """
         if method == "refined":
             if self.refined is None:

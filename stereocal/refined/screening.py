@@ -214,11 +214,7 @@ def _fitting(fit: RefinedResult, dataset: Dataset) -> IntArray:
 
 
 def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
-    """Screen a data set, unless the settings trust all frames.
-
-    Raises:
-        StereocalError: the settings leave out every frame.
-    """
+    """Screen a data set, unless the settings trust all frames."""
     leave_out, frames = settings.frames_left_out, dataset.correspondences.frames
     by_user = tuple(frames[np.isin(frames, leave_out)].tolist())
     if len(by_user) == len(frames):

@@ -76,11 +76,7 @@ def frames_without_neighbours(dataset: Dataset) -> tuple[int, ...]:
 
 
 def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
-    """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns.
-
-    Raises:
-        StereocalError: nothing fits.
-    """
+    """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns."""
     settings = replace(settings, time_offset=True)
     reference = float(np.round(dataset.correspondences.time_frame.mean()))
     recorded = dataset.shifted(TimeOffset(reference=reference))

@@ -135,9 +135,6 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
     """Predicted errors from the cameras to beyond the farthest bar, on a grid of `size` x `size`.
 
     The plane is at the height of the primary camera, or upright through the middle of the bars.
-
-    Raises:
-        StereocalError: `size` is below 2.
     """
     if size < 2:
         raise StereocalError(f"The accuracy map needs at least 2 points per side, not {size}.")

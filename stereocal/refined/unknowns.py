@@ -50,11 +50,7 @@ ANGLES = ("yaw", "pitch", "roll", "delta", "epsilon")
 
 @dataclass(frozen=True)
 class LensPrior:
-    """Standard deviations of the prior of a lens; 0 holds a value fixed, infinity means no prior.
-
-    Raises:
-        StereocalError: a negative number or NaN.
-    """
+    """Standard deviations of the prior of a lens; 0 holds a value, infinity means no prior."""
 
     focal: float = DEFAULT_FOCAL
     """Standard deviation of the focal length, as a fraction of it."""
@@ -81,11 +77,7 @@ which the images say nothing."""
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """Settings of the refined method. An uncertainty of 0 holds the value fixed.
-
-    Raises:
-        StereocalError: a negative number, NaN, or an unknown loss.
-    """
+    """Settings of the refined method. An uncertainty of 0 holds the value fixed."""
 
     primary: LensPrior | None = None
     """None: the camera's own uncertainty if it has one, else 1 % and 10 px."""
@@ -132,11 +124,7 @@ class RefineSettings:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> RefineSettings:
-        """The settings that `to_json` describes; missing ones keep their defaults.
-
-        Raises:
-            StereocalError: an unknown setting, or a value of the wrong type or out of range.
-        """
+        """The settings that `to_json` describes; missing ones keep their defaults."""
         given = {name: _number(value) for name, value in data.items()}
         for lens in CAMERAS:
             if isinstance(own := given.get(lens), Mapping):
@@ -203,9 +191,6 @@ def unknowns_of(
     Args:
         bars: whether there are bars; if not, the bar's length is held fixed.
         distortion: whether distortion may be an unknown; if not, it is held fixed.
-
-    Raises:
-        StereocalError: neither baseline nor bar has a prior, so nothing determines the scale.
     """
     origin = np.empty(SHARED)
     origin[: EPSILON + 1] = start.angles
@@ -338,11 +323,7 @@ def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
 
 
 def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
-    """Check the uncertainties of the lengths that the settings state; 0 and infinity may be.
-
-    Raises:
-        StereocalError: one is impossible for its length.
-    """
+    """Check the uncertainties of the lengths that the settings state; 0 and infinity may be."""
     for what, sigma, length in (
         ("baseline", settings.baseline_sigma_m, dataset.baseline_m),
         ("distance between the targets", settings.distance_sigma_m, dataset.target_distance_m),

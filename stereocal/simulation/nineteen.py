@@ -49,11 +49,7 @@ PIXEL_DECIMALS = 3
 def simulate_nineteen(
     seed: int, datasets: int = DATASETS, frames: int = FRAMES
 ) -> list[tuple[Scene, Dataset]]:
-    """The scene and the data set of each, by ascending baseline.
-
-    Raises:
-        StereocalError: no data sets or frames.
-    """
+    """The scene and the data set of each, by ascending baseline."""
     if datasets < 1 or frames < 1:
         raise StereocalError("The numbers of data sets and of frames must be at least 1.")
     common, *own = (

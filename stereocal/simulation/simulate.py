@@ -44,11 +44,7 @@ MAXIMUM_ROUNDS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A rig and the true positions of the bar.
-
-    Raises:
-        StereocalError: `ends_m` has a wrong shape or no frames.
-    """
+    """A rig and the true positions of the bar."""
 
     rig: Rig
     ends_m: FloatArray
@@ -107,9 +103,6 @@ def place_bars(
     Args:
         depths_m: smallest and largest z of both ends, in the frames of both cameras.
         margin_px: least distance of each end from the edge of both images.
-
-    Raises:
-        StereocalError: the views of the cameras hardly overlap in this range.
     """
     if frames < 1:
         raise StereocalError(f"The number of frames is {frames}: it must be at least 1.")
@@ -141,9 +134,6 @@ def observe(
     Args:
         noise_px: standard deviation of the Gaussian noise on each coordinate, in pixels.
         nominal: lenses and lengths of the data set; the true ones if None.
-
-    Raises:
-        StereocalError: a point is outside its image, or a nominal lens cannot be inverted there.
     """
     nominal = nominal or Nominal.exact(scene)
     primary, secondary = (

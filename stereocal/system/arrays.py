@@ -18,11 +18,7 @@ LARGEST = 1e100
 
 
 def read_arrays(content: bytes, source: str) -> dict[str, Array]:
-    """The arrays by name, as from `numpy.load`, within the limits for zip files.
-
-    Raises:
-        StereocalError: not an .npz file, damaged, too large, or not only numbers.
-    """
+    """The arrays by name, as from `numpy.load`, within the limits for zip files."""
     found = {}
     for name, packed in unzip(content, source, lambda name: name.endswith(".npy")).items():
         try:

@@ -11,11 +11,7 @@ from stereocal.errors import StereocalError
 def number_given(
     environment: Mapping[str, str], name: str, default: float, least: float = 0.0
 ) -> float:
-    """The number in a variable; `default` if it is not set or blank.
-
-    Raises:
-        StereocalError: not a number, or below `least`.
-    """
+    """The number in a variable; `default` if it is not set or blank."""
     text = environment.get(name, "").strip()
     if not text:
         return default

@@ -29,9 +29,6 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
     Args:
         workers: number of processes; None: threads (compiled code and OpenCV release the GIL).
         scheduler: address of a Dask scheduler, such as tcp://host:8786, whose workers to use.
-
-    Raises:
-        StereocalError: both are stated, or the cluster cannot be reached.
     """
     if workers is not None and scheduler is not None:
         raise StereocalError("State either a number of workers or a scheduler, not both.")
@@ -118,11 +115,7 @@ class Cluster(Executor):
 
 
 def cluster(address: str) -> Cluster:
-    """The workers of the Dask scheduler at an address, such as tcp://host:8786.
-
-    Raises:
-        StereocalError: it cannot be reached, or its workers do not have this version of stereocal.
-    """
+    """The workers of the Dask scheduler at an address, such as tcp://host:8786."""
     try:
         import dask
         import distributed
@@ -162,11 +155,7 @@ def tasks_at_once(executor: Executor) -> int:
 
 
 def scheduler_of(environment: Mapping[str, str]) -> str | None:
-    """The address in STEREOCAL_SCHEDULER; None if it is not set.
-
-    Raises:
-        StereocalError: it is not the address of a scheduler.
-    """
+    """The address in STEREOCAL_SCHEDULER; None if it is not set."""
     address = environment.get(SCHEDULER, "").strip()
     if address and not re.fullmatch(r"(tcp|tls|ws|wss)://\S+:\d+", address):
         raise StereocalError(

@@ -61,11 +61,7 @@ class Guard:
         self._pool: ProcessPool | None = None
 
     def check(self, kind: str, path: Path, name: str) -> None:
-        """Try to decode a file, called `name` in messages.
-
-        Raises:
-            StereocalError: it crashes its decoder, exceeds time or memory, or is missing.
-        """
+        """Try to decode a file, called `name` in messages."""
         if self._children:
             self._run(kind, path, name)
 
@@ -74,9 +70,6 @@ class Guard:
 
         Args:
             arguments: of the reader, after the path.
-
-        Raises:
-            StereocalError: as `check`, or as the reader.
         """
         found = self._run(kind, path, name, arguments)
         if isinstance(found, StereocalError):
@@ -185,9 +178,6 @@ def read_apart(read: Reader, content: bytes, name: str, *arguments: Any) -> Any:
 
     Args:
         arguments: of the reader, after the path.
-
-    Raises:
-        StereocalError: as `Guard.check`, or as the reader.
     """
     guard = Guard({"file": read}, children=1)
     try:

@@ -20,10 +20,6 @@ def read_json(content: bytes | str, source: str) -> Any:
 
     Of duplicate keys Python's reader silently takes the last, which hides mistakes in hand-edited
     files.
-
-    Raises:
-        StereocalError: not text, not JSON, nested too deeply, too many values, or an object with a
-            duplicate key.
     """
     try:
         text = content if isinstance(content, str) else content.decode("utf-8-sig")
@@ -55,11 +51,7 @@ def read_json(content: bytes | str, source: str) -> Any:
 
 
 def check_depth(text: str, source: str) -> None:
-    """Check how deeply brackets outside texts are nested, before a parser recurses into them.
-
-    Raises:
-        StereocalError: deeper than `DEEPEST`.
-    """
+    """Check how deeply brackets outside texts are nested, before a parser recurses into them."""
     depth = 0
     for found in TEXT_OR_BRACKET.finditer(text):
         depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(found[0], 0)

@@ -54,9 +54,6 @@ def read_once(
 
     Args:
         arguments: of the reader, after the content; distinguished by their `repr`.
-
-    Raises:
-        StereocalError: as the reader.
     """
     about = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
     key = f"{hashlib.sha256(content).hexdigest()} {about!r}"

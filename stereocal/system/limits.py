@@ -39,11 +39,7 @@ class Limits:
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> Limits:
-        """The limits from the environment, with defaults.
-
-        Raises:
-            StereocalError: a value that is not a number, or below 1.
-        """
+        """The limits from the environment, with defaults."""
         variables = os.environ if environment is None else environment
         return cls(
             **{

@@ -63,9 +63,6 @@ def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
     Returns:
         (h, w), uint8 or uint16: raw values, not rescaled for 10 or 12 bits in 16. Colours are
         converted to grey (ITU-R BT.601), transparency is dropped, EXIF orientation is ignored.
-
-    Raises:
-        StereocalError: unreadable, not a photograph, truncated, or too large.
     """
     name = name or path.name
     return decode_photograph(_content_of(path, name), name)
@@ -96,11 +93,7 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
 
 
 def photograph_size(path: FileContent, name: str | None = None) -> tuple[int, int]:
-    """(width, height) in pixels of the photograph in a file, without decoding it.
-
-    Raises:
-        StereocalError: as `read_photograph`, but damage inside the image is not detected.
-    """
+    """(width, height) in pixels of the photograph in a file, without decoding it."""
     name = name or path.name
     return _header(_content_of(path, name), name)[1]
 

@@ -44,11 +44,7 @@ def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
 
 
 def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:
-    """The photographs in a folder, or in a zip, unpacked into `store`.
-
-    Raises:
-        StereocalError: there is no such folder or zip, or no photograph in it.
-    """
+    """The photographs in a folder, or in a zip, unpacked into `store`."""
     if source.is_dir():
         found: dict[str, Path] = {}
         for path in sorted(source.rglob("*")):
@@ -70,11 +66,7 @@ def photographs_in(source: Path, store: Path, progress: Progress | None = None) 
 def unpack_photographs(
     source: Path | bytes, name: str, store: Path, progress: Progress | None = None
 ) -> dict[str, Path]:
-    """Unpack the photographs of a zip into the folder `store`, one at a time.
-
-    Raises:
-        StereocalError: as `zip_files.open_zip`, or the disk is full.
-    """
+    """Unpack the photographs of a zip into the folder `store`, one at a time."""
     return {
         member: _keep(content, member, store)
         for member, content in zipped_photographs(source, name, progress)
@@ -84,11 +76,7 @@ def unpack_photographs(
 def zipped_photographs(
     source: Path | bytes, name: str, progress: Progress | None = None
 ) -> Iterator[tuple[str, bytes]]:
-    """The name and content of each photograph in a zip.
-
-    Raises:
-        StereocalError: as `zip_files.open_zip`.
-    """
+    """The name and content of each photograph in a zip."""
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if is_photograph(member)]
         for done, member in enumerate(names):

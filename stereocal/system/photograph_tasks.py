@@ -21,11 +21,7 @@ def for_worker(path: FileContent, executor: Executor) -> PhotographFile:
 
 
 def read_for_worker(photograph: PhotographFile, name: str) -> GreyImage:
-    """The photograph of `for_worker`; `name` is its name in messages.
-
-    Raises:
-        StereocalError: as `read_photograph`.
-    """
+    """The photograph of `for_worker`; `name` is its name in messages."""
     if isinstance(photograph, bytes):
         return decode_photograph(photograph, name)
     return read_photograph(photograph, name)

@@ -82,9 +82,6 @@ def read_rows(
         columns: of numbers.
         texts: further names that must not occur twice.
         empty: words, in lower case, that mark an empty cell.
-
-    Raises:
-        StereocalError: not such a table, or without rows.
     """
     text = text_of(content, source)
     names, delimiter, above = names_of(text, source)
@@ -97,11 +94,7 @@ def read_rows(
 
 
 def names_of(text: str, source: str) -> tuple[list[str], str, int]:
-    """The names of the columns in lower case, the delimiter, and the lines above the rows.
-
-    Raises:
-        StereocalError: not CSV.
-    """
+    """The names of the columns in lower case, the delimiter, and the lines above the rows."""
     lines = text.splitlines()
     first = next(number for number, line in enumerate(lines) if line.strip())
     delimiter = delimiter_of(lines[first])
@@ -110,11 +103,7 @@ def names_of(text: str, source: str) -> tuple[list[str], str, int]:
 
 
 def text_of(content: bytes, source: str) -> str:
-    """The text of a file.
-
-    Raises:
-        StereocalError: it is too large, empty, or not UTF-8 text.
-    """
+    """The text of a file."""
     Limits.from_environment().check_size(len(content), source)
     try:
         text = content.decode("utf-8-sig")
@@ -133,11 +122,7 @@ def delimiter_of(line: str) -> str:
 
 
 def cells_of(lines: str, delimiter: str, source: str) -> list[list[str]]:
-    """The cells of a few lines.
-
-    Raises:
-        StereocalError: not CSV.
-    """
+    """The cells of a few lines."""
     try:
         return list(csv.reader(io.StringIO(lines), delimiter=delimiter))
     except csv.Error as error:
@@ -151,9 +136,6 @@ def check_names(
 
     Args:
         known: columns that must not occur twice.
-
-    Raises:
-        StereocalError: too many columns, a missing column, or a duplicate.
     """
     if len(names) > MAXIMUM_COLUMNS:
         raise StereocalError(
@@ -179,9 +161,6 @@ def rows_below(
     Args:
         width: number of named columns; rows with more cells are returned as problems.
         most: largest number of rows to read.
-
-    Raises:
-        StereocalError: too many cells, not CSV, or no row at all.
     """
     widest = 1 + max((line.count(delimiter) for line in io.StringIO(text)), default=0)
     widest = max(widest, width)
@@ -211,11 +190,7 @@ def rows_below(
 def chunks_of_file(
     path: Path, names: Sequence[str], delimiter: str, rows: int, source: str
 ) -> Iterator[pd.DataFrame]:
-    """The rows of a file below its first line in blocks of `rows`, as text.
-
-    Raises:
-        StereocalError: a row has too many cells, or the file cannot be read.
-    """
+    """The rows of a file below its first line in blocks of `rows`, as text."""
     options = {
         "header": 0,
         "index_col": False,

@@ -63,11 +63,7 @@ class OpenZip:
         return self._members[name].file_size
 
     def read(self, name: str) -> bytes:
-        """A file's content; `zipfile` reads at most `size` bytes.
-
-        Raises:
-            StereocalError: the file is damaged.
-        """
+        """A file's content; `zipfile` reads at most `size` bytes."""
         return b"".join(self.pieces(name))
 
     def pieces(self, name: str) -> Iterator[bytes]:
@@ -85,11 +81,7 @@ class OpenZip:
 
 @contextmanager
 def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
-    """Open a zip file or its content, called `name` in messages.
-
-    Raises:
-        StereocalError: not a zip, empty, damaged, or too large unpacked.
-    """
+    """Open a zip file or its content, called `name` in messages."""
     limits = Limits.from_environment()
     with ExitStack() as opened:
         with _sound(name):
@@ -112,11 +104,7 @@ def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
 def unzip(
     source: Path | bytes, name: str, wanted: Callable[[str], bool] = lambda _: True
 ) -> dict[str, bytes]:
-    """The wanted files of a zip by name, in memory.
-
-    Raises:
-        StereocalError: as `open_zip`, or together larger than the limit for a single file.
-    """
+    """The wanted files of a zip by name, in memory."""
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if wanted(member)]
         total = sum(map(opened.size, names))

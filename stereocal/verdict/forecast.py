@@ -90,11 +90,7 @@ class Outlook:
 
 
 def forecast_files(calibration: Calibration, seed: int = 0) -> Outlook:
-    """Forecast the files of a calibration with its refined set.
-
-    Raises:
-        StereocalError: there is no refined set, or there are too few bars.
-    """
+    """Forecast the files of a calibration with its refined set."""
     refined = calibration.refined
     if refined is None:
         raise StereocalError("A forecast needs the refined method.")

@@ -34,11 +34,7 @@ MANY_BARS = 1000
 
 
 def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Generator) -> FloatArray:
-    """Ends A and B of fresh bars, (draws, bars, 2, 3) in metres in the primary's frame.
-
-    Raises:
-        StereocalError: fewer than 3 bars were recorded.
-    """
+    """Ends A and B of fresh bars, (draws, bars, 2, 3) in metres in the primary's frame."""
     ends = model.points_m[~model.outlying]
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
     if len(ends) < MINIMUM_BARS:

@@ -64,9 +64,6 @@ def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None
         predictive: of all files, the refined one among them.
         frames: number of frames of the calibration.
         check: of the model behind the forecast.
-
-    Raises:
-        StereocalError: the forecast has no refined file.
     """
     if not set(SETS) <= set(predictive.methods):
         raise StereocalError("A verdict needs the 2D, the 3D and the refined set.")

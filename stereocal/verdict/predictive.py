@@ -233,9 +233,6 @@ def predict(
         bars: of each half of a draw.
         workers: threads.
         knowledge: the same fit with other information about its parameters.
-
-    Raises:
-        StereocalError: too few bars.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5E7]))
     methods = tuple(method for method in ALL_METHODS if method in files)

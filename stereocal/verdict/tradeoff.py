@@ -103,10 +103,6 @@ def trade_off(
 
     Returns:
         The curves; None if cancelled.
-
-    Raises:
-        StereocalError: no bars, fewer than 3 points, or an initial pose with points behind a
-            camera.
     """
     settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False)
     if points < 3:

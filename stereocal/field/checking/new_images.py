@@ -58,11 +58,7 @@ class NewImages:
 
 
 def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
-    """New images of a data set, seen with the lenses of the parameters.
-
-    Raises:
-        StereocalError: images of another size, or a point where a lens cannot be inverted.
-    """
+    """New images of a data set, seen with the lenses of the parameters."""
     for which in CAMERAS:
         found, wanted = getattr(dataset, which).image_size, getattr(rig, which).image_size
         if found != wanted:
@@ -103,11 +99,7 @@ def _step_note(late: float, left: int, total: int) -> str:
 
 
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
-    """New images of a table of matched points, without those marked as ambiguous.
-
-    Raises:
-        StereocalError: invalid rows, points outside the images, or too few points.
-    """
+    """New images of a table of matched points, without those marked as ambiguous."""
     table.check(lambda block: points_outside_images(rig, block))
     frames, pixels, ambiguous, truncated = [], [], 0, THRESHOLDED in table.names
     sigmas = [np.empty(0)]
@@ -145,11 +137,7 @@ def images_of_matches(
     name: str,
     notes: tuple[str, ...] = (),
 ) -> NewImages:
-    """New images of matched points alone, raw pixels (n, 2) of each camera.
-
-    Raises:
-        StereocalError: too few points, or some outside their images.
-    """
+    """New images of matched points alone, raw pixels (n, 2) of each camera."""
     if len(frames) < FEWEST_PAIRS:
         raise StereocalError(
             f"{name}: {len(frames)} matched points are too few to check anything; at least "

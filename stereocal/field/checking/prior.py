@@ -67,11 +67,7 @@ class Prior:
 
 
 def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
-    """The prior of a parameter file.
-
-    Raises:
-        StereocalError: the file has no covariance, or an invalid one.
-    """
+    """The prior of a parameter file."""
     sigma_px, covariance = noise_of_file(rig)
     if sigma_px is None or covariance is None:
         raise StereocalError(

@@ -40,9 +40,6 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
 
     Args:
         smallest: the smallest movement that matters; "same" is reported only if it would be seen.
-
-    Raises:
-        StereocalError: no pose of these cameras fits the new images at all.
     """
     prior = prior.with_bar_of(images.dataset) if images.bars else prior
     moved, focal = pose_change(prior, images.bars > 0), focal_changes(prior)

@@ -142,11 +142,7 @@ def baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
 
 
 def with_baseline(plan: Plan, baseline_m: float) -> Plan:
-    """The plan with another baseline, the cameras aimed at the same place as before.
-
-    Raises:
-        StereocalError: the plan cannot work.
-    """
+    """The plan with another baseline, the cameras aimed at the same place as before."""
     stated, factor = plan.stated_pose, baseline_m / plan.baseline_m
     if isinstance(stated, AimedPose):
         toe = float(np.degrees(np.arctan(factor * np.tan(np.radians(stated.toe_in_deg)))))

@@ -23,9 +23,6 @@ def place_planned_bars(plan: Plan, count: int, rng: np.random.Generator) -> Floa
 
     The middle of a bar is uniform over the image and the depths, as far as both cameras see it; its
     direction is uniform over the sphere. Both ends are in view, from near to far.
-
-    Raises:
-        StereocalError: the common view hardly holds the bar.
     """
     depths = plan.near_m, plan.far_m
     grid = plan.common_points

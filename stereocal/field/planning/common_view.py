@@ -19,11 +19,7 @@ FOLD_MARGIN = 1.05
 
 @lru_cache(KEPT_CAMERAS)
 def rays_of_image(camera: Camera) -> FloatArray:
-    """(n, 3): rays with z = 1 through a grid of pixels that spans the image.
-
-    Raises:
-        StereocalError: the lens model cannot be inverted in most of the image.
-    """
+    """(n, 3): rays with z = 1 through a grid of pixels that spans the image."""
     width, height = camera.image_size
     u, v = np.meshgrid(np.linspace(0, width - 1, COLUMNS), np.linspace(0, height - 1, ROWS))
     rays = camera.undistort(np.column_stack([u.ravel(), v.ravel()]))
@@ -54,11 +50,7 @@ def sees(camera: Camera, points_m: FloatArray, margin_px: float = 0.0) -> BoolAr
 
 
 def common_points(rig: Rig, depths_m: FloatArray) -> FloatArray:
-    """(n, 3): grid points of the primary's view at some depths that the secondary sees too.
-
-    Raises:
-        StereocalError: there are none, with the reason.
-    """
+    """(n, 3): grid points of the primary's view at some depths that the secondary sees too."""
     points = (np.asarray(depths_m)[:, None, None] * rays_of_image(rig.primary)).reshape(-1, 3)
     seen = rig.pose.apply(points)
     near, far = float(depths_m[0]), float(depths_m[-1])

@@ -83,11 +83,7 @@ class DrawnRigs:
 
 
 def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
-    """The figures of the rigs from `first` to before `end` of the sequence of a seed.
-
-    Raises:
-        StereocalError: the common view hardly holds the bar.
-    """
+    """The figures of the rigs from `first` to before `end` of the sequence of a seed."""
     errors = standard_errors(seed, end)[first:]
     rng = np.random.default_rng([seed, first])
     bars = place_planned_bars(
@@ -142,9 +138,6 @@ def _one_rig(
 ) -> tuple[FloatArray, float]:
     """(files, figures), and the position error of the refined set in metres; without it, the
     figures of the other two files, and NaN.
-
-    Raises:
-        StereocalError: the recording cannot be calibrated.
     """
     lenses = lenses_of_cameras(plan.primary, plan.secondary)
     middle = bars.mean(axis=1, keepdims=True)

@@ -170,11 +170,7 @@ def _relative_errors(
 
 
 def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:
-    """The refined set to be expected of a plan.
-
-    Raises:
-        StereocalError: the bar hardly fits, or the bars do not determine the cameras.
-    """
+    """The refined set to be expected of a plan."""
     ends = place_planned_bars(plan, bars, np.random.default_rng([seed, 1]))
     pixels = np.empty((2 * bars, 4))
     lenses = lenses_of_cameras(plan.primary, plan.secondary)
@@ -190,9 +186,6 @@ def planned_dataset(plan: Plan, pixels: FloatArray) -> Dataset:
 
     Args:
         pixels: (2 frames, 4): u, v of the primary and the secondary, of A and B in turn.
-
-    Raises:
-        StereocalError: a point is outside its image.
     """
     frames = len(pixels) // 2
     rows = Correspondences.from_arrays(

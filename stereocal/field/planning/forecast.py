@@ -142,9 +142,6 @@ def forecast(
             figures (those of the refined set to about 1e-9).
         rigs: number of drawn rigs; None: 128, fewer for many frames.
         progress: called with the drawn rigs done, and those in all.
-
-    Raises:
-        StereocalError: the bar hardly fits, or the bars do not determine the cameras.
     """
     if rigs is None:
         rigs = int(np.clip(RIGS * FRAMES_OF_RIGS / plan.frames, FEWEST_RIGS, RIGS))

@@ -33,9 +33,6 @@ class SensorLens:
     Args:
         sensor_mm: (width, height) of the part of the sensor that the image shows.
         image_size: (width, height) in pixels.
-
-    Raises:
-        StereocalError: a number is not possible.
     """
 
     focal_mm: float
@@ -78,9 +75,6 @@ class AimedPose:
         toe_in_deg: angle by which each camera is turned in from parallel; both axes meet at
             baseline / (2 tan(toe-in)) in front of the middle of the baseline.
         height_difference_m: by which the secondary is higher than the primary.
-
-    Raises:
-        StereocalError: a number is not possible.
     """
 
     baseline_m: float
@@ -132,9 +126,6 @@ class Uncertainty:
         focal: of each focal length, as a fraction of it.
         centre_px: of each coordinate of a principal point.
         baseline_m, bar_m: of the two measured lengths.
-
-    Raises:
-        StereocalError: a number is negative, not finite, or too large.
     """
 
     focal: float = 0.003
@@ -164,10 +155,6 @@ class Plan:
         bar_m: distance of the two targets on the bar.
         frames: number of positions of the bar.
         noise_px: standard deviation of an image coordinate of a target.
-
-    Raises:
-        StereocalError: a number is not possible, the cameras have no common view in the volume, or
-            the bar does not fit into it.
     """
 
     name: str

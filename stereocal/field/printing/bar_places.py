@@ -73,9 +73,6 @@ def bar_places(plan: Plan) -> list[BarPlace]:
     Each bar is in view of both cameras as a whole, also with lenses that are off as far as the plan
     says. Where frames are fewer than places, they are evenly chosen; where they are more, places
     come again with other directions.
-
-    Raises:
-        StereocalError: the common view does not hold the bar.
     """
     spots = [spot for distance in range(3) for spot in _spots(plan, distance)]
     if not spots:

@@ -76,11 +76,7 @@ PaperName = str
 
 
 def paper_named(name: str) -> Paper:
-    """The paper format of a name.
-
-    Raises:
-        StereocalError: there is none.
-    """
+    """The paper format of a name."""
     for known, paper in PAPERS.items():
         if known.lower() == name.strip().lower():
             return paper

@@ -30,12 +30,7 @@ SMALLEST_SQUARE_MM = 1.0
 
 
 def print_board(pattern: BoardPattern, paper: Paper) -> Sheet:
-    """The board on a sheet of paper, at true scale.
-
-    Raises:
-        StereocalError: the board is larger than the paper; the message names a square that fits,
-            and a paper that holds it.
-    """
+    """The board on a sheet of paper, at true scale."""
     if 1e3 * pattern.square_m < SMALLEST_SQUARE_MM:
         raise StereocalError(
             f"Squares of {1e3 * pattern.square_m:g} mm are too small to print sharply: use at "
@@ -64,11 +59,7 @@ def largest_square(pattern: BoardPattern, paper: Paper) -> float:
 
 
 def fitted(pattern: BoardPattern, paper: Paper) -> BoardPattern:
-    """The board with the largest squares that fit on a paper, in whole mm.
-
-    Raises:
-        StereocalError: too many squares for the paper.
-    """
+    """The board with the largest squares that fit on a paper, in whole mm."""
     square = largest_square(pattern, paper)
     if not square:
         raise StereocalError(

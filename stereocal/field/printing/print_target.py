@@ -104,9 +104,6 @@ def target_size(
 
     Args:
         focal_px: the smaller focal length of the two cameras.
-
-    Raises:
-        StereocalError: a number that is impossible.
     """
     for name, value in (
         ("focal length in px", focal_px),
@@ -149,9 +146,6 @@ def print_targets(side_m: float, paper: Paper) -> Sheet:
 
     Args:
         side_m: side of the whole target, of 2x2 squares.
-
-    Raises:
-        StereocalError: the target is larger than the paper, or its side is impossible.
     """
     if not SMALLEST_M <= side_m <= LARGEST_M:
         raise StereocalError(

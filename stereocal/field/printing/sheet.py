@@ -45,11 +45,7 @@ MOST_BOXES = 4
 
 
 def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
-    """The sheet as a PDF of one page; the same plan gives the same bytes.
-
-    Raises:
-        StereocalError: the bar does not fit into what both cameras see.
-    """
+    """The sheet as a PDF of one page; the same plan gives the same bytes."""
     places = bar_places(plan)
     width, height = (side - 2.0 * MARGIN_MM for side in (paper.width_mm, paper.height_mm))
     written = plan.name.encode("cp1252", "replace").decode("cp1252")  # what Helvetica has

@@ -33,11 +33,7 @@ class WorldSettings:
 def find_world(
     rig: RigParameters, observed: Observed, settings: WorldSettings | None = None
 ) -> WorldFrame:
-    """The world frame.
-
-    Raises:
-        StereocalError: the observations leave it undetermined, or contradict each other.
-    """
+    """The world frame."""
     try:
         with np.errstate(all="ignore"):
             return _find(rig, observed, settings or WorldSettings())

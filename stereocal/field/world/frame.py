@@ -74,9 +74,6 @@ def frame_of_up(
         up: (3,) in the primary's frame, as all vectors here.
         origins, directions: what `axes` may name.
         usual: origin and x axis where `axes` names none.
-
-    Raises:
-        StereocalError: an unknown origin or direction, or a direction that is vertical.
     """
     origin = _named(origins, axes.origin or usual[0], "origin")
     along = _named(directions, axes.x_axis or usual[1], "x axis")

@@ -99,10 +99,6 @@ def world_of_lines(
     Args:
         sigma_px: noise of an image coordinate; None: as the points scatter about their lines.
         upside_down: whether the cameras hang upside down.
-
-    Raises:
-        StereocalError: the lines leave the vertical undetermined, contradict each other, or are
-            not straight.
     """
     for line in lines:
         for side, camera, at in zip(
@@ -181,11 +177,7 @@ def _counted(lines: Sequence[Line]) -> str:
 
 
 def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
-    """The lines' images with two points or more.
-
-    Raises:
-        StereocalError: points that are not on a straight line.
-    """
+    """The lines' images with two points or more."""
     for k, line in enumerate(lines):
         for number, (camera, pixels) in enumerate(
             zip((rig.primary, rig.secondary), line.pixels, strict=True)

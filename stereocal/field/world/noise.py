@@ -47,11 +47,7 @@ class Noise:
 
 
 def noise_of(rig: RigParameters, sigma_px: float | None = None) -> Noise:
-    """The noise stated, else that of the file, else `ASSUMED_PX`; parameter errors of the file.
-
-    Raises:
-        StereocalError: the noise is not above 0, or the file's uncertainties cannot be read.
-    """
+    """The noise stated, else that of the file, else `ASSUMED_PX`; parameter errors of the file."""
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")
     of_file, covariance = noise_of_file(rig)
@@ -118,9 +114,6 @@ def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> Float
 
     Args:
         names: of the points, for messages.
-
-    Raises:
-        StereocalError: a point is outside its image, or its two images are not of one point.
     """
     for side, camera, at in (
         ("primary", rig.primary, pixels[:, :2]),
@@ -144,11 +137,7 @@ def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> Float
 def check_inside(
     pixels: FloatArray, size: tuple[int, int], side: str, names: tuple[str, ...]
 ) -> None:
-    """Check that raw pixels (n, 2) are inside their image.
-
-    Raises:
-        StereocalError: one is not; names it.
-    """
+    """Check that raw pixels (n, 2) are inside their image."""
     outside = ((pixels < -0.5) | (pixels > np.array(size) - 0.5)).any(axis=1)
     if outside.any():
         row = int(np.flatnonzero(outside)[0])

@@ -103,10 +103,6 @@ def world_of_survey(
     Args:
         sigma_px: noise of an image coordinate; None: that of the parameters.
         sigma_m: standard error of a surveyed coordinate.
-
-    Raises:
-        StereocalError: fewer than three points, all on one line, mirrored, in another unit, or
-            contradictory.
     """
     if not (np.isfinite(sigma_m) and sigma_m >= 0):
         raise StereocalError(f"The survey's standard error is {sigma_m} m; it must be 0 or more.")

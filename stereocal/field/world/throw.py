@@ -116,9 +116,6 @@ def world_of_throw(
     Args:
         sigma_px: noise of an image coordinate; None: as the residuals show it.
         drag: whether the air may slow the object; False for one that is heavy for its size.
-
-    Raises:
-        StereocalError: too few frames, no free flight, or the vertical stays undetermined.
     """
     axes, noise = axes or Axes(), noise_of(rig, sigma_px)
     throw = in_step(rig, throw)
@@ -175,11 +172,7 @@ def in_step(rig: RigParameters, throw: Throw) -> Throw:
 
 
 def flights_of(throw: Throw) -> list[Flight]:
-    """The throws, each in the order of its frames.
-
-    Raises:
-        StereocalError: too few frames, or a frame twice.
-    """
+    """The throws, each in the order of its frames."""
     flights = []
     for track in dict.fromkeys(throw.tracks):
         rows = np.flatnonzero(np.array(throw.tracks) == track)

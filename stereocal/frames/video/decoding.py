@@ -44,11 +44,7 @@ class VideoTimes:
 
 
 def read_times(path: Path) -> VideoTimes:
-    """The time stamps of all frames; nothing is decoded.
-
-    Raises:
-        StereocalError: PyAV is missing, not a video, too large, or without time stamps.
-    """
+    """The time stamps of all frames; nothing is decoded."""
     with _opened(path) as (container, stream):
         found: list[float] = []
         for packet in container.demux(stream):

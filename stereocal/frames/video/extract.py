@@ -86,9 +86,6 @@ def extract(
 
     Returns:
         None if cancelled.
-
-    Raises:
-        StereocalError: a video cannot be read, or there are no frames of the same moment.
     """
     guard = guard_of_videos()
     try:

@@ -76,9 +76,6 @@ def pair_times(
         primary, secondary: time stamps in seconds, ascending.
         later_s: by how much the clock of the secondary is ahead of the primary's; None: both
             videos start at the same moment.
-
-    Raises:
-        StereocalError: the videos do not overlap in time.
     """
     shift = secondary[0] - primary[0] if later_s is None else later_s
     theirs = secondary - shift
