@@ -98,11 +98,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, validate, write the files, print the table and the recommendation.
-
-    Raises:
-        StereocalError: bad input; or a kit of figures that cannot be computed again.
-    """
+    """Calibrate, validate, write the files, print the table and the recommendation."""
     if parsed.kit and parsed.validation:
         raise StereocalError(
             "A paper kit holds what computes its files again: give --kit or --validation."
@@ -166,11 +162,7 @@ def validate(
 
 
 def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Evaluation:
-    """A validation of the frames not left out, with its progress on stderr.
-
-    Raises:
-        StereocalError: there are too few frames.
-    """
+    """A validation of the frames not left out, with its progress on stderr."""
     kept = calibration.screening.dataset
     with engine() as executor, ProgressBar("random splits") as bar:
         found = evaluate([kept], settings, executor, bar.show)

@@ -98,9 +98,6 @@ def _prior(path: Path) -> tuple[Path, Prior]:
 
     That one is taken where the file states no covariance, and for a 3D set, whose images fit its
     lengths rather than each other.
-
-    Raises:
-        StereocalError: neither states a covariance.
     """
     rig = RigParameters.load(path)
     beside = path.with_name(FILES["refined"])

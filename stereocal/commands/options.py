@@ -64,11 +64,7 @@ def answers(parsed: argparse.Namespace) -> dict[str, Any]:
 
 
 def image_size(text: str | None) -> tuple[int, int] | None:
-    """An image size written as 1280x1024; None if there is none.
-
-    Raises:
-        StereocalError: the text is no such size.
-    """
+    """An image size written as 1280x1024; None if there is none."""
     if text is None:
         return None
     try:
@@ -96,9 +92,6 @@ def workers_from(
 
     Args:
         compile_first: called before worker processes start, to fill the cache of compiled code.
-
-    Raises:
-        StereocalError: both options, fewer than 1 worker, or a cluster that cannot be used.
     """
     with engine(parsed.workers, parsed.scheduler) as executor:
         if parsed.workers and compile_first is not None:
@@ -107,11 +100,7 @@ def workers_from(
 
 
 def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
-    """The data set with the standard errors of its lengths from the options.
-
-    Raises:
-        StereocalError: one that is not above 0.
-    """
+    """The data set with the standard errors of its lengths from the options."""
     stated = {
         name: value
         for name, value in (

@@ -70,11 +70,7 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
 
 
 def two_cameras(text: str) -> tuple[str, str]:
-    """The primary and the secondary of `--cameras`.
-
-    Raises:
-        StereocalError: not two names.
-    """
+    """The primary and the secondary of `--cameras`."""
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2:
         raise StereocalError(f'--cameras is "{text}"; it must name two, as 1,2.')
@@ -84,11 +80,7 @@ def two_cameras(text: str) -> tuple[str, str]:
 def point_tables(
     parsed: argparse.Namespace, rig: RigParameters, folder: Path
 ) -> tuple[PointTable, PointTable]:
-    """The points of both cameras; other programs' files are converted into `folder`.
-
-    Raises:
-        StereocalError: a file cannot be read, or an option is missing or wrong.
-    """
+    """The points of both cameras; other programs' files are converted into `folder`."""
     given = [option for name, option in OPTIONS.items() if getattr(parsed, name) is not None]
     if parsed.layout is None and given:
         raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")

@@ -56,11 +56,7 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
-    """The parameter files by name, without those that cannot be computed any more.
-
-    Raises:
-        StereocalError: the data do not determine the pose, or allow no validation.
-    """
+    """The parameter files by name, without those that cannot be computed any more."""
     calibration = calibrate(archived.dataset, archived.calibration, refined=archived.refined)
     settings = archived.validation
     evaluation = None if settings is None else evaluation_of(calibration, settings)

@@ -50,22 +50,14 @@ class Table:
     problems: list[RowProblem]
 
     def strict(self, source: str) -> Correspondences:
-        """The rows, if all are valid.
-
-        Raises:
-            StereocalError: some rows are invalid; names the first three.
-        """
+        """The rows, if all are valid."""
         if self.problems:
             raise RefusedRowsError(f"{source}: ", self.problems, "cannot be used")
         return self.correspondences
 
 
 def read_table(content: bytes, source: str) -> Table:
-    """Read a table separated by comma, semicolon or tab; further columns are ignored.
-
-    Raises:
-        StereocalError: the file is not such a table, or is too large.
-    """
+    """Read a table separated by comma, semicolon or tab; further columns are ignored."""
     lines = max(content.count(b"\n"), content.count(b"\r"))
     Limits.from_environment().check_pairs(lines - 1, source)
     rows = read_rows(content, source, REQUIRED, NUMBERS, (SOURCE,), EMPTY)

@@ -97,11 +97,7 @@ def validation_figures(
 
 
 def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """The result of `validation_figures` for a data set, from a `summary.json`.
-
-    Raises:
-        StereocalError: the file cannot be read, or does not contain this data set.
-    """
+    """The result of `validation_figures` for a data set, from a `summary.json`."""
     try:
         packed = path.read_bytes()
     except OSError as error:
@@ -173,11 +169,7 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
 
 
 def unpack_evaluation(content: bytes) -> Evaluation:
-    """The evaluation of `pack_evaluation`.
-
-    Raises:
-        StereocalError: the file is damaged.
-    """
+    """The evaluation of `pack_evaluation`."""
     try:
         arrays = read_arrays(content, "evaluation.npz")
         about = json.loads(arrays["about"].tobytes())

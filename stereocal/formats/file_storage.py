@@ -18,11 +18,7 @@ Storage = Mapping[str, Any]
 
 
 def read_storage(text: str, source: str) -> Storage:
-    """The nodes of a file.
-
-    Raises:
-        StereocalError: damaged, nested too deeply, or not a mapping.
-    """
+    """The nodes of a file."""
     start = text.lstrip()
     if start.startswith("<"):
         return _read_xml(start, source)
@@ -38,11 +34,7 @@ def find_node(storage: Storage, names: tuple[str, ...]) -> Any:
 
 
 def matrix_of(node: Any, name: str, source: str) -> FloatArray:
-    """(rows, cols): an OpenCV matrix, or a list of rows or of numbers (one row).
-
-    Raises:
-        StereocalError: not a matrix of numbers.
-    """
+    """(rows, cols): an OpenCV matrix, or a list of rows or of numbers (one row)."""
     rows, cols = (node.get("rows"), node.get("cols")) if isinstance(node, dict) else (0, 0)
     data = node.get("data") if isinstance(node, dict) else node
     if not isinstance(data, list) or type(rows) is not int or type(cols) is not int:

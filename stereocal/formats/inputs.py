@@ -30,9 +30,6 @@ def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
 
     Args:
         lens_model: as for `read_dataset`; a project already holds it.
-
-    Raises:
-        StereocalError: the path holds none of these, or an invalid one.
     """
     if path.suffix == STORED_PROJECT:
         raise StereocalError(
@@ -53,11 +50,7 @@ def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
 
 
 def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
-    """New images in an uploaded file: a zip with `dataset.json`, or a table.
-
-    Raises:
-        StereocalError: it cannot be read, or is not of this rig.
-    """
+    """New images in an uploaded file: a zip with `dataset.json`, or a table."""
     if content[:4] == b"PK\x03\x04":
         return images_of_bars(parse_zip(content, label), rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
@@ -70,9 +63,6 @@ def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
     """New images in a table: bars if it has a column `target`, else matched points alone.
 
     A table does not state the length of its bars: it is taken for that of the calibration.
-
-    Raises:
-        StereocalError: it cannot be read, or is not of this rig.
     """
     table = PointTable(path, PIXELS, label)
     if TARGET not in table.names or path.suffix.lower() in PARQUET:

@@ -35,9 +35,6 @@ def read_structs(content: bytes, source: str) -> dict[str, Fields]:
 
     A child process reads it: a file with six damaged bytes made SciPy crash the process, and not
     each time.
-
-    Raises:
-        StereocalError: version 7.3, damaged, too large when unpacked, or without a struct.
     """
     if not is_matlab(content):
         raise StereocalError(f"{source}: this is not a .mat file of version 5 to 7. {SAVE_AGAIN}.")
@@ -84,11 +81,7 @@ def _read(path: Path) -> tuple[dict[str, Fields] | None, str]:
 
 
 def numbers_of(fields: Fields, name: str, source: str) -> FloatArray | None:
-    """The numbers in a field, of any shape; None if it is missing or empty.
-
-    Raises:
-        StereocalError: not real numbers, infinite, or too large. NaN is allowed.
-    """
+    """The numbers in a field, of any shape; None if it is missing or empty."""
     if name not in fields:
         return None
     value = np.asarray(fields[name])
@@ -103,11 +96,7 @@ def numbers_of(fields: Fields, name: str, source: str) -> FloatArray | None:
 
 
 def required(fields: Fields, name: str, size: int, source: str) -> FloatArray:
-    """(size,): the numbers in a field; a single number stands for all.
-
-    Raises:
-        StereocalError: missing, of another size, or not finite.
-    """
+    """(size,): the numbers in a field; a single number stands for all."""
     found = numbers_of(fields, name, source)
     if found is None:
         raise StereocalError(f"{source}: {name} is missing.")

@@ -37,9 +37,6 @@ def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) 
 
     Args:
         may_be_toml: accept TOML, which begins like an INI file.
-
-    Raises:
-        StereocalError: it is such a file; says how to convert it.
     """
     if is_matlab(content):
         raise StereocalError(
@@ -55,11 +52,7 @@ def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) 
 
 
 def refuse_other_points(content: bytes, source: str) -> None:
-    """Reject a MATLAB or DeepLabCut HDF5 file in place of points.
-
-    Raises:
-        StereocalError: it is such a file; says what to use instead.
-    """
+    """Reject a MATLAB or DeepLabCut HDF5 file in place of points."""
     if is_matlab(content):
         raise StereocalError(
             f"{source}: this is a MATLAB file (.mat), which is not read as points: save the points "

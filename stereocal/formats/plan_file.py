@@ -28,9 +28,6 @@ def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
 
     Args:
         lens_model: meaning of four distortion coefficients if a camera file does not state it.
-
-    Raises:
-        StereocalError: a file cannot be read, a key is missing, or the plan cannot work.
     """
     path = Path(path)
 
@@ -57,9 +54,6 @@ def parse_plan(
 
     Args:
         file_beside: the content of a camera file that the plan names.
-
-    Raises:
-        StereocalError: as `read_plan`.
     """
     if len(content) > LARGEST_BYTES:
         raise StereocalError(f"{source}: {len(content)} bytes are too many for a plan.")
@@ -199,11 +193,7 @@ def _object(data: Mapping[str, Any], key: str, source: str) -> Mapping[str, Any]
 
 
 def _number(data: Mapping[str, Any], key: str, where: str) -> float:
-    """A finite number.
-
-    Raises:
-        StereocalError: it is missing or not one.
-    """
+    """A finite number."""
     if key not in data:
         raise StereocalError(f"{where}: {key} is missing.")
     value = data[key]

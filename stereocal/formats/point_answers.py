@@ -45,11 +45,7 @@ class Answers:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Answers:
-        """The answers of `to_json`.
-
-        Raises:
-            StereocalError: the data are invalid.
-        """
+        """The answers of `to_json`."""
         try:
             columns = data["columns"]
             found = cls(**{**data, "columns": None if columns is None else tuple(columns)})
@@ -61,11 +57,7 @@ class Answers:
 
 
 def layout_of(content: bytes, source: str) -> PointLayout:
-    """The layout proposed for a file; if none is recognised, one to be chosen by hand.
-
-    Raises:
-        StereocalError: empty, not text, or with too few columns.
-    """
+    """The layout proposed for a file; if none is recognised, one to be chosen by hand."""
     rows, _ = first_rows(content, source)
     try:
         return propose_layout(content, source)
@@ -76,11 +68,7 @@ def layout_of(content: bytes, source: str) -> PointLayout:
 
 
 def layout_by_hand(content: bytes, source: str) -> PointLayout:
-    """A table with one row per point, whose columns are to be chosen.
-
-    Raises:
-        StereocalError: empty, or not text.
-    """
+    """A table with one row per point, whose columns are to be chosen."""
     rows, delimiter = first_rows(content, source)
     header = 0
     while header < len(rows) - 1 and not any(_is_value(cell) for cell in rows[header]):
@@ -130,11 +118,7 @@ def first_answers(layout: PointLayout, which: int, image_height: int | None = No
 
 
 def answered(layout: PointLayout, answers: Answers, content: bytes, source: str) -> PointLayout:
-    """The layout with the answers applied.
-
-    Raises:
-        StereocalError: a column is chosen twice, or columns are missing.
-    """
+    """The layout with the answers applied."""
     layout = replace(
         layout,
         origin=PixelOrigin(answers.corner, answers.first_pixel, answers.flip),
@@ -199,11 +183,7 @@ def holds_bars(content: bytes, source: str) -> bool:
 
 
 def bars_of(content: bytes, answers: BarAnswers, source: str) -> Correspondences:
-    """The bars in a file, read according to the answers.
-
-    Raises:
-        StereocalError: the file cannot be read that way.
-    """
+    """The bars in a file, read according to the answers."""
     for what, two in (("cameras", answers.cameras), ("points", answers.ends)):
         if two[0] == two[1]:
             raise StereocalError(f"{source}: the two {what} are the same ({two[0]}): choose two.")

@@ -86,9 +86,6 @@ def read_points(
     Args:
         image_height: rows of the image; required if the file's origin is at the lower left.
         first_rows: read only this number of rows, for a preview.
-
-    Raises:
-        StereocalError: no such camera, the height is missing, or invalid rows.
     """
     chosen = [each for each in layout.columns if each.camera == camera]
     if not chosen:
@@ -122,9 +119,6 @@ def read_bars(
     Args:
         cameras: names of the primary and the secondary.
         ends: names of the points A and B.
-
-    Raises:
-        StereocalError: as `read_points`, or no end was seen by both cameras.
     """
     raw = _table(content, layout, source, None)
     frames = _frames(raw, layout, source)

@@ -23,9 +23,6 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
 
     Args:
         name: the layout in `LAYOUTS` to use; None: try all.
-
-    Raises:
-        StereocalError: empty, not text, or no such layout fits.
     """
     rows, delimiter = first_rows(content, source)
     for guess in LAYOUTS.values() if name is None else (LAYOUTS[name],):
@@ -54,11 +51,7 @@ def layout_name(content: bytes, source: str) -> str | None:
 
 
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
-    """The first eight rows as text, and their delimiter.
-
-    Raises:
-        StereocalError: empty, not text, or one row only.
-    """
+    """The first eight rows as text, and their delimiter."""
     head = content[:HEAD_BYTES]
     text = head.decode("utf-8-sig", errors="replace")
     if not text.strip():

@@ -17,11 +17,7 @@ from stereocal.system.atomic_files import write_atomically
 
 
 def write_field(folder: Path, seed: int) -> None:
-    """Write the sample field as a data set folder with `truth.json`.
-
-    Raises:
-        StereocalError: the folder cannot be written to.
-    """
+    """Write the sample field as a data set folder with `truth.json`."""
     scene, dataset = simulate_field(seed)
     truth = truth_of(scene, FIELD_NOISE_PX, seed)
     files = {**pack_dataset(dataset), TRUTH: (json.dumps(truth, indent=2) + "\n").encode()}
@@ -30,11 +26,7 @@ def write_field(folder: Path, seed: int) -> None:
 
 
 def write_nineteen(folder: Path, seed: int, datasets: int = DATASETS, frames: int = FRAMES) -> None:
-    """Write the data sets as the folders `01`, `02`, ... with `truth.json` in each.
-
-    Raises:
-        StereocalError: no data sets or frames, or the folder cannot be written to.
-    """
+    """Write the data sets as the folders `01`, `02`, ... with `truth.json` in each."""
     for number, (scene, dataset) in enumerate(simulate_nineteen(seed, datasets, frames), start=1):
         truth = truth_of(scene, NOISE_PX, seed)
         files = {**pack_dataset(dataset), TRUTH: (json.dumps(truth, indent=1) + "\n").encode()}

@@ -25,11 +25,7 @@ ARRAYS = {
 
 
 def point_text(content: bytes, source: str) -> bytes:
-    """A point file as text: HDF5 converted to CSV in a child process, other files unchanged.
-
-    Raises:
-        StereocalError: HDF5 of another program, damaged, or h5py is not installed.
-    """
+    """A point file as text: HDF5 converted to CSV in a child process, other files unchanged."""
     if not is_hdf5(content):
         return content
     refuse_other_points(content, source)
@@ -46,11 +42,7 @@ def point_text(content: bytes, source: str) -> bytes:
 
 
 def analysis_table(path: Path, source: str) -> bytes:
-    """The CSV table of an analysis file, which native code reads.
-
-    Raises:
-        StereocalError: HDF5 of another program, or damaged.
-    """
+    """The CSV table of an analysis file, which native code reads."""
     import h5py
 
     try:
@@ -69,9 +61,6 @@ def _array(file: Any, name: str, size: int, source: str) -> Any:
 
     Returns:
         None if it is missing and not required.
-
-    Raises:
-        StereocalError: it is missing or of another type or shape.
     """
     import h5py
 

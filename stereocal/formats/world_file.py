@@ -57,9 +57,6 @@ def read_world(path: str | Path) -> Pose:
     """`world_from_primary` of `world.json`, or of a 4x4 table: JSON (rows in brackets) or CSV.
 
     `x_world = R @ x_primary + t`; the last row is 0 0 0 1; metres.
-
-    Raises:
-        StereocalError: no such file or table, or not a rotation and translation.
     """
     path = Path(path)
     try:

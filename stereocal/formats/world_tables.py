@@ -33,11 +33,7 @@ FARTHEST_M = 1e8
 
 
 def kind_of_table(content: bytes, source: str) -> str:
-    """`point`, `line` or `frame`: what the rows of a table are.
-
-    Raises:
-        StereocalError: none of them.
-    """
+    """`point`, `line` or `frame`: what the rows of a table are."""
     names, *_ = names_of(text_of(content, source), source)
     for kind in (POINT, LINE, FRAME):
         if kind in names:
@@ -53,9 +49,6 @@ def read_observed(content: bytes, source: str, frame_rate: float | None = None) 
 
     Args:
         frame_rate: frames per second of a throw.
-
-    Raises:
-        StereocalError: not such a table, invalid rows, or a throw without a frame rate.
     """
     kind = kind_of_table(content, source)
     if kind == FRAME and frame_rate is None:
@@ -89,11 +82,7 @@ def read_observed(content: bytes, source: str, frame_rate: float | None = None) 
 
 
 def check_world(content: bytes, source: str) -> None:
-    """Check that a file is a world frame, or a table that one can be found from.
-
-    Raises:
-        StereocalError: it is neither.
-    """
+    """Check that a file is a world frame, or a table that one can be found from."""
     if is_json(source):
         parse_world(content, source)
         return

@@ -54,11 +54,7 @@ _PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0
 
 
 def read_yaml(text: str, source: str) -> dict[str, Any]:
-    """The mapping in a YAML text.
-
-    Raises:
-        StereocalError: not YAML, not a mapping, aliases, a duplicate key, or too long.
-    """
+    """The mapping in a YAML text."""
     text = LONG_LIST.sub("[]", OPENCV_HEAD.sub("", text))
     check_length(text, source)
     try:

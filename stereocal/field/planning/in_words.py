@@ -30,11 +30,6 @@ def answer(found: PlanForecast) -> str:
     )
 
 
-def first_advice(found: PlanForecast) -> str:
-    """The change that would help most."""
-    return found.advice.sentences[0]
-
-
 def points_per_frame(found: PlanForecast) -> str:
     """How many points of a frame can be matched, with two digits at most."""
     value = found.points_per_frame.value

@@ -72,7 +72,6 @@ PAPERS = {
     )
 }
 """All but A4, A3, Letter and Tabloid are for the plotter of a copy shop."""
-PaperName = str
 
 
 def paper_named(name: str) -> Paper:

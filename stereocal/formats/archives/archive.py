@@ -74,9 +74,6 @@ class Archive:
             baseline_m: as measured; infinite to leave it free; None: the nominal one, with its
                 standard error.
             distance_m: as measured; None: that of the files.
-
-        Raises:
-            StereocalError: something is missing, or as `Dataset` or `with_baseline_found`.
         """
         distance = self.target_distance_m if distance_m is None else distance_m
         if (
@@ -139,11 +136,7 @@ def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
 
 
 def check_bar(length: float, unit: Unit | None, source: str) -> float:
-    """The length of the bar in metres.
-
-    Raises:
-        StereocalError: not above 0, or so long that the unit must be another.
-    """
+    """The length of the bar in metres."""
     metres = length * UNITS[unit or "m"]
     if not 0 < metres <= 20:
         raise StereocalError(

@@ -48,11 +48,7 @@ class EasyWandFile:
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Names of the cameras.
-
-        Raises:
-            StereocalError: the bars are missing, or have no columns for two or more cameras.
-        """
+        """Names of the cameras."""
         wand = self._rows("wandPts", None)
         if wand is None:
             raise StereocalError(f"{self.source}: wandPts, the points of the bar, is missing.")
@@ -145,11 +141,7 @@ class EasyWandFile:
 
 
 def open_easywand(content: bytes, source: str) -> EasyWandFile | None:
-    """The struct of a .mat file; None if it has none of easyWand's.
-
-    Raises:
-        StereocalError: as `read_structs`.
-    """
+    """The struct of a .mat file; None if it has none of easyWand's."""
     fields = read_structs(content, source).get(STRUCT)
     return None if fields is None else EasyWandFile(fields, source)
 
@@ -174,11 +166,7 @@ def sizes_contradicted(file: EasyWandFile, pair: tuple[int, int]) -> str:
 
 
 def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
-    """All parts of a data set in the file.
-
-    Raises:
-        StereocalError: a field is missing or wrong, or the points contradict the image size.
-    """
+    """All parts of a data set in the file."""
     chosen = chosen_pair(file.cameras, options.cameras, file.source)
     pair, stated = chosen.pair, options.image_sizes
     if None in stated and (message := sizes_contradicted(file, pair)):

@@ -44,9 +44,6 @@ def gather(
         files: contents by name.
         baseline_known: whether the user states the baseline, so that the unit of the files'
             own need not be known.
-
-    Raises:
-        StereocalError: a file is not known or damaged, or something must be stated.
     """
     tables = {name: each for name, each in files.items() if name.lower().endswith(TABLES)}
     others = {name: each for name, each in files.items() if name not in tables}

@@ -37,11 +37,7 @@ BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
 
 
 def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`calibration.toml`.
-
-    Raises:
-        StereocalError: a lens with more than five coefficients.
-    """
+    """`calibration.toml`."""
     text = header(
         "#",
         "The world is the frame of the primary camera, cam_0. rotation: rotation vector, radians.",
@@ -65,12 +61,7 @@ def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """Two cameras of aniposelib's or Caliscope's file; the pose is known if both have one.
-
-    Raises:
-        StereocalError: not such a file, the cameras are not there, a fisheye lens, or a number is
-            missing.
-    """
+    """Two cameras of aniposelib's or Caliscope's file; the pose is known if both have one."""
     file = only_file(files, (".toml",), source)
     data = read_toml(file.text, file.name)
     sections = _sections(data)
@@ -121,11 +112,7 @@ def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 
 
 def read_toml(text: str, name: str) -> dict[str, Any]:
-    """The content of a TOML file.
-
-    Raises:
-        StereocalError: not TOML, too long, nested too deeply, or a key with too many parts.
-    """
+    """The content of a TOML file."""
     check_length(text, name)
     check_depth(text, name)
     if any(piece.count(".") > MOST_DOTS for piece in BETWEEN_KEYS.split(text)):

@@ -31,11 +31,7 @@ def _our_format(file: ForeignFile) -> str:
 
 
 def read_cameras(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """The cameras of two files, or a nominal lens for both.
-
-    Raises:
-        StereocalError: more than two files, or as `read_camera`.
-    """
+    """The cameras of two files, or a nominal lens for both."""
     if len(files) > 2:
         raise StereocalError(f"{source}: {len(files)} camera files; give one or two.")
     cameras = [read_camera(file.content, file.name, options.lens_model) for file in files]
@@ -45,11 +41,7 @@ def read_cameras(files: Files, options: ExchangeOptions, source: str) -> CameraP
 
 
 def read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
-    """The cameras and the pose of our parameter file.
-
-    Raises:
-        StereocalError: several files, or as `RigParameters.loads`.
-    """
+    """The cameras and the pose of our parameter file."""
     if len(files) > 1:
         raise StereocalError(f"{source}: {len(files)} parameter files; give one.")
     rig = RigParameters.loads(files[0].text, files[0].name)

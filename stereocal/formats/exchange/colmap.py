@@ -46,11 +46,7 @@ MODELS: Mapping[str, tuple[str, ...]] = {
 
 
 def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`cameras.txt` and `rigs.txt`, the other files of a model (empty), and `rig_config.json`.
-
-    Raises:
-        StereocalError: a skew, or a lens with more than eight coefficients.
-    """
+    """`cameras.txt` and `rigs.txt`, the other files of a model (empty), and `rig_config.json`."""
     comment = header(
         "#",
         "Camera 1 is the primary and the rig's frame, camera 2 the secondary.",
@@ -90,11 +86,7 @@ def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 def read_colmap(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
-    """The two cameras of the only rig in `cameras.txt` and `rigs.txt`.
-
-    Raises:
-        StereocalError: a file is missing, or has another number of rigs or cameras.
-    """
+    """The two cameras of the only rig in `cameras.txt` and `rigs.txt`."""
     named = {file.name: file for file in files}
     for name in ("cameras.txt", "rigs.txt"):
         if name not in named:

@@ -35,11 +35,7 @@ frame of the user, the origin is put 0.001 mm in front of the primary camera."""
 
 
 def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
-    """`dlt.csv`.
-
-    Raises:
-        StereocalError: the world's origin lies in the plane of a camera's centre.
-    """
+    """`dlt.csv`."""
     columns = [
         dlt_coefficients(camera, camera_from_world, options)
         for camera, camera_from_world in zip(
@@ -54,11 +50,7 @@ def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
 def dlt_coefficients(
     camera: Camera, camera_from_world: Pose, options: ExchangeOptions
 ) -> FloatArray:
-    """(11,): the coefficients of a camera, for undistorted pixels with the origin of `options`.
-
-    Raises:
-        StereocalError: the world's origin lies in the plane of the camera's centre.
-    """
+    """(11,): the coefficients of a camera, for undistorted pixels with the origin of `options`."""
     origin = options.origin().matrix(camera.image_size[1])
     P = origin @ camera.K @ np.column_stack([camera_from_world.R, camera_from_world.T])
     if abs(P[2, 3]) < 1e-9:
@@ -70,11 +62,7 @@ def dlt_coefficients(
 
 
 def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """Two cameras without lens distortion, and their pose; the world frame is ignored.
-
-    Raises:
-        StereocalError: not 11 rows of two numbers, or no image sizes.
-    """
+    """Two cameras without lens distortion, and their pose; the world frame is ignored."""
     file = only_file(files, (".csv", ".txt"), source)
     name, lines = file.name, io.StringIO(file.text)
     try:

@@ -27,11 +27,7 @@ from stereocal.rig.rig import Rig
 
 
 def write_kalibr(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`camchain.yaml`.
-
-    Raises:
-        StereocalError: a skew, or a lens that needs k3 or further coefficients.
-    """
+    """`camchain.yaml`."""
     text = header(
         "#",
         "cam0 is the primary camera, cam1 the secondary; T_cn_cnm1 takes cam0 to cam1.",
@@ -66,11 +62,7 @@ def kalibr_names(file: ForeignFile) -> tuple[str, ...]:
 
 
 def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """Two cameras of a camchain; the pose is known if the chain between them is whole.
-
-    Raises:
-        StereocalError: the cameras are not there, another lens model, or a number is missing.
-    """
+    """Two cameras of a camchain; the pose is known if the chain between them is whole."""
     file = only_file(files, (".yaml", ".yml"), source)
     data, names = file.storage, kalibr_names(file)
     chosen = chosen_pair(names, options.cameras, file.name)

@@ -21,9 +21,6 @@ def lens(camera: Camera, count: int, which: str, where: str) -> FloatArray:
 
     If the lens has more, and `count` is 4 or 5, coefficients are refitted, provided that no pixel
     moves by more than `NEGLIGIBLE_PX`.
-
-    Raises:
-        StereocalError: the lens cannot be represented.
     """
     padded = np.zeros(max(14, count))
     padded[: len(camera.distortion)] = camera.distortion

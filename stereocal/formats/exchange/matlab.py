@@ -52,11 +52,7 @@ stereoParams = stereoParameters(camera1, camera2, RotationOfCamera2, Translation
 
 
 def write_matlab(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`stereo_parameters.m`, which creates `stereoParams` in the workspace.
-
-    Raises:
-        StereocalError: a lens with more than five coefficients.
-    """
+    """`stereo_parameters.m`, which creates `stereoParams` in the workspace."""
     text = header(
         "%",
         "Camera 1 is the primary, camera 2 the secondary. The first pixel is (1, 1), so the",
@@ -103,11 +99,7 @@ def is_matlab_file(file: ForeignFile) -> bool:
 
 
 def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """Two cameras and their pose from a script as ours, or from a struct (`toStruct`).
-
-    Raises:
-        StereocalError: a part is missing or damaged, or the units are not known.
-    """
+    """Two cameras and their pose from a script as ours, or from a struct (`toStruct`)."""
     file = only_file(files, (".m", ".mat"), source)
     if is_matlab(file.content):
         return stereo_of(read_structs(file.content, file.name), file.name)
@@ -132,11 +124,7 @@ def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPa
 
 
 def stereo_of(structs: Mapping[str, Fields], source: str) -> CameraPair:
-    """The cameras and their pose from the structs of a .mat file by name.
-
-    Raises:
-        StereocalError: there is no such struct, or a field is missing or wrong.
-    """
+    """The cameras and their pose from the structs of a .mat file by name."""
     for fields in structs.values():
         if all(isinstance(fields.get(part), Mapping) for part in PARTS):
             primary, secondary = (

@@ -90,11 +90,7 @@ def is_opencv(file: ForeignFile) -> bool:
 
 
 def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """Two cameras from one or several files; their pose if R and T are there.
-
-    Raises:
-        StereocalError: a matrix is missing or damaged, or the image sizes are unknown.
-    """
+    """Two cameras from one or several files; their pose if R and T are there."""
     found: dict[str, FloatArray] = {}
     sizes: dict[int, Any] = {}
     models: list[str | bool] = []

@@ -38,11 +38,7 @@ class ForeignFile:
 
     @cached_property
     def text(self) -> str:
-        """Its text.
-
-        Raises:
-            StereocalError: empty, too large, or not text.
-        """
+        """Its text."""
         if not self.content.strip():
             raise StereocalError("the file is empty.", self.name)
         if len(self.content) > LARGEST_BYTES:
@@ -56,11 +52,7 @@ class ForeignFile:
 
     @cached_property
     def storage(self) -> Storage:
-        """The nodes of a YAML, XML or JSON file.
-
-        Raises:
-            StereocalError: it is none of them, or damaged.
-        """
+        """The nodes of a YAML, XML or JSON file."""
         if self.text.lstrip().startswith(("{", "<", "%YAML")):
             return read_storage(self.text, self.name)
         return read_yaml(self.text, self.name)
@@ -100,11 +92,7 @@ class CameraPair:
         return metres_per_unit(baseline, self.stated, unit, self.usual, source)
 
     def rig(self, options: ExchangeOptions, source: str) -> Rig:
-        """The rig in metres.
-
-        Raises:
-            StereocalError: there is no pose, as `scale`, or more than two cameras and no choice.
-        """
+        """The rig in metres."""
         if len(self.cameras) > 2 and options.cameras is None:
             raise StereocalError(
                 f"two cameras are expected; the file has {len(self.cameras)} "
@@ -148,11 +136,7 @@ class Chosen:
 
 
 def chosen_pair(cameras: tuple[str, ...], wanted: tuple[str, str] | None, source: str) -> Chosen:
-    """The primary and the secondary among the cameras of a file.
-
-    Raises:
-        StereocalError: fewer than two cameras, or one that is not there or is named twice.
-    """
+    """The primary and the secondary among the cameras of a file."""
     if len(cameras) < 2:
         raise StereocalError(f"two cameras are expected; the file has {len(cameras)}.", source)
     if wanted is None:
@@ -164,11 +148,7 @@ def chosen_pair(cameras: tuple[str, ...], wanted: tuple[str, str] | None, source
 
 
 def camera_index(wanted: str, names: tuple[str, ...], source: str) -> int:
-    """The index of a camera by its number from 1, or its name with or without `cam`.
-
-    Raises:
-        StereocalError: it is not there.
-    """
+    """The index of a camera by its number from 1, or its name with or without `cam`."""
     for name in (wanted, f"cam{wanted}"):
         if name in names and not wanted.isdecimal():
             return names.index(name)
@@ -182,11 +162,7 @@ def camera_index(wanted: str, names: tuple[str, ...], source: str) -> int:
 
 
 def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFile:
-    """The only file, or the only one with one of these endings.
-
-    Raises:
-        StereocalError: none, or several.
-    """
+    """The only file, or the only one with one of these endings."""
     fitting = [file for file in files if file.ends_with(*endings)] or files
     if len(fitting) != 1:
         raise StereocalError(
@@ -198,11 +174,7 @@ def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFil
 
 
 def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> FloatArray:
-    """Numbers from a file as an array of `shape`; -1 in it is any length.
-
-    Raises:
-        StereocalError: not numbers, not finite, too large, or another shape.
-    """
+    """Numbers from a file as an array of `shape`; -1 in it is any length."""
     try:
         found = np.array(value, dtype=np.float64).reshape(shape)
     except (TypeError, ValueError, OverflowError) as error:
@@ -216,11 +188,7 @@ def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> Floa
 
 
 def size_of(value: Any, options: ExchangeOptions, k: int, source: str) -> ImageSize:
-    """The image size of camera `k`: the file's (`value`), or else the user's.
-
-    Raises:
-        StereocalError: there is neither, or they contradict each other.
-    """
+    """The image size of camera `k`: the file's (`value`), or else the user's."""
     by_user, which = options.image_sizes[k], CAMERAS[k]
     if value is None:
         if by_user is None:

@@ -29,11 +29,7 @@ SINGLE_FILES = "camera files"
 
 
 def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
-    """`primary.yaml` and `secondary.yaml`.
-
-    Raises:
-        StereocalError: a lens with more than eight coefficients.
-    """
+    """`primary.yaml` and `secondary.yaml`."""
     R1, R2, P1, P2, _Q = rectification(rig)
     files = {}
     for which, camera, R, P in (
@@ -69,11 +65,7 @@ def is_ros(file: ForeignFile) -> bool:
 
 
 def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """The cameras of two camera_info files, or one lens for both; their pose if it is in them.
-
-    Raises:
-        StereocalError: more than two files, another lens model, or a number is missing.
-    """
+    """The cameras of two camera_info files, or one lens for both; their pose if it is in them."""
     fitting = [file for file in files if file.ends_with(".yaml", ".yml")]
     expected = (
         f"{source}: two camera_info files are expected, there are {len(fitting)}: use their folder."

@@ -18,7 +18,6 @@ NEIGHBOURS = 11
 """Steps whose median is the frame period at a place: a variable rate is no gap."""
 NEAREST = 0.5
 """Most frame periods between the frames of a pair."""
-FEWEST_FRAMES_A_SECOND = 3
 Choice = Literal["every", "still"]
 
 
