@@ -15,14 +15,12 @@ stated); then come 5 new bars, or matched points alone.
 
 from __future__ import annotations
 
-import argparse
-import time
 from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import beta
 
+from benchmarks.studies import exact_interval, run_studies
 from stereocal.field.checking.findings import FOCAL_LEVEL
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.power import ENOUGH
@@ -44,13 +42,6 @@ from tests.rigs.bumps import (
     true_fit,
 )
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
-
-
-def exact_interval(found: int, of: int) -> str:
-    """A share with its exact 95 % binomial interval, in per cent."""
-    low = beta.ppf(0.025, found, of - found + 1) if found else 0.0
-    high = beta.ppf(0.975, found + 1, of - found) if found < of else 1.0
-    return f"{100 * found / of:.2f} % ({100 * low:.2f} to {100 * high:.2f})"
 
 
 def print_unmoved(trials: int) -> None:
@@ -227,18 +218,5 @@ STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
 }
 
 
-def main() -> None:
-    """Run the studies named on the command line, or all."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("studies", nargs="*", choices=[*STUDIES, []], default=[])
-    parser.add_argument("--trials", type=int)
-    parsed = parser.parse_args()
-    for name in parsed.studies or STUDIES:
-        study, trials = STUDIES[name]
-        started = time.process_time()
-        study(parsed.trials or trials)
-        print(f"  {name}: {time.process_time() - started:.0f} s of CPU time", flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    run_studies(STUDIES, __doc__)

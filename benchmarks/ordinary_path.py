@@ -1,6 +1,6 @@
 """What the ordinary mistakes of a first hour do: exchanged frames, wrong points, wrong inputs.
 
-    python -m benchmarks.ordinary_path [frames|points|inputs|all] [--rigs 40]
+    python -m benchmarks.ordinary_path [frames|points|inputs] [--rigs 40]
 
 Rigs are drawn with unlike cameras (`refined_rigs`), 25 frames, 0.2 px of noise, lenses off by 0.3 %
 and 5 px, the baseline by 5 mm, the bar by 0.5 mm; uncertainties are stated as they are.
@@ -8,11 +8,11 @@ and 5 px, the baseline by 5 mm, the bar by 0.5 mm; uncertainties are stated as t
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.studies import run_studies
 from stereocal.errors import StereocalError
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
@@ -102,17 +102,8 @@ def inputs(rigs: int) -> None:
     print(f"  nothing stated: asked for in {asked} of {rigs}")
 
 
-def main() -> None:
-    """Print the studies."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    studies = {"frames": frames, "points": points, "inputs": inputs}
-    parser.add_argument("study", choices=[*studies, "all"], nargs="?", default="all")
-    parser.add_argument("--rigs", type=int, default=40)
-    parsed = parser.parse_args()
-    for name, study in studies.items():
-        if parsed.study in (name, "all"):
-            study(parsed.rigs)
+STUDIES = {"frames": (frames, 40), "points": (points, 40), "inputs": (inputs, 40)}
 
 
 if __name__ == "__main__":
-    main()
+    run_studies(STUDIES, __doc__)

@@ -11,12 +11,12 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.studies import run_studies
 from stereocal.refined.unknowns import RefineSettings
 from tests.rigs.accuracy import (
     NAMES,
@@ -104,16 +104,5 @@ STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
 }
 
 
-def main() -> None:
-    """Run the studies named on the command line, or all."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("studies", nargs="*", choices=[*STUDIES, []], default=[])
-    parser.add_argument("--rigs", type=int)
-    parsed = parser.parse_args()
-    for name in parsed.studies or STUDIES:
-        study, rigs = STUDIES[name]
-        study(parsed.rigs or rigs)
-
-
 if __name__ == "__main__":
-    main()
+    run_studies(STUDIES, __doc__)

@@ -16,13 +16,11 @@ stated), and its refined file is used. The cameras stand within 20 degrees of le
 
 from __future__ import annotations
 
-import argparse
-import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from benchmarks.bumps import exact_interval
+from benchmarks.studies import exact_interval, run_studies
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
@@ -140,20 +138,5 @@ STUDIES = {
 }
 
 
-def main() -> None:
-    """Run the studies named, or all."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("studies", nargs="*", metavar="STUDY")
-    parser.add_argument("--trials", type=int)
-    parsed = parser.parse_args()
-    for name in parsed.studies or STUDIES:
-        study, usual = STUDIES[name]
-        begun = time.perf_counter()
-        trials = parsed.trials or usual
-        print(f"{name}, {trials} trials:")
-        study(trials)
-        print(f"  {time.perf_counter() - begun:.0f} s")
-
-
 if __name__ == "__main__":
-    main()
+    run_studies(STUDIES, __doc__)
