@@ -68,7 +68,8 @@ def show_contact_sheet(
 def _show_frame(
     store: ProjectPhotographs, frame: Frame, running: bool, look_closely: Callable[[int], None]
 ) -> None:
-    st.image(thumbnail(store, frame), width="stretch")
+    alt = f"Both photographs of frame {frame.frame} about the targets found"
+    st.image(thumbnail(store, frame), width="stretch", alt=alt)
     icon, colour = BADGES[frame.state]
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
     seen = "corrected" if frame.corrected else "reviewed"

@@ -47,7 +47,7 @@ def show_help() -> None:
         if picture is not None:
             alt, path = picture
             if path.is_file():
-                st.image(str(path), caption=alt)
+                st.image(str(path), caption=alt, alt=alt)
 
 
 def parts(name: str) -> Iterator[tuple[str, tuple[str, Path] | None]]:

@@ -46,7 +46,11 @@ CUT = """() => {
 
 RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"], "resultTypes": ["violations"]}
 """What axe looks for: names of controls, contrast, labels, roles, languages."""
-NOT_OURS: Mapping[str, str] = {}
+NOT_OURS: Mapping[str, str] = {
+    "list": "stSidebarNavItems",
+    "listitem": '<li class="st-emotion',
+    "scrollable-region-focusable": '<pre class="st-emotion',
+}
 """Rules that Streamlit's own elements break, and where."""
 
 
@@ -234,13 +238,13 @@ def test_a_table_of_ones_own_by_keyboard_alone(
         assert RigParameters.load(tmp_path / f"{method}.json").method == method
     tab_to(page, lambda now: now["tag"] == "A" and now["text"] == "Validate")
     page.keyboard.press("Enter")
-    for frames in (20, 19):
-        made = page.get_by_text(re.compile(f"^Made with: .* {frames} calibration frames"))
-        expect(made).to_be_visible(timeout=LONGEST_MS)
-        settled(page)
-        if frames == 20:
-            tab_to(page, lambda now: now["key"] == "validate_frames" and now["tag"] != "BUTTON")
-            page.keyboard.press("ArrowLeft")
+    made = page.get_by_text(re.compile(r"^Made with: .* calibration frames"))
+    expect(made).to_be_visible(timeout=LONGEST_MS)
+    settled(page)
+    frames = int(re.findall(r"(\d+) calibration frames", made.inner_text())[0])
+    tab_to(page, lambda now: now["key"] == "validate_frames" and now["tag"] != "BUTTON")
+    page.keyboard.press("ArrowLeft")
+    expect(made).to_contain_text(f" {frames - 1} calibration frames", timeout=LONGEST_MS)
 
 
 @pytest.mark.parametrize("path", PATHS)

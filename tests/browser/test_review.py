@@ -70,6 +70,7 @@ def store(
 ) -> ProjectPhotographs:
     """A project whose targets have been found, with frame 1 on the page."""
     project = duplicate(home, finished)
+    project.keep_settings({"frames_view": "All frames"})
     page.goto(f"{app_url}/data?project={project.id}")
     settled(page)
     page.locator(".st-key-look_1 button").click()
@@ -203,6 +204,7 @@ def test_what_a_press_opens_is_scrolled_to(
         return box["y"]
 
     project = duplicate(home, finished)
+    project.keep_settings({"frames_view": "All frames"})
     project.leave_out(9)
     dataset = project.dataset
     assert dataset
