@@ -53,8 +53,7 @@ def rectangles(sheet: Sheet) -> FloatArray:
     return np.array(found)
 
 
-@pytest.mark.parametrize("side_m", [0.05, 0.1])
-@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), TILT], ids=["frontal", "tilted"])
+@pytest.mark.parametrize(("side_m", "tilt"), [(0.05, TILT), (0.1, (0.0, 0.0, 0.0))])
 def test_printed_targets_are_found_and_their_scale_is_right(
     side_m: float, tilt: tuple[float, float, float]
 ) -> None:
@@ -70,7 +69,7 @@ def test_printed_targets_are_found_and_their_scale_is_right(
     np.testing.assert_allclose(np.sort(centres[:, 0]), np.sort(corners), atol=0.1)
 
 
-@pytest.mark.parametrize(("side_m", "paper"), [(0.05, A4), (0.18, A4), (0.18, A3), (0.27, A3)])
+@pytest.mark.parametrize(("side_m", "paper"), [(0.05, A4), (0.27, A3)])
 def test_cut_targets_on_a_bar_are_found_without_a_doubt(side_m: float, paper: Paper) -> None:
     target = cut_target(print_targets(side_m, paper), 1e3 * side_m)
     assert target.size_m == pytest.approx((side_m, side_m), rel=SCALE)
@@ -133,11 +132,10 @@ def test_what_does_not_fit_names_a_paper_that_does() -> None:
     [BOARD, BoardPattern(9, 12, 0.02), BoardPattern(13, 9, 0.02, "DICT_5X5_250", 0.015)],
     ids=["paper", "upright", "charuco"],
 )
-@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), TILT], ids=["frontal", "tilted"])
 def test_a_printed_board_is_found_with_all_corners_and_its_scale_is_right(
-    pattern: BoardPattern, tilt: tuple[float, float, float]
+    pattern: BoardPattern,
 ) -> None:
-    pose = posed(0.9, tilt)
+    pose = posed(0.9, TILT)
     view = find_board(photographed(print_board(pattern, A3), pose), pattern, "print")
     assert isinstance(view, BoardView)
     assert len(view.ids) == pattern.columns * pattern.rows

@@ -60,16 +60,16 @@ def waved_bars(case: Case, *rigs: Rig) -> NewImages:
 def test_runs_are_no_movement_and_a_turn_is_still_found() -> None:
     """With new frames taken as independent, 4 of the first 12 unmoved rigs had moved."""
     alarms = found = since = 0
-    for case in waved_cases(20):
+    for case in waved_cases(8):
         moved = bumped(case, np.radians(0.2))
         alarms += recheck(case.prior, waved_bars(case, case.truth)).changed
         late = recheck(case.prior, waved_bars(case, case.truth, moved))
         found += late.changed
         since += late.since is not None
-    # Measured: 0, 20 and 17 of 20. The stated share of alarms is 1 in 100.
-    assert alarms <= 2
-    assert found >= 17
-    assert since >= 12
+    # Measured on 20 rigs: 0, 20 and 17. The stated share of alarms is 1 in 100.
+    assert alarms <= 1
+    assert found >= 7
+    assert since >= 4
 
 
 def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count() -> None:

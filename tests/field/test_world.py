@@ -231,7 +231,7 @@ class TestThrow:
 
     def test_intervals_hold(self) -> None:
         """Exact rigs here; 1,000 throws of calibrated rigs are in `tests.rigs.worlds`."""
-        trials = 60
+        trials = 25
         held = 0
         for place in known_places(trials, 16):
             interval = world_of_throw(place.rig, thrown(place)).about["gravity"]["m_per_s2"]

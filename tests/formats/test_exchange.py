@@ -21,7 +21,6 @@ from stereocal.formats.exchange.exchange import (
     export_files,
     export_notes,
     import_files,
-    import_parameters,
 )
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -99,15 +98,6 @@ class TestThereAndBack:
         # Measured: 2e-15 and 4e-15; a rectified pair far apart in depth, 1e-12 (ROS).
         np.testing.assert_allclose(back.pose.R, pose.R, rtol=0, atol=1e-9)
         np.testing.assert_allclose(back.pose.T / baseline, pose.T / baseline, rtol=0, atol=1e-9)
-
-    def test_other_files_are_refused(self, name: str, tmp_path: Path) -> None:
-        for content in (b"", b"\xff\xfe", b"hello", b"{}", b"a: 1\n", b"1,2\n3,4\n", b"[" * 9999):
-            with pytest.raises(StereocalError):
-                import_files({"one.yaml": content, "one.toml": content}, name, SIZES)
-            with pytest.raises(StereocalError):
-                import_files({"one.yaml": content}, name, SIZES)
-        with pytest.raises(StereocalError, match="cannot be read"):
-            import_parameters(tmp_path / "none", name)
 
 
 class TestPeers:

@@ -179,7 +179,7 @@ class TestTable:
         ),
         st.data(),
     )
-    @settings(max_examples=60)
+    @settings(max_examples=25)
     def test_there_and_back(self, keys: list[tuple[int, str]], data: st.DataObject) -> None:
         n = len(keys)
         places = npst.arrays(np.float64, (n, 2), elements=self.finite)

@@ -55,7 +55,7 @@ def sample(tables: tuple[pd.DataFrame, pd.DataFrame]) -> list[FramePixels]:
     return [(first[frame], second[frame]) for frame in first.keys() & second.keys()]
 
 
-@pytest.mark.parametrize("noise", [0.05, 0.2, 0.5, 2.0])
+@pytest.mark.parametrize("noise", [0.2, 2.0])
 def test_partners_are_found_whatever_the_noise(noise: float) -> None:
     """At least 98 % at 4 points a frame; with the threshold of the targets, few of them."""
     tables = seen(noise)
@@ -67,12 +67,11 @@ def test_partners_are_found_whatever_the_noise(noise: float) -> None:
     pairs = match(FILE, *tables)
     right = (pairs["bird_primary"] == pairs["bird_secondary"]).sum()
     possible = len(tables[0].merge(tables[1], on=["frame", "bird"]))
-    # Measured: 100, 99.8, 99.2 and 96.7 %; 2 px are much where points fill a third of the image.
+    # Measured: 99.8 and 96.7 %; 2 px are much where points fill a third of the image.
     assert right / possible >= (0.98 if noise < 1.0 else 0.96)
     assert 1 - right / len(pairs) <= chosen.shares.wrong + 0.015
     assert pairs["sigma_primary_px"].eq(chosen.noise.sigma_px).all()
-    if noise > 0.1:
-        assert len(match(FILE, *tables, threshold_px=OF_FILE_PX)) < 0.7 * possible
+    assert len(match(FILE, *tables, threshold_px=OF_FILE_PX)) < 0.7 * possible
 
 
 @pytest.mark.parametrize("threshold", [1.0, 1.5])

@@ -151,15 +151,9 @@ def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
     assert_allclose(pixels, noise + 1.5 * along, atol=1e-8)  # measured: 3e-11
 
 
-@pytest.mark.parametrize(
-    ("k1", "rigs", "limits"),
-    [
-        (0.004, 12, (0.65, 1.45)),
-        pytest.param(0.0, 60, (0.85, 1.2), marks=pytest.mark.soak),
-        pytest.param(0.004, 60, (0.85, 1.2), marks=pytest.mark.soak),
-    ],
-)
-def test_sigmas_of_points_are_honest(k1: float, rigs: int, limits: tuple[float, float]) -> None:
+@pytest.mark.soak
+@pytest.mark.parametrize("k1", [0.0, 0.004])
+def test_sigmas_of_points_are_honest(k1: float, rigs: int = 60) -> None:
     """z of points of rigs with unlike lens errors, stated; also of k1.
 
     Points of a rig share its errors, so that the rms of n rigs scatters by about 0.6 / sqrt(n).
@@ -190,7 +184,7 @@ def test_sigmas_of_points_are_honest(k1: float, rigs: int, limits: tuple[float, 
     for method, found_squares in squares.items():
         rms = float(np.sqrt(np.mean(found_squares)))
         print(method, k1, rms)
-        assert limits[0] < rms < limits[1], (method, rms)
+        assert 0.85 < rms < 1.2, (method, rms)
 
 
 def with_k1(data: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
