@@ -38,7 +38,7 @@ docs: $(VENV)/.dev
 # Every page at 1400 and 420 px, light and dark, and the drawings, into docs/pictures.
 pictures: $(VENV)/.dev $(VENV)/.compiled
 	$(BIN)/python -m docs.drawings
-	$(BIN)/python -m tests.browser.pictures
+	$(BIN)/python -m docs.screenshots
 
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-enable

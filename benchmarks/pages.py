@@ -25,7 +25,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.ui.menu import TITLES
 from tests.browser.conftest import FLAGS, chromium, serve
-from tests.browser.pictures import settle
+from docs.screenshots import settle
 from tests.browser.work import finished_project
 from tests.pages.conftest import as_in_a_server
 

@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
+from stereocal.formats.camera_file import read_camera
 from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS, download
 
@@ -40,7 +40,7 @@ def whole(name: str, content: bytes) -> bool:
     if ending == "png":
         return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) is not None
     if ending in ("yaml", "yml"):
-        return bool(yaml.safe_load(content.split(b"\n", 1)[1]))
+        return bool(read_camera(content, name).K.any())
     return content.startswith({"pdf": b"%PDF", "html": b"<!DOCTYPE"}[ending])
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import requests
 from playwright.sync_api import Page, expect
 
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS, download, results_shown, served
+from tests.browser.conftest import LONGEST_MS, ROOT, download, results_shown, served
 from tests.wheel import installed_in
 
 pytestmark = pytest.mark.browser
@@ -46,3 +48,20 @@ def test_an_installed_package_serves_the_recording_to_both_files(
         for method in ("2d", "3d"):
             path = download(page, f"download_{method}", tmp_path)
             assert RigParameters.load(path).method == method
+
+
+@pytest.mark.parametrize(("broken", "expected"), [(None, 200), ("stereocal/ui/navigation.py", 503)])
+def test_the_health_check_sees_what_cannot_be_imported(
+    broken: str | None, expected: int, tmp_path: Path
+) -> None:
+    """As the container asks it (Dockerfile)."""
+    program = tmp_path / "program"
+    for name in ("stereocal", "pages", "assets", ".streamlit"):
+        shutil.copytree(ROOT / name, program / name)
+    shutil.copy(ROOT / "app.py", program)
+    if broken is not None:
+        (program / broken).write_text("import nothing_of_that_name\n")
+    enabled = {"STREAMLIT_SERVER_SCRIPT_HEALTH_CHECK_ENABLED": "true"}
+    with served(tmp_path / "home", enabled, folder=program) as (_, url):
+        asked = requests.get(f"{url}/_stcore/script-health-check", timeout=300)
+        assert asked.status_code == expected

@@ -7,8 +7,8 @@ from itertools import product
 from pathlib import Path
 
 from docs.drawings.__main__ import DRAWINGS, FOLDER, draw
+from docs.screenshots import PAGES, PICTURES, STORY, THEMES, WIDTHS
 from stereocal.figures.story import ROWS, read_story
-from tests.browser.pictures import PAGES, PICTURES, STORY, THEMES, WIDTHS
 from tests.docs.pages import PAGES as TEXTS
 from tests.docs.pages import name_of
 from tests.terminal import ROOT

@@ -8,7 +8,6 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.archive import unpack_project
 from stereocal.projects.project import Project
-from stereocal.ui.menu import TITLES
 
 ROOT = Path(__file__).parents[2]
 FULL = ROOT / "tests" / "projects" / "full.zip"
@@ -43,22 +42,3 @@ def told(app: AppTest, *kinds: str) -> str:
 
 def messages(app: AppTest) -> str:
     return told(app, "error", "info", "warning", "success")
-
-
-def look_at_all(app: AppTest, errors: dict[str, str] | None = None) -> dict[str, str]:
-    """What every page says; none may show a traceback, and none may be blank.
-
-    Args:
-        errors: is given what each page says in red.
-    """
-    said = {}
-    for page in TITLES:
-        # By way of Start: a browser drops the widgets of the page that is left, AppTest would take
-        # those of the same name along, without their values.
-        go(go(app, "start"), page)
-        assert not app.exception, (page, app.exception)
-        said[page] = told(app)
-        assert said[page], page
-        if errors is not None and (red := told(app, "error")):
-            errors[page] = red
-    return said
