@@ -23,9 +23,9 @@ import pytest
 from playwright.sync_api import expect, sync_playwright
 from streamlit.testing.v1 import AppTest
 
+from docs.screenshots import settle
 from stereocal.ui.menu import TITLES
 from tests.browser.conftest import FLAGS, chromium, serve
-from docs.screenshots import settle
 from tests.browser.work import finished_project
 from tests.pages.conftest import as_in_a_server
 
