@@ -19,7 +19,7 @@ import numpy as np
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
-from stereocal.frames.detection_file import pack_detection, unpack_detection
+from stereocal.frames.search import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
 from stereocal.projects import jobs
 from stereocal.projects.jobs import Checkpoints

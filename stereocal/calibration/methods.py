@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
 from stereocal.system.described import check_described, described
+from stereocal.system.records import plain, settings_of
 
 Method = Literal["essential", "2d", "3d", "refined"]
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
@@ -79,29 +80,18 @@ class CalibrationSettings:
 
     def to_json(self) -> dict[str, Any]:
         """All settings in one flat object."""
-        flat = asdict(self)
-        return {
-            **flat.pop("search"),
-            **{k: list(each) if isinstance(each, tuple) else each for k, each in flat.items()},
-        }
+        own = plain(self)
+        return {**own.pop("search"), **own}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> CalibrationSettings:
         """The settings that `to_json` describes; missing ones keep their defaults."""
-        rest, usual = dict(data), cls()
-        names = [each.name for each in fields(cls) if each.name in rest]
-        own: dict[str, Any] = {name: rest.pop(name) for name in names}
-        try:
-            for name, value in own.items():
-                kind = type(getattr(usual, name))
-                if kind is bool and not isinstance(value, bool):
-                    raise TypeError(f"{name} is neither true nor false")
-                if kind is tuple:
-                    if not all(isinstance(frame, int) for frame in value):
-                        raise TypeError(f"{name} is not a list of frame numbers")
-                    own[name] = tuple(sorted(value))
-            if not isinstance(own.get("calibration_frames"), int | None):
-                raise TypeError("calibration_frames is not a whole number")
-            return cls(search=SearchSettings(**rest), **own)
-        except TypeError as error:
-            raise StereocalError(f"The settings cannot be read: {error}.") from error
+        own = dict(data)
+        own["search"] = {
+            each.name: own.pop(each.name) for each in fields(SearchSettings) if each.name in own
+        }
+        found = settings_of(own, cls)
+        put_back, left_out = (
+            tuple(sorted(frames)) for frames in (found.frames_put_back, found.frames_left_out)
+        )
+        return replace(found, frames_put_back=put_back, frames_left_out=left_out)

@@ -39,6 +39,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
+from stereocal.system.records import settings_of
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 MAXIMUM_PARTNERS = 99
@@ -89,12 +90,14 @@ class EvaluationSettings:
     def from_json(cls, data: Mapping[str, Any]) -> EvaluationSettings:
         """The settings that `to_json` describes."""
         rest = dict(data)
-        own = {name: rest.pop(name) for name in ("runs", "calibration_frames") if name in rest}
-        if not all(isinstance(value, int) for value in own.values()):
-            raise StereocalError("The settings cannot be read: a count is not a whole number.")
-        of_refined, splits = rest.pop("refined", None), rest.pop("splits", "frames")
-        refined = RefineSettings.from_json(of_refined) if of_refined else None
-        return cls(CalibrationSettings.from_json(rest), refined=refined, splits=splits, **own)
+        names = ("runs", "calibration_frames", "splits")
+        own: dict[str, Any] = {name: rest.pop(name) for name in names if name in rest}
+        refined = rest.pop("refined", None)
+        return replace(
+            settings_of({"splits": "frames", **own}, cls),
+            calibration=CalibrationSettings.from_json(rest),
+            refined=RefineSettings.from_json(refined) if refined else None,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,10 @@ table = read_points(content, answered(layout, answers), answers.camera, answers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
-from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
+from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.formats.rig_layouts import is_number
@@ -39,21 +37,6 @@ class Answers:
     least_likelihood: float = 0.0
     columns: tuple[int | None, int, int] | None = None
     """Columns of the frame (None: rows are counted), u and v if chosen by hand, else None."""
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Answers:
-        """The answers of `to_json`."""
-        try:
-            columns = data["columns"]
-            found = cls(**{**data, "columns": None if columns is None else tuple(columns)})
-        except (TypeError, KeyError) as error:
-            raise StereocalError(f"The answers of a point file cannot be read: {error}.") from error
-        if found.corner not in CORNERS or found.flip not in FLIPS:
-            raise StereocalError("The answers of the point file are of another version.")
-        return found
 
 
 def layout_of(content: bytes, source: str) -> PointLayout:
@@ -168,9 +151,6 @@ class BarAnswers:
     flip: Flip = "h"
     first_pixel: float = 0.0
     image_heights: tuple[int | None, int | None] = (None, None)
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def holds_bars(content: bytes, source: str) -> bool:

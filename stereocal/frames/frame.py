@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import SOURCES, TARGETS, Correspondences
+from stereocal.system.records import of_plain
 
 LARGEST_PX = 1_000_000
 FRAMES_FORMAT = "stereocal-frames/1"
@@ -155,36 +156,17 @@ def _or_nan(sigma: float | None) -> float:
     return math.nan if sigma is None else sigma
 
 
-def frame_from_json(item: dict[str, Any]) -> Frame:
-    (a, b), (c, d) = ([_centre(one) for one in pair] for pair in item["centres"])
-    if item["state"] not in STATES:
-        raise ValueError(item["state"])
-    primary, secondary = item["files"]
-    number = int(item["frame"])
-    if abs(number) > 2**53 or not all(map(can_be_shown, (primary, secondary, item["reason"]))):
+def frame_from_json(item: Mapping[str, Any]) -> Frame:
+    """The frame of a stored mapping; ValueError if it is damaged."""
+    frame = of_plain(item, Frame)
+    sound = abs(frame.frame) <= 2**53 and all(map(can_be_shown, (*frame.files, frame.reason)))
+    if not sound or not all(_is_sound(one) for pair in frame.centres for one in pair if one):
         raise ValueError(item)
-    return Frame(
-        frame=number,
-        files=(str(primary), str(secondary)),
-        centres=((a, b), (c, d)),
-        state=item["state"],
-        reason=str(item["reason"]),
-        use=bool(item["use"]),
-        reviewed=bool(item.get("reviewed", False)),
-        corrected=bool(item.get("corrected", False)),
-    )
+    return frame
 
 
-def _centre(item: dict[str, Any] | None) -> Centre | None:
-    if item is None:
-        return None
-    centre = Centre(**item)
+def _is_sound(centre: Centre) -> bool:
     sigma = 1.0 if centre.sigma_px is None else centre.sigma_px
-    # "not <" rejects NaN too.
-    if centre.source not in SOURCES or not (
-        abs(centre.u) < LARGEST_PX and abs(centre.v) < LARGEST_PX
-    ):
-        raise ValueError(item)
-    if not 0 <= sigma < LARGEST_PX:
-        raise ValueError(item)
-    return centre
+    # NaN is not below anything.
+    inside = abs(centre.u) < LARGEST_PX and abs(centre.v) < LARGEST_PX and 0 <= sigma < LARGEST_PX
+    return inside and centre.source in SOURCES

@@ -5,17 +5,16 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy.typing as npt
 
 from stereocal.detection.detect import corner_near
-from stereocal.errors import DAMAGED, StereocalError
-from stereocal.frames.frame import Centre, Frame, frame_from_json, name_in
+from stereocal.errors import StereocalError
+from stereocal.frames.frame import Centre, Frame, name_in
 from stereocal.rig.dataset import TARGETS
 
 REVIEW_FORMAT = "stereocal-review/1"
@@ -155,35 +154,6 @@ def beside(frames: Sequence[Frame], number: int, step: int) -> int:
     """The frame `step` positions further on, limited to the first and last frame."""
     numbers = sorted(frame.frame for frame in frames)
     return numbers[min(max(numbers.index(number) + step, 0), len(numbers) - 1)]
-
-
-def pack_edits(edits: Sequence[Edit]) -> bytes:
-    """The edits as JSON, for `unpack_edits`."""
-    content = {"format": REVIEW_FORMAT, "edits": [asdict(edit) for edit in edits]}
-    return json.dumps(content, allow_nan=False).encode()
-
-
-def unpack_edits(content: bytes, frames: Sequence[Frame]) -> tuple[Edit, ...]:
-    """The edits of `pack_edits` that can still be undone.
-
-    Edits of frames that were removed or searched again since are dropped.
-    """
-    try:
-        data = json.loads(content)
-        if data["format"] != REVIEW_FORMAT:
-            raise StereocalError("The corrections were written by another version of stereocal.")
-        edits = [
-            Edit(frame_from_json(item["before"]), frame_from_json(item["after"]))
-            for item in data["edits"]
-        ]
-    except DAMAGED as error:
-        if isinstance(error, StereocalError):
-            raise
-        raise StereocalError(
-            "The list of corrections cannot be read; they cannot be undone."
-        ) from error
-    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed or frame.corrected}
-    return tuple(edit for edit in edits if (edit.after.frame, edit.after.files) in there)
 
 
 def _corrected(review: Review, before: Frame, after: Frame) -> Review:

@@ -18,11 +18,22 @@ from stereocal.frames.series import detect_series
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph_files import Photographs
+from stereocal.system.records import pack, unpack
 from stereocal.system.tasks import Pieces, Progress
 
 STAGES = ("photographs checked", "photographs searched for targets")
 NOTHING: CentrePair = (None, None)
 UNREADABLE = (0, 0)
+
+
+def pack_detection(found: Detection) -> bytes | None:
+    """A detection; None for an unreadable photograph, so that it is tried again next time."""
+    return None if found.reason == "unreadable" else pack(found)
+
+
+def unpack_detection(content: bytes) -> Detection:
+    """The exact detection of `pack_detection`; ValueError if the content is damaged."""
+    return unpack(content, Detection)
 
 
 def detect_frames(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration, LensSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import read_arrays, shaped
+from stereocal.system.records import of_plain, pack, unpack
 
 RESULT_FORMAT = "stereocal-lens/1"
 MAXIMUM_PIXELS = 1_000_000
@@ -63,7 +64,7 @@ def unpack_lens(content: bytes) -> LensCalibration:
     """The calibration of `pack_lens`."""
     head, arrays = _unpack(content)
     try:
-        settings = LensSettings(**head["settings"])
+        settings = of_plain(head["settings"], LensSettings)
         search = _search(head, arrays)
         drawn = shaped(arrays["drawn"], "iu", settings.repeats, arrays["drawn"].shape[-1])
         draws = shaped(arrays["draws"], "f", settings.repeats, len(PARAMETERS))
@@ -79,43 +80,17 @@ def unpack_lens(content: bytes) -> LensCalibration:
 
 def pack_board(result: BoardView | Refused) -> bytes | None:
     """The result of one photograph; None if it was unreadable, so that it is tried again."""
-    if result.image_size is None:
-        return None
-    if isinstance(result, Refused):
-        return json.dumps({"refused": [result.name, result.reason, result.image_size]}).encode()
-    head = {"view": [result.name, result.image_size, result.turned]}
-    content = {**head, "ids": result.ids.tolist(), "corners": result.corners.tolist()}
-    return json.dumps(content, allow_nan=False).encode()
+    return None if result.image_size is None else pack(result)
 
 
 def unpack_board(content: bytes) -> BoardView | Refused:
-    """The exact result of `pack_board`.
-
-    Raises:
-        KeyError, TypeError, ValueError: the content is damaged.
-    """
-    data = json.loads(content)
-    if "refused" in data:
-        name, reason, (width, height) = data["refused"]
-        return Refused(str(name), str(reason), (int(width), int(height)))
-    name, (width, height), turned = data["view"]
-    ids = np.array(data["ids"], dtype=np.int64)
-    corners = np.array(data["corners"], dtype=np.float64).reshape(len(ids), 2)
-    return BoardView(str(name), (int(width), int(height)), ids, corners, bool(turned))
-
-
-def pack_draws(draws: FloatArray) -> bytes:
-    """Parameters of draws, (n, 9), as JSON."""
-    return json.dumps(draws.tolist()).encode()
+    """The exact result of `pack_board`; ValueError if the content is damaged."""
+    return cast(BoardView | Refused, unpack(content, cast(Any, BoardView | Refused)))
 
 
 def unpack_draws(content: bytes) -> FloatArray:
-    """The exact draws of `pack_draws`.
-
-    Raises:
-        TypeError, ValueError: the content is damaged.
-    """
-    return np.array(json.loads(content), dtype=np.float64).reshape(-1, len(PARAMETERS))
+    """(n, 9): parameters of draws that `pack` has stored; ValueError if they are damaged."""
+    return unpack(content, FloatArray).reshape(-1, len(PARAMETERS))
 
 
 _DAMAGED = "The last lens result of this project cannot be read; calibrate the lens again."
@@ -148,7 +123,7 @@ def _search(head: dict[str, Any], arrays: dict[str, Any]) -> BoardSearch:
         total = int(counts.sum())
         ids = shaped(arrays["ids"], "iu", total)
         corners = shaped(arrays["corners"], "f", total, 2)
-        pattern = BoardPattern(**head["pattern"])
+        pattern = of_plain(head["pattern"], BoardPattern)
         if counts.min(initial=1) < 1 or not np.isfinite(corners).all():
             raise ValueError(counts)
         if total and not 0 <= ids.min() <= ids.max() < len(pattern.points):

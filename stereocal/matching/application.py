@@ -9,7 +9,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -135,9 +135,6 @@ class Outcome:
             return None
         table = np.array(stored, dtype=np.float64)
         return Pose(table[:3, :3], table[:3, 3])
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def apply_sets(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.records import pack, unpack
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,20 +33,9 @@ class TableBlock:
 
 def pack_block(block: TableBlock) -> bytes | None:
     """A block of CSV lines as bytes; None for a block of table rows."""
-    if not isinstance(block.rows, str):
-        return None
-    numbers = io.BytesIO()
-    np.save(numbers, block.numbers, allow_pickle=False)
-    return b"%d\n" % numbers.tell() + numbers.getvalue() + block.rows.encode()
+    return pack((block.rows, block.numbers)) if isinstance(block.rows, str) else None
 
 
 def unpack_block(content: bytes) -> TableBlock:
-    """The block of `pack_block`.
-
-    Raises:
-        ValueError, OSError: the content is damaged.
-    """
-    head, _, rest = content.partition(b"\n")
-    length = int(head)
-    numbers = np.load(io.BytesIO(rest[:length]), allow_pickle=False)
-    return TableBlock(rest[length:].decode(), numbers)
+    """The block of `pack_block`; ValueError if the content is damaged."""
+    return TableBlock(*unpack(content, tuple[str, FloatArray]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -28,6 +27,7 @@ from stereocal.projects.files import (
 from stereocal.projects.point_files import ASKING, ProjectPoints
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.records import of_plain, pack
 from stereocal.system.tasks import Pieces
 from stereocal.system.zip_files import pack_zip, unzip
 
@@ -118,7 +118,7 @@ class ProjectApplication(ProjectPoints):
             stored = loaded(packed.decode())
             if EARLIER in stored:
                 return None
-            return Outcome(**stored), {name: files[name] for name in (PAIRS, POINTS)}
+            return of_plain(stored, Outcome), {name: files[name] for name in (PAIRS, POINTS)}
         except DAMAGED as error:
             raise DamagedError(
                 "The last result of this page is damaged; match and measure again."
@@ -165,7 +165,7 @@ class ProjectApplication(ProjectPoints):
         files |= {name: self.table(name) for name in names}
         with self.database.transaction():
             replace_files(self.database, APPLIED, files)
-            keep_result(self.database, APPLIED, json.dumps(outcome.to_json()).encode())
+            keep_result(self.database, APPLIED, pack(outcome))
         return True
 
 

@@ -3,27 +3,52 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
-from typing import Any
-
-import numpy as np
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import fields, make_dataclass, replace
+from typing import Any, get_type_hints
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
-from stereocal.calibration.montecarlo import Trace
 from stereocal.calibration.results import MethodResult
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
-from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.rig.tracks import TimeOffset
+from stereocal.system.records import of_plain, pack
 
 CALIBRATION_FORMAT = "stereocal-project/1"
 LONGEST_TRACE = 50_000
 """Longer traces of a search are not stored: 2 million moves made a file of 183 MB."""
-TRACE = ("cost", "delta", "ratio")
+_NO_SCREENING = {"left_out": (), "exchanged": (), "together": ""}
+"""Of a result from before there was one."""
 _DAMAGED = "The last result of this project cannot be read; calibrate again."
+
+
+def _without(kind: type, names: Collection[str]) -> Any:
+    """A dataclass with the fields of another but these, which the data set gives."""
+    hints = get_type_hints(kind)
+    kept = [each for each in fields(kind) if each.name not in names]
+    return make_dataclass(
+        f"Stored{kind.__name__}", [(one.name, hints[one.name], one) for one in kept]
+    )
+
+
+_REFINED = _without(RefinedResult, ["dataset"])
+_SCREENING = _without(Screening, ["full_dataset", "fit"])
+
+
+def without_long_traces(calibration: Calibration) -> Calibration:
+    """As it is stored."""
+    methods = {
+        name: replace(found, trace=None)
+        if found.trace is not None and len(found.trace.cost) > LONGEST_TRACE
+        else found
+        for name, found in calibration.methods.items()
+    }
+    return replace(calibration, methods=methods)
 
 
 def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> bytes:
@@ -32,29 +57,24 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
     Args:
         inputs: the files and lengths it was computed from, for `unpack_calibration`.
     """
+    screening = calibration.screening
     content = {
         "format": CALIBRATION_FORMAT,
         "inputs": inputs,
         "dataset_sha256": calibration.dataset.sha256,
         "settings": calibration.settings.to_json(),
-        "screening": {
-            name: getattr(calibration.screening, name)
-            for name in (
-                "left_out",
-                "exchanged",
-                "by_user",
-                "together",
-                "failure",
-                "noise_px",
-                "time_note",
-            )
-        }
-        | _times_to_json(calibration.screening),
-        "frames": calibration.frames.tolist(),
-        "warnings": list(calibration.warnings),
-        "methods": {name: _to_json(found) for name, found in calibration.methods.items()},
+        "screening": _named(screening, _SCREENING)
+        | {"time_offset": screening.full_dataset.time_offset},
+        "frames": calibration.frames,
+        "warnings": calibration.warnings,
+        "methods": calibration.methods,
+        "refined": calibration.refined and _named(calibration.refined, _REFINED),
     }
-    return json.dumps(content, allow_nan=False).encode()
+    return pack(content)
+
+
+def _named(value: Any, kind: Any) -> dict[str, Any]:
+    return {each.name: getattr(value, each.name) for each in fields(kind)}
 
 
 def unpack_calibration(
@@ -73,86 +93,37 @@ def unpack_calibration(
         dataset = dataset_of(data["inputs"])
         if dataset.sha256 != data["dataset_sha256"]:
             raise StereocalError("The result and its data do not belong together.")
-        methods = {name: _from_json(data["methods"][name]) for name in METHODS}
-        frames = np.array(data["frames"], dtype=np.int64)
-        if frames.ndim != 1 or any(found.method != name for name, found in methods.items()):
-            raise ValueError(frames)
-        screening = _screening(dataset, data.get("screening", {}))
-        return Calibration(
+        screening = _screening(dataset, data.get("screening", _NO_SCREENING))
+        found = Calibration(
             dataset=screening.full_dataset,
             settings=CalibrationSettings.from_json(data["settings"]),
             screening=screening,
-            frames=frames,
-            methods=methods,
-            warnings=tuple(str(text) for text in data["warnings"]),
+            frames=of_plain(data["frames"], IntArray),
+            methods={name: _method(data["methods"][name], name) for name in METHODS},
+            warnings=of_plain(data["warnings"], tuple[str, ...]),
         )
+        if found.frames.ndim != 1:
+            raise ValueError(found.frames)
+        if data.get("refined") is None:
+            return found
+        stored = of_plain(data["refined"], _REFINED)
+        return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
     except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
 
 
 def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
     """The screening without its fit, which is not stored."""
-    left_out, exchanged, by_user = (
-        tuple(int(frame) for frame in data.get(name, ()))
-        for name in ("left_out", "exchanged", "by_user")
-    )
-    together, failure = (str(data.get(name, "")) for name in ("together", "failure"))
-    noise, offset, measured = (
-        data.get(name) for name in ("noise_px", "time_offset", "measured_offset")
-    )
-    if offset is not None:
-        dataset = dataset.shifted(TimeOffset(**offset))
-    return Screening(
-        dataset,
-        None,
-        left_out,
-        exchanged,
-        together,
-        failure,
-        None if noise is None else float(noise),
-        by_user,
-        None if measured is None else MeasuredOffset(**measured),
-        str(data.get("time_note", "")),
-    )
+    if (offset := data.get("time_offset")) is not None:
+        dataset = dataset.shifted(of_plain(offset, TimeOffset))
+    return Screening(full_dataset=dataset, fit=None, **vars(of_plain(data, _SCREENING)))
 
 
-def _times_to_json(screening: Screening) -> dict[str, Any]:
-    """By how much the points were shifted in time, and what was measured."""
-    found = screening.full_dataset.time_offset, screening.measured_offset
-    return {
-        name: None if value is None else asdict(value)
-        for name, value in zip(("time_offset", "measured_offset"), found, strict=True)
-    }
-
-
-def _to_json(found: MethodResult) -> dict[str, Any]:
+def _method(data: Mapping[str, Any], name: Method) -> MethodResult:
+    # Results of version 1.0 have the pose's two entries among their own.
+    found = of_plain({"pose": {key: data.get(key) for key in "RT"}, **data}, MethodResult)
+    sound = found.method == name and math.isfinite(found.cost) and math.isfinite(found.seconds)
     trace = found.trace
-    return {
-        **{
-            name: getattr(found, name)
-            for name in ("method", "cost", "evaluations", "stop_reason", "seconds")
-        },
-        "R": found.pose.R.tolist(),
-        "T": found.pose.T.tolist(),
-        "trace": None
-        if trace is None or len(trace.cost) > LONGEST_TRACE
-        else {name: getattr(trace, name).tolist() for name in TRACE},
-    }
-
-
-def _from_json(data: Mapping[str, Any]) -> MethodResult:
-    method: Method = data["method"]
-    trace = data["trace"]
-    numbers = [data["cost"], data["seconds"]]
-    columns = [np.array(trace[name], float) for name in TRACE] if trace is not None else []
-    if not np.isfinite(np.array(numbers, float)).all() or len({len(each) for each in columns}) > 1:
-        raise ValueError(numbers)
-    return MethodResult(
-        method=method,
-        pose=Pose(np.array(data["R"], float), np.array(data["T"], float)),
-        cost=float(data["cost"]),
-        evaluations=int(data["evaluations"]),
-        stop_reason=str(data["stop_reason"]),
-        seconds=float(data["seconds"]),
-        trace=None if trace is None else Trace(*columns),
-    )
+    if not sound or (trace and not len(trace.cost) == len(trace.delta) == len(trace.ratio)):
+        raise ValueError(name)
+    return found

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,6 +31,7 @@ from stereocal.projects.files import (
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.camera import CameraName
+from stereocal.system.records import of_plain, plain
 
 Asked = Literal["primary", "secondary", "bars", "archive", "matching", "measuring"]
 SUFFIXES = (".csv", ".parquet")
@@ -48,7 +49,7 @@ class PointFile:
     """Of the table."""
     rows: int
     frames: int
-    answers: Mapping[str, Any] | None = None
+    answers: Answers | None = None
     """None if the file itself is `frame,u,v`."""
 
 
@@ -65,7 +66,7 @@ class ProjectPoints:
         """The file in use."""
         found = about_files(self.database, TABLES).get(side)
         try:
-            return None if found is None else _checked(PointFile(**found))
+            return None if found is None else _checked(of_plain(found, PointFile))
         except DAMAGED as error:
             raise DamagedError("The list of point files is damaged; give them again.") from error
 
@@ -191,11 +192,11 @@ class ProjectPoints:
             suffix,
             contents.rows,
             len(contents.frames),
-            None if answers is None else answers.to_json(),
+            answers,
         )
         with self.database.transaction():
             self._name(POINT_FILES, side, given, label, label)
-            self._name(TABLES, side, table, label, asdict(file))
+            self._name(TABLES, side, table, label, plain(file))
             forget_files(self.database, ASKING, [side])
 
     def _name(self, part: str, name: str, content: bytes, label: str, about: Any) -> None:
@@ -203,11 +204,6 @@ class ProjectPoints:
 
 
 def _checked(file: PointFile) -> PointFile:
-    if (
-        not can_be_shown(file.label)
-        or file.suffix not in SUFFIXES
-        or not isinstance(file.rows, int)
-        or not isinstance(file.frames, int)
-    ):
-        raise TypeError(file)
+    if not can_be_shown(file.label) or file.suffix not in SUFFIXES:
+        raise ValueError(file)
     return file

@@ -44,6 +44,14 @@ class Calibration:
         """Numbers of the frames used neither for calibration nor left out by the screening."""
         return np.setdiff1d(self.screening.dataset.correspondences.frames, self.frames)
 
+    @property
+    def fitted(self) -> Dataset:
+        """The data set of `frames`."""
+        kept = self.screening.dataset
+        if len(self.frames) == len(kept.correspondences.frames):
+            return kept
+        return kept.of_frames(self.frames)
+
     @cached_property
     def errors(self) -> Mapping[Method, Errors]:
         """Errors of each set on all frames, of the refined one with its own lenses."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -26,6 +26,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset, check_uncertainty
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.records import plain, settings_of
 
 DEFAULT_FOCAL = 0.01
 DEFAULT_CENTRE_PX = 10.0
@@ -119,22 +120,13 @@ class RefineSettings:
 
     def to_json(self) -> dict[str, Any]:
         """All settings; infinity is written as the string "inf", since JSON has no infinity."""
-        settings: dict[str, Any] = _without_infinity(asdict(self))
+        settings: dict[str, Any] = _exchanged(plain(self), np.inf, "inf")
         return settings
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> RefineSettings:
         """The settings that `to_json` describes; missing ones keep their defaults."""
-        given = {name: _number(value) for name, value in data.items()}
-        for lens in CAMERAS:
-            if isinstance(own := given.get(lens), Mapping):
-                given[lens] = _lens_prior_of(own)
-        if isinstance(free := given.get("free_distortion"), Sequence):
-            given["free_distortion"] = tuple(free)
-        try:
-            return cls(**given)
-        except TypeError as error:
-            raise StereocalError(f"The settings cannot be read: {error}.") from error
+        return settings_of(_exchanged(dict(data), "inf", np.inf), cls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,22 +389,10 @@ def _first(*values: float | None) -> float:
     return next(value for value in values if value is not None)
 
 
-def _lens_prior_of(data: Mapping[str, Any]) -> LensPrior:
-    given = {name: _number(value) for name, value in data.items()}
-    if "distortion" in given:
-        given["distortion"] = tuple(_number(value) for value in given["distortion"])
-    if given.get("correlation") is not None:
-        given["correlation"] = tuple(tuple(map(float, row)) for row in given["correlation"])
-    return LensPrior(**given)
-
-
-def _number(value: Any) -> Any:
-    return np.inf if value == "inf" else value
-
-
-def _without_infinity(value: Any) -> Any:
+def _exchanged(value: Any, one: Any, other: Any) -> Any:
+    """A plain value with `other` wherever `one` is."""
     if isinstance(value, dict):
-        return {key: _without_infinity(inner) for key, inner in value.items()}
-    if isinstance(value, tuple):
-        return [_without_infinity(inner) for inner in value]
-    return "inf" if isinstance(value, float) and np.isinf(value) else value
+        return {key: _exchanged(inner, one, other) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_exchanged(inner, one, other) for inner in value]
+    return other if value == one else value

@@ -11,13 +11,14 @@ from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
+from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.numbers import rounded
 from stereocal.system.photograph import SUFFIXES
+from stereocal.system.records import pack
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.intake import (
@@ -334,7 +335,7 @@ def _calibrate(
         job.executor,
         job.progress,
         cancelled,
-        pieces=job.checkpoints("draws", pack_draws, unpack_draws),
+        pieces=job.checkpoints("draws", pack, unpack_draws),
     )
     if lens is None:
         return False

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.frames.detection_file import pack_detection, unpack_detection
 from stereocal.frames.pairing import Pair
-from stereocal.frames.search import STAGES, detect_frames
+from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpack_detection
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project

@@ -15,7 +15,7 @@ import pytest
 
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
-from stereocal.frames.detection_file import pack_detection, unpack_detection
+from stereocal.frames.search import pack_detection, unpack_detection
 from stereocal.frames.series import detect_series
 from stereocal.matching import matching_files
 from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets

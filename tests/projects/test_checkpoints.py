@@ -16,13 +16,14 @@ from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
-from stereocal.frames.detection_file import pack_detection, unpack_detection
+from stereocal.frames.search import pack_detection, unpack_detection
 from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board
-from stereocal.intrinsics.files import pack_board, pack_draws, unpack_board, unpack_draws
+from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
 from stereocal.matching.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.system.photograph import read_photograph
+from stereocal.system.records import pack
 from tests import known_rig as rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
@@ -96,7 +97,7 @@ def test_boards_come_back_to_the_last_bit() -> None:
 @given(st.lists(st.floats(), min_size=9, max_size=9))
 def test_draws_come_back_to_the_last_bit(values: list[float]) -> None:
     draws = np.array([values])
-    back = unpack_draws(pack_draws(draws))
+    back = unpack_draws(pack(draws))
     assert np.array_equal(back, draws, equal_nan=True) and back.dtype == draws.dtype
 
 
@@ -109,12 +110,9 @@ def test_lines_of_a_table_come_back_to_the_last_bit(
 ) -> None:
     table = pd.DataFrame(rows, columns=["frame", "u", "ambiguous", "name"])
     block = TableBlock(table, np.array(numbers)).as_lines(["frame", "u", "ambiguous", "name"])
-    try:
-        packed = pack_block(block)
-    except UnicodeEncodeError:
-        return  # half of a character, which no file has
+    packed = pack_block(block)
     assert packed is not None
     back = unpack_block(packed)
     assert back.rows == block.rows
-    assert back.numbers.tobytes() == block.numbers.tobytes()
+    assert np.array_equal(back.numbers, block.numbers, equal_nan=True)
     assert pack_block(TableBlock(table, np.array(numbers))) is None
