@@ -38,19 +38,21 @@ def evaluate_with_kept_fits(
     executor: Executor,
     kept: KeptFits,
     progress: Progress | None = None,
-) -> list[list[Run]]:
+    paper: Sequence[Sequence[Run]] | None = None,
+) -> Sequence[Sequence[Run]]:
     """The runs of `evaluate`, by data set, with the refined fits from `kept` where they are.
 
     Args:
+        paper: the runs of the same settings without the refined method; computed if None.
         progress: called after each chunk of fits; what it raises ends the work.
     """
-    found = evaluate(datasets, replace(settings, refined=None), executor)
+    found = paper or evaluate(datasets, replace(settings, refined=None), executor)
     assert found is not None  # nobody cancels
     if settings.refined is None:
         return found
-    usual = replace(
-        settings.calibration, search=SearchSettings(seed=settings.calibration.search.seed)
-    )
+    seed = settings.calibration.search.seed
+    # Of the paper's methods only the essential matrix is used here: the searches end at once.
+    usual = replace(settings.calibration, search=SearchSettings(seed=seed, maximum_moves=1))
     fits = evaluate(datasets, replace(settings, calibration=usual), executor, progress, pieces=kept)
     assert fits is not None
     return [

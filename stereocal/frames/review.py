@@ -17,7 +17,6 @@ from stereocal.errors import StereocalError
 from stereocal.frames.frame import Centre, Frame, name_in
 from stereocal.rig.dataset import TARGETS
 
-REVIEW_FORMAT = "stereocal-review/1"
 SAME_POSITION_PX = 1.0
 """Two targets of a photograph are farther apart: the smallest board is 20 px across."""
 SAME_TARGET_PX = 30.0

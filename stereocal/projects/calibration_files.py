@@ -40,15 +40,16 @@ _REFINED = _without(RefinedResult, ["dataset"])
 _SCREENING = _without(Screening, ["full_dataset", "fit"])
 
 
-def without_long_traces(calibration: Calibration) -> Calibration:
-    """As it is stored."""
+def as_stored(calibration: Calibration) -> Calibration:
+    """The calibration as it is stored: without long traces and the fit of the screening."""
     methods = {
         name: replace(found, trace=None)
         if found.trace is not None and len(found.trace.cost) > LONGEST_TRACE
         else found
         for name, found in calibration.methods.items()
     }
-    return replace(calibration, methods=methods)
+    screening = replace(calibration.screening, fit=None)
+    return replace(calibration, methods=methods, screening=screening)
 
 
 def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> bytes:

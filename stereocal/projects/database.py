@@ -6,6 +6,7 @@ does the locking, and the recovery after a kill or a power cut.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sqlite3
 import threading
@@ -29,7 +30,7 @@ from stereocal.projects.sqlite_errors import (
 )
 
 T = TypeVar("T")
-VERSION = 1
+VERSION = 2
 SCHEMA = """
 CREATE TABLE value (part TEXT, name TEXT, json TEXT NOT NULL, PRIMARY KEY (part, name));
 CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL);
@@ -39,7 +40,7 @@ CREATE TABLE named (part TEXT, name TEXT, sha256 TEXT NOT NULL REFERENCES file (
     about TEXT NOT NULL, PRIMARY KEY (part, name));
 CREATE INDEX named_file ON named (sha256);
 CREATE TABLE edit (number INTEGER PRIMARY KEY, json TEXT NOT NULL);
-CREATE TABLE result (kind TEXT PRIMARY KEY, content BLOB NOT NULL);
+CREATE TABLE result (kind TEXT PRIMARY KEY, content BLOB NOT NULL, sha256 TEXT NOT NULL);
 CREATE TABLE job (kind TEXT PRIMARY KEY, digest TEXT NOT NULL, record TEXT NOT NULL,
     server TEXT NOT NULL, at INTEGER NOT NULL DEFAULT 0, done INTEGER NOT NULL DEFAULT 0,
     total INTEGER NOT NULL DEFAULT 0, sentence TEXT NOT NULL DEFAULT '',
@@ -50,6 +51,13 @@ CREATE TABLE finished (kind TEXT REFERENCES job (kind) ON DELETE CASCADE, stage 
 """value: lengths, settings and other JSON. file, content: contents; two tables, so that a new date
 does not rewrite a large content. named: what each content is used for. edit: corrections that can
 be undone. result: what was computed. job, finished: jobs and their checkpoints."""
+MIGRATIONS = {
+    1: (
+        "ALTER TABLE result ADD COLUMN sha256 TEXT NOT NULL DEFAULT ''",
+        "UPDATE result SET sha256 = sha256(content)",
+    )
+}
+"""What brings a file of a version to the next."""
 VACUUMED = 2000
 """Pages freed in one step, 8 MB: an almost full disk has room for the log of a step."""
 REMOVED = ".removed"
@@ -230,11 +238,29 @@ def _begin(db: sqlite3.Connection, path: Path) -> None:
             f"This project was written by a newer version of stereocal (format {version}): update "
             "stereocal to open it. It is left as it is."
         )
-    if version != VERSION:
-        raise DamagedError("This file is not a project of stereocal, or it is damaged.")
+    if version < VERSION:
+        _bring_up_to_date(db)
     if journal_of(path.parent) == "delete":
         with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
             db.execute("PRAGMA journal_mode = DELETE")
+
+
+def _bring_up_to_date(db: sqlite3.Connection) -> None:
+    """Bring a file of an earlier version to this one, in one transaction."""
+    db.create_function("sha256", 1, lambda content: hashlib.sha256(content).hexdigest())
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        for version in range(db.execute("PRAGMA user_version").fetchone()[0], VERSION):
+            if version not in MIGRATIONS:
+                raise DamagedError("This file is not a project of stereocal, or it is damaged.")
+            for statement in MIGRATIONS[version]:
+                db.execute(statement)
+            db.execute(f"PRAGMA user_version = {version + 1}")
+        db.execute("COMMIT")
+    except BaseException:
+        with suppress(sqlite3.Error):
+            db.rollback()
+        raise
 
 
 def _check_in_transaction(db: sqlite3.Connection) -> None:

@@ -274,10 +274,18 @@ def result_of(database: Database, kind: str) -> bytes | None:
     return found[0][0] if found else None
 
 
-def keep_result(database: Database, kind: str, content: bytes | None) -> None:
-    """Replace a result; None deletes it."""
+def result_digest(database: Database, kind: str) -> str | None:
+    """SHA-256 of the stored result of a kind; None without one."""
+    found = database.rows("SELECT sha256 FROM result WHERE kind = ?", kind)
+    return str(found[0][0]) if found else None
+
+
+def keep_result(database: Database, kind: str, content: bytes | None) -> str:
+    """Replace a result; None deletes it. Returns its SHA-256, if any."""
+    digest = "" if content is None else hashlib.sha256(content).hexdigest()
     with database.transaction() as db:
         if content is None:
             db.execute("DELETE FROM result WHERE kind = ?", [kind])
         else:
-            db.execute("INSERT OR REPLACE INTO result VALUES (?, ?)", [kind, content])
+            db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", [kind, content, digest])
+    return digest

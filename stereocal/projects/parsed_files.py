@@ -1,12 +1,14 @@
-"""The files of a project, parsed once per process and cached by their digests."""
+"""The files and results of a project as objects, kept in memory by the digests of their content.
+
+What was read at the door, or has just been computed, is kept too, so that it is not read again.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +20,20 @@ from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import unpack_calibration
 from stereocal.projects.database import Database
-from stereocal.projects.files import StoredFile
+from stereocal.projects.files import StoredFile, result_digest, result_of
 from stereocal.projects.inputs import Inputs, Slot, checked_inputs
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
+from stereocal.system.latest import Latest
+
+CAMERAS: Latest[Camera] = Latest(64)
+TABLES: Latest[Table] = Latest(8)
+DATASETS: Latest[Dataset] = Latest(16)
+FURTHER: Latest[Dataset] = Latest(16)
+CALIBRATIONS: Latest[Calibration] = Latest(8)
+EVALUATIONS: Latest[Evaluation] = Latest(8)
 
 
 @dataclass(frozen=True)
@@ -33,19 +43,17 @@ class LabelledFile:
     file: StoredFile
     label: str
 
+    @property
+    def key(self) -> str:
+        """Of what was read from it."""
+        return f"{self.file.sha256} {self.label}"
 
-class CompleteInputs:
-    """Complete inputs, hashable by all their values, and the database of their files."""
-
-    def __init__(self, inputs: Inputs, database: Database) -> None:
-        self.inputs, self.database = inputs, database
-        self._key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, CompleteInputs) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
+    def keep(self, read: Camera | Table) -> None:
+        """Keep what was read from it already."""
+        if isinstance(read, Camera):
+            CAMERAS.keep(self.key, read)
+        else:
+            TABLES.keep(self.key, read)
 
 
 def file_of(inputs: Inputs, slot: Slot, database: Database) -> LabelledFile:
@@ -53,31 +61,32 @@ def file_of(inputs: Inputs, slot: Slot, database: Database) -> LabelledFile:
     return LabelledFile(StoredFile(inputs.files[slot], database), inputs.labels[slot])
 
 
-@lru_cache(maxsize=64)
 def camera_of(given: LabelledFile) -> Camera:
     """The camera of a file; the lens model was settled when it was uploaded."""
-    return read_camera(given.file.read_bytes(), given.label, "brown")
+    return CAMERAS.once(
+        given.key, lambda: read_camera(given.file.read_bytes(), given.label, "brown")
+    )
 
 
-@lru_cache(maxsize=8)
 def table_of(given: LabelledFile) -> Table:
     """All rows of a table, invalid ones included."""
-    return read_table(given.file.read_bytes(), given.label)
+    return TABLES.once(given.key, lambda: read_table(given.file.read_bytes(), given.label))
 
 
-@lru_cache(maxsize=16)
 def further_of(given: LabelledFile) -> Dataset:
     """The data set of a zip."""
-    return parse_zip(given.file.read_bytes(), given.label, "brown")
+    return FURTHER.once(given.key, lambda: parse_zip(given.file.read_bytes(), given.label, "brown"))
 
 
-@lru_cache(maxsize=16)
-def dataset_of(given: CompleteInputs) -> Dataset:
+def dataset_of(inputs: Inputs, database: Database) -> Dataset:
     """The data set of complete inputs."""
-    inputs = given.inputs
+    key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
+    return DATASETS.once(key, lambda: _dataset_of(inputs, database))
+
+
+def _dataset_of(inputs: Inputs, database: Database) -> Dataset:
     primary, secondary, table = (
-        file_of(inputs, slot, given.database)
-        for slot in ("primary", "secondary", "correspondences")
+        file_of(inputs, slot, database) for slot in ("primary", "secondary", "correspondences")
     )
     dataset = Dataset(
         name=inputs.name or Path(table.label).stem,
@@ -94,25 +103,26 @@ def dataset_of(given: CompleteInputs) -> Dataset:
     return with_baseline_found(dataset)
 
 
-@dataclass(frozen=True)
-class PackedResult:
-    """A result as bytes."""
-
-    content: bytes
-    database: Database = field(compare=False, repr=False)
-
-
-@lru_cache(maxsize=8)
-def calibration_of(packed: PackedResult) -> Calibration:
-    """The unpacked calibration, with the data that it was computed from."""
+def calibration_of(database: Database) -> Calibration | None:
+    """The stored calibration, with the data that it was computed from; None without one."""
 
     def made_from(stated: Mapping[str, Any]) -> Dataset:
-        return dataset_of(CompleteInputs(checked_inputs(stated), packed.database))
+        return dataset_of(checked_inputs(stated), database)
 
-    return unpack_calibration(packed.content, made_from)
+    with database.reading():
+        digest = result_digest(database, "calibration")
+        if digest is None:
+            return None
+        return CALIBRATIONS.once(
+            digest,
+            lambda: unpack_calibration(result_of(database, "calibration") or b"", made_from),
+        )
 
 
-@lru_cache(maxsize=8)
-def evaluation_of(packed: PackedResult) -> Evaluation:
-    """The unpacked evaluation."""
-    return unpack_evaluation(packed.content)
+def evaluation_of(database: Database, kind: str) -> Evaluation | None:
+    """The stored evaluation of a kind; None without one."""
+    with database.reading():
+        digest = result_digest(database, kind)
+        if digest is None:
+            return None
+        return EVALUATIONS.once(digest, lambda: unpack_evaluation(result_of(database, kind) or b""))

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
-from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.correspondences_csv import Table, write_table
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import keep_corrections
@@ -28,6 +28,7 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.pair_rows import PairRow, check_rows, row_of, with_new
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError, DiskFullError
+from stereocal.rig.camera import Camera
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
@@ -128,6 +129,7 @@ class ProjectPhotographs:
         self,
         files: Mapping[Slot, tuple[str, bytes]],
         found: Mapping[str, StoredFile],
+        read: Mapping[Slot, Camera | Table] | None = None,
         **values: Any,
     ) -> bool:
         """Replace the project's data by a whole data set, in one transaction.
@@ -138,6 +140,7 @@ class ProjectPhotographs:
         Args:
             files: as for `Project.give`.
             found: its stored photographs.
+            read: as for `Project.give`.
             values: as for `Project.give`.
 
         Returns:
@@ -152,9 +155,10 @@ class ProjectPhotographs:
             table: Mapping[Slot, tuple[str, bytes]] = {}
             if again:
                 with suppress(StereocalError):  # no target was found, or none is used
-                    table = _table(self.frames or [])
+                    table, points = _table(self.frames or [])
+                    read = {**(read or {}), **points}
             try:
-                self.project.give({**files, **table}, ("correspondences",), **values)
+                self.project.give({**files, **table}, ("correspondences",), read, **values)
             except RefusedRowsError as error:
                 if not table:
                     raise
@@ -236,7 +240,8 @@ class ProjectPhotographs:
         with self.database.transaction():
             keep_result(self.database, "frames", pack_frames(frames))
             try:
-                self.project.give(_table(frames))
+                table, read = _table(frames)
+                self.project.give(table, read=read)
             except DiskFullError:
                 raise
             except StereocalError as error:
@@ -248,5 +253,10 @@ class ProjectPhotographs:
         return values_of(self.database, BAR).get(name)
 
 
-def _table(frames: Sequence[Frame]) -> dict[Slot, tuple[str, bytes]]:
-    return {"correspondences": (TABLE_LABEL, write_table(correspondences_of(frames)))}
+def _table(
+    frames: Sequence[Frame],
+) -> tuple[dict[Slot, tuple[str, bytes]], dict[Slot, Camera | Table]]:
+    """The table of points as a file, and as it is."""
+    rows = correspondences_of(frames)
+    file = (TABLE_LABEL, write_table(rows))
+    return {"correspondences": file}, {"correspondences": Table(rows, [])}

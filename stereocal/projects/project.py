@@ -6,7 +6,6 @@ The id is unguessable and is the only key to the project.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,10 +13,12 @@ from typing import Any
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation
 from stereocal.projects import parsed_files
-from stereocal.projects.calibration_files import pack_calibration
+from stereocal.projects.calibration_files import as_stored, pack_calibration
 from stereocal.projects.data_folder import SUFFIX, is_id, new_database
 from stereocal.projects.database import Database
 from stereocal.projects.files import (
@@ -25,12 +26,12 @@ from stereocal.projects.files import (
     about_files,
     files_of,
     forget_files,
-    free_content,
     keep_file,
     keep_result,
     keep_values,
     name_files,
     replace_files,
+    result_digest,
     result_of,
     values_of,
 )
@@ -108,17 +109,22 @@ class Project:
         self,
         files: Mapping[Slot, tuple[str, bytes]],
         drop: Sequence[Slot] = (),
+        read: Mapping[Slot, Camera | Table] | None = None,
         **values: Any,
     ) -> None:
         """Store files (slot to name and content) and values in one transaction.
 
         Args:
             drop: slots to empty first.
+            read: what was read from files already.
 
         Raises:
             StereocalError: the resulting inputs are invalid; the project is unchanged.
         """
-        stored = {slot: self._stored(slot, *file) for slot, file in files.items()}
+        objects = read or {}
+        stored = {
+            slot: self._stored(slot, *file, objects.get(slot)) for slot, file in files.items()
+        }
         with self.database.transaction():
             before = self.inputs
             forget_files(self.database, INPUT, [slot for slot in drop if slot not in files])
@@ -133,15 +139,15 @@ class Project:
             keep_values(self.database, INPUT, kept | values)
             self._check_inputs(self.inputs)
 
-    def _stored(self, slot: Slot, label: str, content: bytes) -> parsed_files.LabelledFile:
-        """Store and parse a file, before the transaction that others wait for."""
+    def _stored(
+        self, slot: Slot, label: str, content: bytes, read: Camera | Table | None
+    ) -> parsed_files.LabelledFile:
+        """Read and store a file, before the transaction that others wait for."""
+        if read is None:
+            is_table = slot == "correspondences"
+            read = read_table(content, label) if is_table else read_camera(content, label, "brown")
         file = parsed_files.LabelledFile(keep_file(self.database, content, label), label)
-        try:
-            (parsed_files.table_of if slot == "correspondences" else parsed_files.camera_of)(file)
-        except StereocalError:
-            with self.database.transaction() as db:
-                free_content(db, file.file.sha256)
-            raise
+        file.keep(read)
         return file
 
     def _check_inputs(self, inputs: Inputs) -> None:
@@ -202,7 +208,7 @@ class Project:
         """The data set of these inputs; None if one is missing."""
         if inputs.missing:
             return None
-        return parsed_files.dataset_of(parsed_files.CompleteInputs(inputs, self.database))
+        return parsed_files.dataset_of(inputs, self.database)
 
     @property
     def table(self) -> tuple[str, bytes] | None:
@@ -242,20 +248,19 @@ class Project:
         Raises:
             StereocalError: a file of the inputs was deleted meanwhile.
         """
+        calibration = as_stored(calibration)
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
         files = {slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()}
         with self.database.transaction():
             replace_files(self.database, CALIBRATED, files)
-            keep_result(self.database, "calibration", content)
+            digest = keep_result(self.database, "calibration", content)
             keep_result(self.database, "recommended", None)
+        parsed_files.CALIBRATIONS.keep(digest, calibration)
 
     @property
     def calibration(self) -> Calibration | None:
         """The last finished result, with the data it was computed from; None before the first."""
-        content = result_of(self.database, "calibration")
-        if content is None:
-            return None
-        return parsed_files.calibration_of(parsed_files.PackedResult(content, self.database))
+        return parsed_files.calibration_of(self.database)
 
     @property
     def calibration_digest(self) -> str | None:
@@ -264,8 +269,7 @@ class Project:
         It tells whether a result is current. The object does not: the same content is another one
         once the cache of `calibration` has dropped it.
         """
-        content = result_of(self.database, "calibration")
-        return None if content is None else hashlib.sha256(content).hexdigest()
+        return result_digest(self.database, "calibration")
 
     def keep_recommended(self, match_with: Method, measure_with: Method) -> None:
         """Store which sets the last result recommends."""
@@ -290,30 +294,26 @@ class Project:
         """
         content = pack_evaluation(evaluation)
         with self.database.transaction():
-            keep_result(self.database, "evaluation", content)
+            digest = keep_result(self.database, "evaluation", content)
             if of_calibration:
                 keep_result(self.database, "calibration_evaluation", content)
+        parsed_files.EVALUATIONS.keep(digest, evaluation)
 
     @property
     def evaluation(self) -> Evaluation | None:
         """The last finished evaluation; None before the first."""
-        return self._evaluation("evaluation")
+        return parsed_files.evaluation_of(self.database, "evaluation")
 
     @property
     def calibration_evaluation(self) -> Evaluation | None:
         """The evaluation made with the last result; None if it has none yet."""
-        found, calibration = self._evaluation("calibration_evaluation"), self.calibration
+        found = parsed_files.evaluation_of(self.database, "calibration_evaluation")
+        calibration = self.calibration
         if found is None or calibration is None:
             return None
         settings = dataclasses.replace(calibration.settings, calibration_frames=None)
         same = found.settings.calibration == settings
         return found if same and list(found.sha256) == [calibration.dataset.sha256] else None
-
-    def _evaluation(self, kind: str) -> Evaluation | None:
-        content = result_of(self.database, kind)
-        if content is None:
-            return None
-        return parsed_files.evaluation_of(parsed_files.PackedResult(content, self.database))
 
     # Further data sets, to validate on together
 
@@ -323,11 +323,12 @@ class Project:
         Raises:
             StereocalError: it is invalid; the project is unchanged.
         """
-        parse_zip(content, label)
+        dataset = parse_zip(content, label)
         with self.database.transaction():
             at = len(files_of(self.database, FURTHER))
             file = keep_file(self.database, content, label)
             name_files(self.database, FURTHER, {f"{at:06d}": file}, label)
+        parsed_files.FURTHER.keep(parsed_files.LabelledFile(file, label).key, dataset)
 
     def drop_datasets(self) -> None:
         """Delete the further data sets."""

@@ -29,6 +29,14 @@ class Latest(Generic[Value]):
                 self._values.move_to_end(key)
             return self._values.get(key)
 
+    def once(self, key: str, make: Callable[[], Value]) -> Value:
+        """The value of a key; made, and kept, if it is not kept yet."""
+        found = self.get(key)
+        if found is None:
+            found = make()
+            self.keep(key, found)
+        return found
+
     def keep(self, key: str, value: Value) -> None:
         """Keep a value; that unused for longest makes room."""
         with self._lock:

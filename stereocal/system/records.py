@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 def plain(value: Any) -> Any:
     """A dataclass or a collection of them as dictionaries, lists, strings and numbers."""
-    return msgspec.to_builtins(value, enc_hook=_array_as_list, builtin_types=())
+    return json.loads(pack(value))
 
 
 def of_plain(data: Any, kind: type[T]) -> T:
@@ -39,7 +39,7 @@ def of_plain(data: Any, kind: type[T]) -> T:
 
 def pack(value: Any) -> bytes:
     """As `plain`, as JSON."""
-    return json.dumps(plain(value)).encode()
+    return json.dumps(msgspec.to_builtins(value, enc_hook=_array_as_list)).encode()
 
 
 def unpack(content: bytes, kind: type[T]) -> T:

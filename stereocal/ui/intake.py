@@ -10,7 +10,7 @@ import streamlit as st
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
-from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import (
     TABLE,
     Survey,
@@ -28,6 +28,7 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
@@ -177,17 +178,14 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
 def _try_camera(slot: Slot, name: str, content: bytes) -> None:
     """Store a camera file; if it may be a fisheye's, ask."""
 
-    def take() -> None:
-        _try_files({slot: (name, content)})
-
     try:
         if format_of(name, content) == "ros":
             content = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
-        read_camera(content, name)
+        camera = read_camera(content, name)
     except FourCoefficientsError as error:
-        ask_lens(error, name, take)
+        ask_lens(error, name, lambda: _try_files({slot: (name, content)}))
     else:
-        take()
+        _try_files({slot: (name, content)}, {slot: camera})
 
 
 def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, int]:
@@ -221,11 +219,13 @@ def _try_dataset(
         refuse(error)
 
 
-def _try_files(files: dict[Slot, tuple[str, bytes]]) -> None:
+def _try_files(
+    files: dict[Slot, tuple[str, bytes]], read: Mapping[Slot, Camera | Table] | None = None
+) -> None:
     """Store files; if rows of the table are refused, offer to leave them out."""
     try:
         project = project_to_write()
-        project.give(files)
+        project.give(files, read=read)
         clear_refusal()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
@@ -262,17 +262,21 @@ def give_dataset(
         given[name] = store.keep(name, content)
     found = of_the_bar(given)
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
+    read: dict[Slot, Camera | Table] = {}
     survey: Survey | Dataset
     if found and folder + TABLE not in files:
         survey = parse_survey(files, source, lens_model)
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
         slots["correspondences"] = TABLE
+        read["correspondences"] = Table(survey.correspondences, [])
+    read |= {"primary": survey.primary, "secondary": survey.secondary}
     free = survey.baseline_sigma_m == math.inf
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
     kept = store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
         found,
+        read,
         name=survey.name,
         baseline_m=survey.baseline_m,
         target_distance_m=survey.target_distance_m,

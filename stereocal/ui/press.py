@@ -18,10 +18,11 @@ from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_run
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.refined import ANSWER_STEPS, answer_for
+from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import is_long
 from stereocal.ui.validation import INSTANT, kept_protocol
 from stereocal.workflow import calibrate
@@ -51,7 +52,7 @@ def work_of(
         if large:
             job.begin("steps")
             step = _steps(job)
-            found = _calibrate(project, inputs, dataset, settings, step)
+            found = _calibrate(project, inputs, dataset, settings, protocol.refined, step)
             if protocol.refined is not None:
                 answer_for(found, protocol.refined, None, step)
         job.begin("runs")
@@ -79,9 +80,9 @@ def press(
     if is_long(dataset):
         jobs.start(work)
         return
-    with st.spinner("Calibrating."):
-        _calibrate(project, inputs, dataset, settings)
     protocol = kept_protocol(project, [dataset])
+    with st.spinner("Calibrating."):
+        _calibrate(project, inputs, dataset, settings, protocol.refined)
     if _frames(dataset) < FEWEST_TO_VALIDATE:
         _conclude(project, protocol)
         return
@@ -104,9 +105,13 @@ def _calibrate(
     inputs: Inputs,
     dataset: Dataset,
     settings: CalibrationSettings,
-    step: Callable[[str], None] | None = None,
+    of_refined: RefineSettings | None,
+    step: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step, refined=None)
+    if of_refined is not None:
+        step("refined")
+        found = replace(found, refined=refined_for(found, of_refined))
     project.keep_calibration(found, inputs)
     return found
 

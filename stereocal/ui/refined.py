@@ -96,13 +96,12 @@ def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:
     return _refined(_key(dataset, settings), dataset, settings)
 
 
-def _refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedResult | None:
-    """The refined set of a calibration's frames; None if it cannot be computed."""
-    dataset = calibration.screening.dataset
-    if len(calibration.held_out_frames):
-        dataset = dataset.of_frames(calibration.frames)
+def refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedResult | None:
+    """The refined set of a calibration's frames, stored or computed; None if it has none."""
+    if calibration.refined is not None and calibration.refined.settings == settings:
+        return calibration.refined
     try:
-        return refined_of(dataset, settings)
+        return refined_of(calibration.fitted, settings)
     except StereocalError:
         return None
 
@@ -170,7 +169,7 @@ def answer_for(
     found = _answers().get(key)
     if found is None:
         step("refined")
-        whole = replace(calibration, refined=_refined_for(calibration, settings))
+        whole = replace(calibration, refined=refined_for(calibration, settings))
         step("forecast")
         found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
         _answers().keep(key, found)

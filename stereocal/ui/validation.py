@@ -212,9 +212,12 @@ def _validate(
     """Evaluate and store the result; False if cancelled."""
     screenings = screenings_of(datasets, settings.calibration, _result(project))
     kept = [screening.dataset for screening in screenings]
-    runs: list[list[Run]] | None
+    runs: Sequence[Sequence[Run]] | None
     if job.kept is None:  # while the page is drawn
-        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks)
+        last = _last(project)
+        own = replace(settings, refined=None)
+        paper = last.runs if last is not None and is_current(last, datasets, own) else None
+        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks, paper)
     else:
         runs = evaluate(
             kept,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
@@ -25,7 +26,7 @@ def with_search(**values: float) -> EvaluationSettings:
     return replace(USUAL, calibration=CalibrationSettings(search))
 
 
-def assert_equal(found: list[list[Run]], wanted: list[list[Run]]) -> None:
+def assert_equal(found: Sequence[Sequence[Run]], wanted: Sequence[Sequence[Run]]) -> None:
     for one, other in zip(found[0], wanted[0], strict=True):
         for each in fields(Run):
             np.testing.assert_allclose(

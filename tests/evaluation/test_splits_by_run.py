@@ -57,5 +57,5 @@ def test_settings_keep_the_splits_and_old_ones_were_frame_by_frame() -> None:
         assert EvaluationSettings.from_json(written).splits == kind
     del written["splits"]
     assert EvaluationSettings.from_json(written).splits == "frames"
-    with pytest.raises(StereocalError, match="runs or frames"):
+    with pytest.raises(StereocalError, match="splits"):
         EvaluationSettings.from_json({**written, "splits": "some"})

@@ -1,0 +1,63 @@
+"""Projects stored by earlier versions are brought up to date, in one transaction."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.projects import database as database_module
+from stereocal.projects.database import VERSION, Database
+from stereocal.projects.jobs import interrupted
+from stereocal.projects.project import Project
+
+STORED = Path(__file__).parent / "version_1.sqlite"
+"""Of version 1.0: a data set, a setting, a calibration, a validation of 3 runs, and a job."""
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    folder = tmp_path / "projects"
+    folder.mkdir()
+    return Path(shutil.copy(STORED, folder / f"{'0' * 32}.sqlite"))
+
+
+def version_of(path: Path) -> int:
+    with closing(sqlite3.connect(path)) as db:
+        return int(db.execute("PRAGMA user_version").fetchone()[0])
+
+
+def test_a_stored_project_of_an_earlier_version_is_brought_up_to_date(old: Path) -> None:
+    assert version_of(old) < VERSION
+    project = Project.open(old.parents[1], old.stem)
+    calibration, evaluation = project.calibration, project.calibration_evaluation
+    assert version_of(old) == VERSION
+    assert project.settings == {"delta": 0.002} and project.recommended == ("2d", "3d")
+    assert calibration is not None and evaluation is not None
+    assert abs(calibration.methods["2d"].pose.angles.yaw - 0.24790911) < 1e-8
+    assert len(evaluation.runs[0]) == 3
+    assert [each.kind for each in interrupted(project.database)] == ["calibration"]
+
+
+def test_what_fails_halfway_leaves_the_earlier_version(
+    old: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = database_module.MIGRATIONS[1]
+    monkeypatch.setitem(database_module.MIGRATIONS, 1, (first, second, "SELECT * FROM nowhere"))
+    with pytest.raises(StereocalError):
+        Project.open(old.parents[1], old.stem)
+    assert version_of(old) == 1
+    monkeypatch.undo()
+    assert Project.open(old.parents[1], old.stem).calibration is not None
+
+
+def test_another_version_is_named(old: Path) -> None:
+    for version, message in ((VERSION + 1, "newer version"), (0, "not a project")):
+        with closing(sqlite3.connect(old)) as db:
+            db.execute(f"PRAGMA user_version = {version}")
+        with pytest.raises(StereocalError, match=message), Database(old).reading():
+            pass
