@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from stereocal.errors import can_be_shown
-from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
+from stereocal.rig.camera import Camera, CameraName, LensUncertainty
+from stereocal.system.records import of_plain
 
 Slot = Literal["primary", "secondary", "correspondences"]
-LENGTHS = {"baseline_m": "the baseline", "target_distance_m": "the distance between the targets"}
+Length = Literal["baseline_m", "target_distance_m"]
+LENGTHS: dict[Length, str] = {
+    "baseline_m": "the baseline",
+    "target_distance_m": "the distance between the targets",
+}
 
 
 @dataclass(frozen=True)
@@ -28,15 +33,17 @@ class Inputs:
     baseline_free: bool = False
     """Whether the baseline is not measured, but found from the lengths of the bars."""
     target_distance_sigma_m: float | None = None
-    lens_known: Mapping[str, Sequence[float | None] | None] = field(default_factory=dict)
+    lens_known: Mapping[CameraName, tuple[float | None, float | None] | None] = field(
+        default_factory=dict
+    )
     """Camera to the standard deviations that the user stated: a fraction of the focal length, and
     pixels of the centre; used once both are given. None: not stated, whatever the camera's file
     says. A missing camera: as its file says."""
-    planned: list[str] = field(default_factory=list)
+    planned: list[Length] = field(default_factory=list)
     """The lengths, of `LENGTHS`, that a plan states and nobody has measured yet: still missing."""
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[Slot, str] = field(default_factory=dict)
     """Slot to the SHA-256 of its file."""
-    labels: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[Slot, str] = field(default_factory=dict)
     """Slot to the name of the uploaded file."""
     exchanged: list[int] = field(default_factory=list)
     """Frames of the table whose targets the user has exchanged in the secondary image."""
@@ -82,7 +89,7 @@ class Inputs:
         return lacking
 
     @property
-    def needs_measuring(self) -> list[str]:
+    def needs_measuring(self) -> list[Length]:
         """The planned lengths that a calibration would use."""
         return [name for name in self.planned if not (self.baseline_free and name == "baseline_m")]
 
@@ -91,51 +98,25 @@ def checked_inputs(data: Mapping[str, Any]) -> Inputs:
     """The inputs of a stored mapping.
 
     Raises:
-        TypeError: a value has the wrong type.
+        ValueError: a value has the wrong type or cannot be shown.
     """
-    inputs = Inputs(**data)
+    inputs = of_plain(data, Inputs)
     check_inputs(inputs)
     return inputs
 
 
 def check_inputs(inputs: Inputs) -> None:
-    """Check the types of all values.
+    """Check what the types do not say.
 
     Raises:
-        TypeError: a value has the wrong type.
+        ValueError: as `checked_inputs`.
     """
-    for mapping in (inputs.files, inputs.labels):
-        if not isinstance(mapping, dict) or not all(map(can_be_shown, mapping.values())):
-            raise TypeError(mapping)
-    if not can_be_shown(inputs.name) or set(inputs.files) - set(inputs.labels):
-        raise TypeError(inputs)
-    frames = (*inputs.exchanged, *inputs.put_back, *inputs.left_out)
-    if not all(isinstance(frame, int) for frame in frames):
-        raise TypeError(inputs)
-    if any(name not in LENGTHS or getattr(inputs, name) is None for name in inputs.planned):
-        raise TypeError(inputs.planned)
-    if not isinstance(inputs.baseline_free, bool):
-        raise TypeError(inputs.baseline_free)
-    _check_lens_known(inputs.lens_known)
-    for each in fields(Inputs):
-        value = getattr(inputs, each.name)
-        if not each.name.endswith("_m") or value is None:
-            continue
-        if not isinstance(value, float | int) or abs(value) > sys.float_info.max:
-            raise TypeError(each.name)
-
-
-def _check_lens_known(known: object) -> None:
-    if not isinstance(known, dict):
-        raise TypeError(known)
-    for which, stated in known.items():
-        if which not in CAMERAS or not (
-            stated is None or (len(stated) == 2 and all(map(_is_sigma, stated)))
-        ):
-            raise TypeError(stated)
-
-
-def _is_sigma(value: object) -> bool:
-    if value is None:
-        return True
-    return isinstance(value, float | int) and 0 <= value <= sys.float_info.max
+    sigmas = [sigma for stated in inputs.lens_known.values() if stated for sigma in stated]
+    sound = (
+        all(map(can_be_shown, (inputs.name, *inputs.labels.values())))
+        and inputs.files.keys() <= inputs.labels.keys()
+        and all(getattr(inputs, name) is not None for name in inputs.planned)
+        and all(sigma is None or 0 <= sigma < math.inf for sigma in sigmas)
+    )
+    if not sound:
+        raise ValueError(inputs)

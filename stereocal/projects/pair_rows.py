@@ -51,8 +51,3 @@ def with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
         frames.add(number)
         rows.append(PairRow(Pair(number, pair.primary, pair.secondary)))
     return rows
-
-
-def row_of(item: Mapping[str, Any]) -> PairRow:
-    """The row of a stored mapping."""
-    return PairRow(Pair(**item["pair"]), bool(item["use"]))

@@ -25,10 +25,11 @@ from stereocal.projects.files import (
     values_of,
 )
 from stereocal.projects.inputs import Slot
-from stereocal.projects.pair_rows import PairRow, check_rows, row_of, with_new
+from stereocal.projects.pair_rows import PairRow, check_rows, with_new
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError, DiskFullError
 from stereocal.rig.camera import Camera
+from stereocal.system.records import of_plain
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
@@ -71,7 +72,7 @@ class ProjectPhotographs:
         if edited is None:
             return [PairRow(pair) for pair in self.proposal.pairs]
         try:
-            return [row_of(item) for item in edited]
+            return of_plain(edited, list[PairRow])
         except DAMAGED as error:
             raise DamagedError(
                 "The table of pairs is damaged: remove all photographs, and give them again."

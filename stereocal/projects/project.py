@@ -250,7 +250,9 @@ class Project:
         """
         calibration = as_stored(calibration)
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
-        files = {slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()}
+        files: dict[str, StoredFile] = {
+            slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()
+        }
         with self.database.transaction():
             replace_files(self.database, CALIBRATED, files)
             digest = keep_result(self.database, "calibration", content)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from stereocal.projects.data_folder import SUFFIX, private_folder
 from stereocal.projects.journal_mode import remove_database
-from stereocal.projects.sqlite_errors import translated_errors
+from stereocal.projects.sqlite_errors import BUSY, result_code, translated_errors
 
 _HELD: dict[Path, tuple[str, sqlite3.Connection]] = {}
 _TAKING = threading.Lock()
@@ -50,10 +50,8 @@ def is_alive(home: Path, name: str) -> bool:
     try:
         with closing(sqlite3.connect(path, timeout=0, isolation_level=None)) as db:
             db.execute("BEGIN EXCLUSIVE")
-    except sqlite3.OperationalError:
-        return True
-    except sqlite3.Error:
-        pass
+    except sqlite3.Error as error:  # only a lock is a sign of life, a disk that fails is none
+        return result_code(error) in BUSY
     return False
 
 

@@ -188,6 +188,14 @@ class RefinedResult:
         return replace(dataset, primary=self.primary, secondary=self.secondary)
 
 
+def settings_for(dataset: Dataset, settings: RefineSettings) -> RefineSettings:
+    """The settings with what the data set says of its lenses and its timing."""
+    settings = with_lens_priors(settings, dataset)
+    if dataset.time_offset is None:
+        settings = replace(settings, time_offset=False, time_drift=False)
+    return settings
+
+
 def refine(
     dataset: Dataset,
     settings: RefineSettings | None = None,
@@ -206,9 +214,7 @@ def refine(
     The time offset is an unknown only where the motion of the points is known, after
     `Dataset.shifted` (see `time_offset.bring_into_step`).
     """
-    settings = with_lens_priors(settings or RefineSettings(), dataset)
-    if dataset.time_offset is None:
-        settings = replace(settings, time_offset=False, time_drift=False)
+    settings = settings_for(dataset, settings or RefineSettings())
     started = clock()
     found: Solve | None = None
     for solve in _solves(dataset, settings, start, rows, near):

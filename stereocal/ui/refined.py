@@ -15,7 +15,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
 from stereocal.refined.misfit import Misfit, misfit_of
-from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.refine import RefinedResult, refine, settings_for
 from stereocal.refined.results import Calibration
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import (
@@ -98,10 +98,11 @@ def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:
 
 def refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedResult | None:
     """The refined set of a calibration's frames, stored or computed; None if it has none."""
-    if calibration.refined is not None and calibration.refined.settings == settings:
-        return calibration.refined
+    stored, dataset = calibration.refined, calibration.fitted
+    if stored is not None and stored.settings == settings_for(dataset, settings):
+        return stored
     try:
-        return refined_of(calibration.fitted, settings)
+        return refined_of(dataset, settings)
     except StereocalError:
         return None
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import streamlit as st
 
@@ -225,14 +224,14 @@ class _Lens(_Stated):
         which = self.name
         self.name = f"lens_{which}"
         super().__post_init__()
-        self.which = which
+        self.which = cast(CameraName, which)
         self.numbers = [
             Field(key, key, partial(self._read_number, at), partial(self._take, at))
             for at, key in enumerate((f"{self.name}_focal_percent", f"{self.name}_centre_px"))
         ]
 
     @property
-    def _stated(self) -> dict[str, Sequence[float | None] | None]:
+    def _stated(self) -> dict[CameraName, tuple[float | None, float | None] | None]:
         return dict(self.project.inputs.lens_known) if self.project else {}
 
     def _read(self) -> str:
@@ -244,7 +243,7 @@ class _Lens(_Stated):
         stated = self._stated
         if option == TYPED:
             known = self.camera.uncertainty and lens_prior(self.camera, None)
-            stated[self.which] = [known.focal, known.centre_px] if known else [None, None]
+            stated[self.which] = (known.focal, known.centre_px) if known else (None, None)
         elif option == NOT_STATED and self.camera.uncertainty:
             stated[self.which] = None
         else:
@@ -258,7 +257,7 @@ class _Lens(_Stated):
     def _take(self, at: int, value: float | None) -> None:
         numbers = list(self._stated.get(self.which) or (None, None))
         numbers[at] = None if value is None else float(value) / (100, 1)[at]
-        self._keep(TYPED, lens_known={**self._stated, self.which: numbers})
+        self._keep(TYPED, lens_known={**self._stated, self.which: tuple(numbers)})
 
 
 def _metres(mm: float | None) -> float | None:

@@ -94,7 +94,7 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     assert (inputs.baseline_sigma_m, inputs.target_distance_sigma_m) == (0.005, 0.0005)
     primary, secondary = project.cameras
     assert primary is not None and secondary is None
-    assert inputs.lens_known == {"primary": [0.003, 5.0]}
+    assert inputs.lens_known == {"primary": (0.003, 5.0)}
     kept = parse_plan(project.settings["plan"].encode(), "plan", str.encode)
     assert write_plan(kept) == write_plan(one)
     assert "2D" in planned_line(project.settings["plan_forecast"])

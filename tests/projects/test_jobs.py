@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sqlite3
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from stereocal.evaluation.evaluate import evaluate_runs
-from stereocal.projects import jobs
+from stereocal.projects import jobs, servers
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import Database
 from stereocal.projects.home import bring_back, duplicate, remove
@@ -89,6 +90,27 @@ def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
     again = begun(database)
     assert kept(again, "b") == "b"
     again.end()
+
+
+def test_a_disk_that_fails_is_no_sign_of_a_running_server(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun(database)
+    folder = database.path.parents[1] / "servers"
+    (folder / "killed.sqlite").touch()
+    with database.transaction() as db:
+        db.execute("UPDATE job SET server = 'killed.sqlite'")
+
+    class Failing:
+        Error, OperationalError = sqlite3.Error, sqlite3.OperationalError
+
+        @staticmethod
+        def connect(*_: object, **__: object) -> sqlite3.Connection:
+            return sqlite3.connect(folder / "no folder" / "x")
+
+    monkeypatch.setattr(servers, "sqlite3", Failing)
+    found = jobs.find(database, "evaluation")
+    assert found is not None and found[0] == "interrupted"
 
 
 def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Database) -> None:
@@ -173,7 +195,7 @@ from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_run
 from stereocal.projects.database import Database
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.projects import jobs
+from stereocal.projects import jobs, servers
 
 project = Project(Database(Path(sys.argv[1])))
 dataset = project.dataset

@@ -25,8 +25,10 @@ def limited(patch: pytest.MonkeyPatch, megabytes: float) -> None:
 
 
 LARGE = random.Random(1).randbytes(300_000)
+ROWS = [f"{frame},A,1.5,2.5,3.5,4.5\n" for frame in range(12_000)]
+TABLE = "".join(["frame,target,u_primary,v_primary,u_secondary,v_secondary\n", *ROWS]).encode()
 REFUSED: dict[str, Callable[[Project], object]] = {
-    "file": lambda project: project.give({"correspondences": ("p.csv", LARGE)}),
+    "file": lambda project: project.give({"correspondences": ("p.csv", TABLE)}),
     "photographs": lambda project: ProjectPhotographs(project).keep("a.jpg", LARGE),
     "boards": lambda project: ProjectLens(project, "primary").keep("a.jpg", LARGE),
     "points": lambda project: ProjectApplication(project).ask("primary", "p.txt", LARGE),
