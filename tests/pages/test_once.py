@@ -40,7 +40,7 @@ def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """The tables of points that were parsed."""
-    return counted(monkeypatch, f"{correspondences_csv.__name__}.rows_below")
+    return counted(monkeypatch, f"{correspondences_csv.__name__}.read_rows")
 
 
 @pytest.fixture
