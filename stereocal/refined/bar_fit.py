@@ -5,7 +5,9 @@ bar's length, fx, fy, cx, cy of the primary and of the secondary camera, k1, k2,
 primary and of the secondary camera, and the time by which the secondary camera is late, in frames,
 with its drift in frames per frame. A frame adds the 3D points of its targets, `x` (6,), in metres
 in the primary's frame. It has nine residuals: eight pixel coordinates over sigma_px, and the length
-|A - B| minus the bar's, over its scatter.
+|A - B| over the bar's factor minus the stated length, over its scatter. Divided by the factor, a
+change of scale changes no residual. Else a smaller scene has smaller errors of lengths: with wide
+priors and 20,000 bars the least squares shrank it without end.
 
 `J` has shape (32, 9): the derivatives of the residuals by x and by q in the first 31 rows, the
 residuals in the last. Each row belongs to one unknown, so that sums over the residuals read
@@ -128,7 +130,7 @@ def fill_residuals(
             )
             fill_point_derivatives(R, derivatives, row, at, J)
     if length_weight > 0.0:
-        length_residual(q[BAR] * distance, length_weight, x, J)
+        length_residual(q[BAR], distance, length_weight, x, J)
     total = 0.0
     for k in range(RESIDUALS):
         total += J[ERRORS, k] * J[ERRORS, k]
@@ -158,15 +160,17 @@ def zero_rows(J: FloatArray, first: int, end: int) -> None:
 
 
 @internal
-def length_residual(expected: float, weight: float, x: FloatArray, J: FloatArray) -> None:
+def length_residual(
+    bar_factor: float, distance: float, weight: float, x: FloatArray, J: FloatArray
+) -> None:
     """Write the residual of the bar's length and its derivatives by x."""
     square = 0.0
     for j in range(3):
         square += (x[j] - x[j + 3]) ** 2
     length = np.sqrt(square)
-    J[ERRORS, 8] = weight * (length - expected)
+    J[ERRORS, 8] = weight * (length / bar_factor - distance)
     for j in range(3):
-        J[j, 8] = weight / length * (x[j] - x[j + 3])
+        J[j, 8] = weight / (bar_factor * length) * (x[j] - x[j + 3])
         J[j + 3, 8] = -J[j, 8]
 
 
@@ -223,7 +227,8 @@ def fill_shared_derivatives(
                 turn = motions[i, 0] * m0 + motions[i, 1] * m1 + motions[i, 2] * m2
                 shift = motions[i + 3, 0] * p + motions[i + 3, 1] * s + motions[i + 3, 2] * t
                 J[OWN + i, k], J[OWN + 3 + i, k] = turn, shift
-    J[OWN + BAR, 8] = -length_weight * distance if length_weight > 0.0 else 0.0
+    if length_weight > 0.0:
+        J[OWN + BAR, 8] = -(J[ERRORS, 8] + length_weight * distance) / q[BAR]
 
 
 @internal

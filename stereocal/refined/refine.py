@@ -238,10 +238,7 @@ def refine(
 
 
 def _check_lengths(result: RefinedResult) -> None:
-    """Check that the fit has kept to the measured lengths.
-
-    With wide priors on both, shrinking the whole scene explains all lengths (a baseline of 5e-7 m).
-    """
+    """Check that the fit has kept to the measured lengths."""
     settings, dataset = result.settings, result.dataset
     for what, factor, sigma, stated in (
         (
