@@ -299,6 +299,8 @@ class Solve:
             H,
             np.empty(SHARED),
         )
+        if not (np.diag(H) >= 0.0).all():  # rounding alone is left: a wrong initial pose diverged
+            return False
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
