@@ -190,35 +190,6 @@ class TestMinimum:
         assert np.abs(np.subtract(found.pose.angles, ANGLES)).max() < 0.02
 
 
-class TestSettings:
-    @pytest.mark.parametrize(
-        ("name", "value"),
-        [
-            ("delta", 0.0),
-            ("delta", -1e-3),
-            ("delta", 0.6),
-            ("delta", float("nan")),
-            ("delta_min", 0.0),
-            ("delta_min", 2e-3),
-            ("delta_min", float("nan")),
-            ("acceptance", 0.0),
-            ("acceptance", 1.0),
-            ("acceptance", float("nan")),
-            ("shrink", 0.0),
-            ("shrink", 1.0),
-            ("shrink", float("nan")),
-            ("minimum_moves", 0),
-            ("minimum_moves", 100_001),
-            ("maximum_moves", 0),
-            ("seed", -1),
-            ("seed", 2**63),
-        ],
-    )
-    def test_out_of_range(self, name: str, value: Any) -> None:
-        with pytest.raises(StereocalError, match=f"^{name} is "):
-            SearchSettings(**{name: value})
-
-
 def test_the_secondary_has_skew_in_the_cost() -> None:
     """The search works in pixels of the whole K."""
     assert PROBLEMS["2d"].pixel_scale[1].tolist() == SECONDARY.pixel_scale.tolist()

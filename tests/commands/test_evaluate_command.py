@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import distributed
 import pytest
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from tests.terminal import sentences
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 FIELD, NINETEEN = SAMPLES / "field", SAMPLES / "nineteen"
@@ -66,30 +64,3 @@ def test_figures_reach_the_parameter_files(threads: Path, tmp_path: Path) -> Non
     matching = RigParameters.load(tmp_path / "parameters_2d.json")
     assert matching.matching_threshold_px is not None
     assert matching.matching_threshold_px == figures(threads)["2d"]["threshold_px"]
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (["--calibration-frames", "24"], "25 frames"),
-        (["--calibration-frames", "0"], "frames"),
-        (["--runs", "0"], "runs"),
-        (["--workers", "0"], "workers"),
-        (["--scheduler", "tcp://127.0.0.1:1"], "scheduler"),
-        (["--delta", "-1"], "delta"),
-    ],
-)
-def test_bad_input_is_one_sentence_exit_2_and_no_file(
-    options: list[str],
-    sentence: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    connect: Any = distributed.Client
-    monkeypatch.setattr(distributed, "Client", lambda at, **_: connect(at, timeout="0.1s"))
-    assert main(["evaluate", str(FIELD), "--out", str(tmp_path / "out"), *options]) == 2
-    printed = capsys.readouterr()
-    assert sentence in printed.err
-    assert len(sentences(printed.err)) == 1
-    assert not (tmp_path / "out").exists()

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
-from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.exchange.exchange import export_files
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
-from tests.archives import easywand_fields, mat, wand_csv
+from tests.archives import easywand_fields, mat
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
 from tests.known_rig import dataset as known_dataset
 
@@ -46,27 +45,6 @@ def test_easywand(easywand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert found.baseline_m == pytest.approx(BASELINE_M)
     assert found.baseline_sigma_m == pytest.approx(0.02 * BASELINE_M)
     assert "not a measurement" in found.notes
-
-
-def test_what_is_missing_is_asked_for_and_nothing_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "wand.csv").write_bytes(wand_csv(20))
-    (tmp_path / "left.json").write_bytes(write_camera(PRIMARY))
-    out = tmp_path / "set"
-    for files, what in (
-        (["wand.csv", "left.json"], "--baseline B"),
-        (["wand.csv"], "image height"),
-        (["left.json"], "table of points"),
-    ):
-        given = [str(tmp_path / name) for name in files]
-        assert main(["import", *given, "--out", str(out)]) == 2
-        error = capsys.readouterr().err
-        assert what in error and error.count("\n") == 1
-        assert not out.exists()
-    for wrong in (["--baseline", "x"], ["--image-size", "5"], ["--cameras", "1"]):
-        given = [str(tmp_path / "wand.csv"), "--out", str(out), *wrong]
-        assert main(["import", *given]) == 2
 
 
 def test_dltdv_with_kalibr_gives_a_calibration(tmp_path: Path) -> None:

@@ -70,30 +70,6 @@ def test_photographs_in_and_the_true_lens_out(camera: bytes) -> None:
     assert about["settings"]["subset"] == 8 and about["board"]["columns"] == 8
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--board", "eight"], "18x12"),
-        (["--square", "0"], "square"),
-        (["--subset", "2"], "at least 3"),
-        (["--charuco", "DICT_4X4_50"], "markers"),
-    ],
-)
-def test_bad_input_is_one_sentence(
-    boards: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    sentence: str,
-) -> None:
-    out = tmp_path / "camera.json"
-    usual = ["--board", "8x6", "--square", "0.03", *FEW]
-    assert main(["intrinsics", str(boards), "--out", str(out), *usual, *arguments]) == 2
-    said = capsys.readouterr().err.splitlines()[-1]
-    assert said.startswith("stereocal: ") and sentence in said
-    assert not out.exists()
-
-
 class TestCameraFile:
     def test_uncertainty_there_and_back(self) -> None:
         back = read_camera(write_camera(KNOWN, {"method": "test"}), "x.json")

@@ -32,28 +32,3 @@ def test_forecast_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "Forecast of the plan field" in report and "What would help most" in report
     assert "cdn.plot.ly" not in report.replace("https://cdn.plot.ly/un", "")
-
-
-@pytest.mark.parametrize(
-    ("changes", "options", "message"),
-    [
-        ({"bar_m": None}, [], "bar_m is missing"),
-        ({"pose": {"baseline_m": 4.5, "toe_in_deg": -40.0}}, [], "nothing in common"),
-        ({"bar_m": 6.0, "volume": {"near_m": 8.0, "far_m": 8.5}}, [], "bar"),
-        ({}, ["--rigs", "3"], "3 rigs"),
-        ({}, ["--seed", "-1"], "The seed is -1"),
-        ({}, ["--workers", "0"], "number of workers"),
-    ],
-)
-def test_a_bad_plan_is_one_sentence(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    changes: dict[str, Any],
-    options: list[str],
-    message: str,
-) -> None:
-    path, out = plan_file(tmp_path, **changes), tmp_path / "out"
-    assert main(["plan", str(path), "--out", str(out), *options]) == 2
-    said = capsys.readouterr()
-    assert message in said.err and "Traceback" not in said.err
-    assert not out.exists() and not said.out

@@ -54,32 +54,3 @@ def test_the_field_sheet_of_a_plan_is_written(tmp_path: Path) -> None:
     asked = ["print", "sheet", str(tmp_path / "plan.json"), "--paper", "Letter", "--out", str(out)]
     assert main(asked) == 0
     assert out.read_bytes() == field_sheet(plan(), PAPERS["Letter"])
-
-
-@pytest.mark.parametrize(
-    ("asked", "sentence"),
-    [
-        ("target --side 0.18 --out print.png", '"print.png" must end in .pdf or .svg'),
-        ("target --side 0.4 --out print.pdf", "does not fit on A4, which holds 185 mm"),
-        ("target --focal 7120 --out print.pdf", "State --far, the largest distance"),
-        ("target --camera no.json --far 9 --out print.pdf", "no.json cannot be read"),
-        ("sheet no.json --out sheet.pdf", "no.json: there is no such file"),
-        ("sheet no.json --out sheet.svg", '"sheet.svg" must end in .pdf'),
-        ("board --board 18 --square 0.02 --out print.pdf", 'The size of the board is "18"'),
-        ("board --board 18x12 --square 0.03 --out print.pdf", "at most 13 mm, or print it on A2"),
-        ("board --board 8x6 --square 0.02 --paper B5 --out print.pdf", 'The paper "B5"'),
-    ],
-)
-def test_what_cannot_be_printed_gives_one_sentence(
-    asked: str,
-    sentence: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["print", *asked.split()]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert len(said.splitlines()) == 1
-    assert not list(tmp_path.iterdir())

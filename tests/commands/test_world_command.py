@@ -11,9 +11,8 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.rig.geometry import Pose
-from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
-from tests.rigs.worlds import Place, known_places, plumb_lines, surveyed, thrown
-from tests.terminal import sentences
+from tests.field.world_tables import PIXELS, lines_csv
+from tests.rigs.worlds import Place, known_places, plumb_lines
 
 
 @pytest.fixture
@@ -58,38 +57,3 @@ def test_plumb_lines_and_points_in_the_world(
     assert (table["coordinates"] == data["name"]).all()
     assert main(["reconstruct", str(tmp_path / "pairs.csv"), *files]) == 0
     assert "coordinates" not in pd.read_csv(tmp_path / "points.csv")
-
-
-@pytest.mark.parametrize(
-    ("change", "more", "says"),
-    [
-        ("mirrored", [], "left-handed"),
-        ("none", ["--origin", "P99"], 'origin "P99" is unknown'),
-        ("none", ["--sigma-px", "-1"], "image noise is -1"),
-        ("none", ["--survey-sigma", "nan"], "standard error is nan"),
-        ("none", ["--heading", "1e9"], "heading"),
-        ("frames", [], "needs the frame rate"),
-        ("frames", ["--frame-rate", "nan"], "frame rate is nan"),
-        ("gone", [], "cannot be read"),
-    ],
-)
-def test_bad_input_gives_one_sentence_and_no_file(
-    change: str,
-    more: list[str],
-    says: str,
-    place: Place,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    if change == "frames":
-        (tmp_path / "t.csv").write_bytes(throw_csv(thrown(place)))
-    elif change != "gone":
-        (tmp_path / "t.csv").write_bytes(survey_csv(surveyed(place, 6)))
-    if change == "mirrored":
-        table = pd.read_csv(tmp_path / "t.csv")
-        table[["x", "y"]] = table[["y", "x"]].to_numpy()
-        table.to_csv(tmp_path / "t.csv", index=False)
-    assert run(tmp_path, "t.csv", *more) == 2
-    (sentence,) = sentences(capsys.readouterr().err)
-    assert says in sentence
-    assert not (tmp_path / "w.json").exists()

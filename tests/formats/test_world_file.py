@@ -35,23 +35,6 @@ class TestWorldFile:
         np.testing.assert_array_equal(read_world(tmp_path / name).R, WORLD.R)
         np.testing.assert_array_equal(read_world(tmp_path / name).T, WORLD.T)
 
-    @pytest.mark.parametrize(
-        ("text", "says"),
-        [
-            ("", "last row is 0 0 0 1|not a 4x4|not valid JSON"),
-            ("[[1,2],[3,4]]", "needs a 4x4"),
-            ('{"R": 1}', "the format is 'None'"),
-            (json.dumps((2 * np.eye(4)).tolist()), "last row"),
-            (json.dumps(np.diag([2.0, 2, 2, 1]).tolist()), "must be a rotation and a translation"),
-            (json.dumps(np.diag([1.0, 1, -1, 1]).tolist()), "must be a rotation and a translation"),
-            (json.dumps(np.full((4, 4), np.nan).tolist()), "last row"),
-        ],
-    )
-    def test_what_is_no_frame(self, tmp_path: Path, text: str, says: str) -> None:
-        (tmp_path / "w.json").write_text(text)
-        with pytest.raises(StereocalError, match=says):
-            read_world(tmp_path / "w.json")
-
     def test_world_json_is_read_back_exactly(self, tmp_path: Path) -> None:
         frame = WorldFrame(WORLD, "plumb", {"vertical_deg": 0.1}, "Found.", ("a note",))
         rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {"sha256": "ab"})
@@ -111,35 +94,3 @@ class TestTables:
         assert found.tracks == ("one", "one")
         with pytest.raises(StereocalError, match="needs the frame rate"):
             read_observed(THROW.encode(), "t.csv")
-
-    @pytest.mark.parametrize(
-        ("text", "says"),
-        [
-            ("", "empty"),
-            ("a,b\n1,2\n", "has a column point"),
-            ("point,x,y\nA,1,2\n", "column z is missing"),
-            ("point,x,y,z\n", "no rows"),
-            ("point,x,y,z\nA,1,2,3\n", "line 2: u_primary, .* are not all given"),
-            ("point,x,x,y,z\nA,1,2,3,4\n", "names the column x twice"),
-            (SURVEY.replace("P2,1", "P2,nan"), "line 3: x is empty"),
-            (SURVEY.replace("P2,1", "P2,inf"), "not a finite number"),
-            (SURVEY.replace("P2,1", "P2,1e99"), "too far away"),
-            (SURVEY.replace("P2,1", "P2,one"), "not a number"),
-            (SURVEY.replace("P2", "P1"), "P1 has other coordinates in an earlier row"),
-            (SURVEY.replace("P2", " "), "the point has no name"),
-            (SURVEY.replace("41", "41,42"), "9 cells instead of 8"),
-            (SURVEY.replace("31", ""), "are not all given"),
-            (LINES.replace("horizon", "vertical"), 'kind is "vertical"; it must be plumb'),
-            (LINES.replace("sea", "a"), "a is a plumb line in an earlier row"),
-            (LINES.replace("7,8,,", "7,,,"), "one of u and v is empty"),
-            (LINES.replace("sea", ""), "the line has no name"),
-            (THROW.replace("9,5", "9.5,5"), "not a whole number"),
-            (THROW.replace("9,5", "1e30,5"), r"up to 2\^53"),
-            ("frame,u_primary,v_primary,u_secondary,v_secondary\n1,2,3,,\n", "no frame has"),
-            ("line," + "x," * 3000 + "y\n", "too many"),
-            ("point\0", "not a text file"),
-        ],
-    )
-    def test_what_is_refused(self, text: str, says: str) -> None:
-        with pytest.raises(StereocalError, match=says):
-            read_observed(text.encode(), "t.csv", 100.0)

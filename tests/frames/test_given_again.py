@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.review import choose
@@ -50,21 +49,6 @@ def test_what_was_corrected_stays_with_the_same_photographs(store: ProjectPhotog
     assert project.inputs.baseline_m == 7.5
     assert store.frames == frames and read_review(store).edits == edits
     assert project.table == table
-
-
-def test_where_no_frame_is_used_the_data_set_is_taken_without_a_table(
-    store: ProjectPhotographs,
-) -> None:
-    frames = store.frames
-    assert frames is not None
-    for frame in frames:
-        try:
-            change_review(store, lambda now, frame=frame: choose(now, frame.frame, False))  # type: ignore[misc]
-        except StereocalError as error:
-            assert "No target is seen by both cameras" in str(error)
-    store.give(camera_files(store.project), store.photographs, baseline_m=7.5)
-    assert store.project.inputs.baseline_m == 7.5 and store.project.table is None
-    assert store.frames is not None and not any(frame.use for frame in store.frames)
 
 
 def table_frames(store: ProjectPhotographs) -> set[int]:

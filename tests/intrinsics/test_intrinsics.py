@@ -188,22 +188,6 @@ class TestDraws:
 
 
 class TestRefused:
-    @pytest.mark.parametrize(
-        ("values", "sentence"),
-        [
-            ((2, 50, 0), "at least 3 photographs"),
-            ((20, 1, 0), "2 to 10000"),
-            ((20, 50, -1), "0 or more"),
-        ],
-    )
-    def test_settings(self, values: tuple[int, int, int], sentence: str) -> None:
-        with pytest.raises(StereocalError, match=sentence):
-            LensSettings(*values)
-
-    def test_7_boards(self) -> None:
-        with pytest.raises(StereocalError, match=r"at least 8.*Or draw fewer than 7"):
-            calibrate_lens(search(7, seed=1), LensSettings(), AtOnce())
-
     def test_boards_all_straight_ahead_give_no_sure_lens(self) -> None:
         rng = np.random.default_rng(2)
         found, points = search(14, seed=1), chessboard_corners(SQUARES, PATTERN.square_m)

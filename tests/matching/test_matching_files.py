@@ -23,7 +23,6 @@ from stereocal.matching.reconstruction_files import (
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
-from tests.terminal import sentences
 
 RIG_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 FRAMES = 12
@@ -209,85 +208,14 @@ class TestReconstruct:
         assert points["x"].isna().tolist() == [True, False, False]
 
 
-Edit = Callable[[pd.DataFrame], pd.DataFrame]
 Spoil = Callable[[Path], object]
-
-
-def spoil(name: str, edit: Edit) -> Spoil:
-    def change(folder: Path) -> None:
-        edit(pd.read_csv(folder / name, dtype=str)).to_csv(folder / name, index=False)
-
-    return change
-
-
-def put(row: int, column: str, value: str) -> Edit:
-    def edit(table: pd.DataFrame) -> pd.DataFrame:
-        table.loc[row, column] = value
-        return table
-
-    return edit
-
-
-def add_line(name: str, line: str) -> Spoil:
-    def change(folder: Path) -> None:
-        with (folder / name).open("a") as file:
-            file.write(line + "\n")
-
-    return change
 
 
 def write(name: str, content: bytes) -> Spoil:
     return lambda folder: (folder / name).write_bytes(content)
 
 
-BAD: dict[str, tuple[Spoil, str]] = {
-    "a word": (spoil("p.csv", put(100, "u", "left")), 'line 102: u is "left"'),
-    "infinite": (spoil("s.csv", put(0, "v", "inf")), "line 2: v is inf"),
-    "half a point": (spoil("p.csv", put(3, "v", "")), "line 5: v "),
-    "half a frame": (spoil("p.csv", put(3, "frame", "1.5")), "line 5: frame is 1.5"),
-    "no frame": (spoil("p.csv", put(3, "frame", "")), "line 5: frame "),
-    "outside": (spoil("s.csv", put(9, "u", "1280")), "line 11: frame 3: "),
-    "negative": (spoil("p.csv", put(9, "v", "-3")), "1600x1200 px"),
-    "twice": (
-        spoil("p.csv", lambda t: pd.concat([t, t.tail(1)])),
-        "line 242: frame 14",
-    ),
-    "too many cells": (add_line("p.csv", "3,1,1,1,1,1"), "line 242: 6 cells"),
-    "no column v": (spoil("s.csv", lambda t: t.rename(columns={"v": "w"})), "column v"),
-    "column twice": (write("s.csv", b"frame,u,v,u\n1,2,3,4\n"), "column u"),
-    "empty file": (write("s.csv", b""), "s.csv: "),
-    "no rows": (spoil("s.csv", lambda t: t.head(0)), "s.csv: "),
-    "no table": (write("s.csv", b"\xff\xfe\x00"), "s.csv: "),
-    "no file": (lambda folder: (folder / "s.csv").unlink(), "s.csv: "),
-    "other frames": (
-        spoil("s.csv", lambda t: t.assign(frame=t["frame"].astype(int) + 500)),
-        "no frame in common",
-    ),
-    "another camera": (
-        spoil("p.csv", lambda t: t.assign(u=t["u"].astype(float) * 3)),
-        "1600x1200 px",
-    ),
-    "no parameters": (lambda folder: (folder / "2d.json").unlink(), "2d.json: "),
-}
-
-
 class TestBadInput:
-    @pytest.mark.parametrize("name", BAD)
-    def test_one_sentence_exit_2_and_no_file(
-        self, name: str, folder: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        change, says = BAD[name]
-        change(folder)
-        (folder / "pairs.csv").write_text("old")
-        before = sorted(path.name for path in folder.iterdir())
-        assert run_match(folder) == 2
-        printed = capsys.readouterr()
-        assert says in printed.err
-        assert len(sentences(printed.err)) == 1
-        assert printed.out == ""
-        assert (folder / "pairs.csv").read_text() == "old"
-        assert sorted(path.name for path in folder.iterdir()) == before
-
     def test_scaled_images_are_noticed(
         self, folder: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

@@ -13,20 +13,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.evaluation_files import pack_runs, unpack_runs
-from stereocal.frames.search import pack_detection, unpack_detection
-from stereocal.frames.series import detect_series
 from stereocal.matching import matching_files
 from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
 from stereocal.matching.blocks import pack_block, unpack_block
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from tests import known_rig as rig
-from tests.bar_photographs import bar_set, write
-from tests.projects.test_checkpoints import same_detections
 
 T = TypeVar("T")
 
@@ -86,62 +79,9 @@ def executor() -> Iterator[Counting]:
         yield counting
 
 
-SETTINGS = EvaluationSettings(runs=24, calibration_frames=10, refined=RefineSettings())
-
-
-def run_parts() -> Parts[Any]:
-    return Parts(pack_runs, unpack_runs)
-
-
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
     return rig.dataset(14, 0.3)
-
-
-@pytest.mark.parametrize(
-    ("other", "settings"),
-    [
-        (rig.dataset(14, 0.3, seed=8), SETTINGS),
-        (replace(rig.dataset(14, 0.3), baseline_sigma_m=0.001), SETTINGS),
-        (rig.dataset(14, 0.3), replace(SETTINGS, calibration_frames=9)),
-        (rig.dataset(14, 0.3), replace(SETTINGS, refined=None)),
-    ],
-)
-def test_runs_of_other_data_or_settings_are_not_used(
-    other: Dataset,
-    settings: EvaluationSettings,
-    dataset: Dataset,
-    executor: Counting,
-) -> None:
-    parts = run_parts()
-    few = replace(SETTINGS, runs=4)
-    evaluate([dataset], few, executor, chunk=4, pieces=parts)
-    executor.tasks = 0
-    evaluate([other], replace(settings, runs=4), executor, chunk=4, pieces=parts)
-    assert executor.tasks == 1
-    # But the same runs of a longer validation are.
-    evaluate([dataset], replace(few, runs=8), executor, chunk=4, pieces=parts)
-    assert executor.tasks == 2
-
-
-def test_targets_in_photographs(executor: Counting, tmp_path: Path) -> None:
-    missing = tmp_path / "none.png"
-    write(bar_set(5).files(), tmp_path)
-    paths = [*sorted((tmp_path / "primary").iterdir()), missing]
-    photographs = {path.name: path for path in paths}
-    whole = detect_series(photographs, executor)
-    stop, parts = StopAt(2), Parts(pack_detection, unpack_detection)
-    found = detect_series(photographs, executor, stop.progress, stop.cancelled, parts)
-    assert found is None
-    finished = len(parts)
-    assert 2 <= finished < 6
-    executor.tasks = 0
-    again = detect_series(photographs, executor, pieces=parts)
-    assert executor.tasks == 6 - finished
-    assert whole is not None and again is not None
-    assert all(same_detections(whole[name], again[name]) for name in photographs)
-    assert again[missing.name].reason == "unreadable"
-    assert parts.get(missing.name) is None
 
 
 def scattered(folder: Path) -> Application:

@@ -127,66 +127,6 @@ def test_a_forged_archive_cannot_bring_its_own_tolerance(
     assert "baseline_m" in printed and "predicted.median_error_3d.value" in printed
 
 
-def without(name: str) -> Callable[[dict[str, bytes]], None]:
-    def edit(files: dict[str, bytes]) -> None:
-        del files[name]
-
-    return edit
-
-
-def with_cost(files: dict[str, bytes]) -> None:
-    name = "parameters_3d.json"
-    files[name] = files[name].replace(b'"cost": ', b'"cost": 1')
-
-
-def with_format(files: dict[str, bytes]) -> None:
-    stated(files, lambda content: content.update(format="stereocal-reproduce/9"))
-
-
-def without_settings(files: dict[str, bytes]) -> None:
-    stated(files, lambda content: content.pop("calibration"))
-
-
-def with_a_method(files: dict[str, bytes]) -> None:
-    stated(files, lambda content: content["files"]["parameters_2d.json"].update(method="4d"))
-
-
-def with_a_path(files: dict[str, bytes]) -> None:
-    def edit(content: Any) -> None:
-        content["files"]["../x.json"] = content["files"].pop("parameters_2d.json")
-
-    stated(files, edit)
-
-
-def without_files(files: dict[str, bytes]) -> None:
-    stated(files, lambda content: content.update(files={}))
-
-
-@pytest.mark.parametrize(
-    ("edit", "sentence"),
-    [
-        (without("reproduce.json"), "there is no reproduce.json in it"),
-        (without("parameters_2d.json"), "parameters_2d.json is missing"),
-        (without("dataset.json"), "there is no dataset.json"),
-        (with_cost, "parameters_3d.json is not the file that reproduce.json describes"),
-        (with_format, 'an object with "format": "stereocal-reproduce/1"'),
-        (without_settings, "reproduce.json is damaged"),
-        (with_a_method, "reproduce.json is damaged"),
-        (with_a_path, "reproduce.json is damaged"),
-        (without_files, "reproduce.json is damaged"),
-    ],
-)
-def test_bad_archives_give_one_sentence(
-    edit: Callable[[dict[str, bytes]], None],
-    sentence: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert reproduce(archive(tmp_path, edit), tmp_path) == 2
-    assert sentence in capsys.readouterr().err
-    assert not (tmp_path / "again").exists()
-
-
 BASE: dict[str, Any] = {
     "R": [[1.0, 0.0], [0.0, 1.0]],
     "cost": 2.0,
