@@ -98,19 +98,3 @@ def test_an_outlier_is_clicked_left_out_and_put_back(
     settled(page)
     assert points(page) == before
     assert project.inputs.left_out == []
-
-
-def test_a_point_of_the_data_page_opens_its_frame(
-    page: Page, app_url: str, home: Path, settled: Settled
-) -> None:
-    given(page, app_url, home, settled)
-    page.get_by_test_id("stSidebar").get_by_role("link", name="Data").click()
-    settled(page)
-    page.set_viewport_size({"width": 1400, "height": 2000})
-    page.wait_for_timeout(1000)
-    point = page.locator(".st-key-coverage .scatterlayer .point").nth(7)
-    point.hover(force=True)
-    page.wait_for_timeout(500)
-    point.click(force=True)
-    expect(page.get_by_text(re.compile(r"Frame \d+ is used\."))).to_be_visible(timeout=LONGEST_MS)
-    expect(page).to_have_url(re.compile("/calibrate"))

@@ -161,19 +161,3 @@ def test_settings_survive_the_menu_f5_and_addresses(
         assert forms(page, wanted) == wanted, (name, "F5")
     project = Project.open(home, project.id)
     assert (project.settings, project.inputs) == stored  # a draw writes nothing
-
-
-@pytest.mark.parametrize("wait_ms", [0, 100])
-def test_a_sample_is_whole_though_start_is_left_at_once(
-    page: Page, app_url: str, home: Path, settled: Settled, wait_ms: int
-) -> None:
-    page.goto(app_url)
-    arrive(page, "start", settled)
-    page.locator(".st-key-demo button").click()
-    page.wait_for_timeout(wait_ms)
-    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
-    arrive(page, "calibrate", settled)
-    expect(page.locator(".st-key-run button")).to_be_visible()
-    expect(page.get_by_text("it needs")).to_have_count(0)
-    project = Project.open(home, page.url.rsplit("=", 1)[1])
-    assert project.dataset is not None

@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
-from stereocal.formats.exchange.exchange import export_files
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.rig import Rig
 from tests.archives import easywand_fields, mat
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
+from tests.known_rig import BASELINE_M
 from tests.known_rig import dataset as known_dataset
 
 
@@ -45,30 +42,6 @@ def test_easywand(easywand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert found.baseline_m == pytest.approx(BASELINE_M)
     assert found.baseline_sigma_m == pytest.approx(0.02 * BASELINE_M)
     assert "not a measurement" in found.notes
-
-
-def test_dltdv_with_kalibr_gives_a_calibration(tmp_path: Path) -> None:
-    exact = known_dataset(20)
-    names = [f"pt{k}_cam{c}_{axis}" for k in (1, 2) for c in (1, 2) for axis in "XY"]
-    lines = [",".join(names)]
-    for frame in exact.correspondences.frames:
-        rows = exact.correspondences.of_frames([frame])
-        cells = []
-        for k in range(2):
-            (u, v), (w, x) = rows.primary[k], rows.secondary[k]
-            cells += [u + 1, PRIMARY.image_size[1] - v, w + 1, SECONDARY.image_size[1] - x]
-        lines.append(",".join(repr(float(cell)) for cell in cells))
-    (tmp_path / "xypts.csv").write_text("\n".join(lines))
-    (tmp_path / "rig.toml").write_bytes(
-        export_files(Rig(PRIMARY, SECONDARY, RIG), "aniposelib")["calibration.toml"]
-    )
-    out = tmp_path / "set"
-    given = ["--unit", "m", "--distance", str(BAR_M), "--out", str(out)]
-    files = [str(tmp_path / name) for name in ("xypts.csv", "rig.toml")]
-    assert main(["import", *files, *given]) == 0
-    found = read_dataset(out)
-    order = np.argsort(exact.correspondences.target, kind="stable")  # all ends A, then all B
-    assert np.abs(found.rays - exact.rays[:, order]).max() < 1e-9
 
 
 def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
 import subprocess
 import sys
-import time
 from pathlib import Path
-
-import pytest
-from numba.core.compiler_lock import global_compiler_lock
-
-from stereocal.commands.warming import FUNCTIONS
-from stereocal.rig.compilations import clock
 
 ROOT = Path(__file__).parents[2]
 WORK = """
@@ -86,56 +77,3 @@ def test_nothing_that_a_page_does_compiles_anything_more() -> None:
         cwd=ROOT,
     )
     assert run.stdout == "[]\n", run.stdout + run.stderr
-
-
-FROM_NOTHING = """
-import json, sys, time
-from stereocal.workflow import calibrate
-from stereocal.rig.compilations import compilations
-from stereocal.refined.unknowns import RefineSettings
-from stereocal.simulation.simulate import simulate_field
-from stereocal.commands.warming import compile_all
-
-heard, steps = [], []
-dataset = simulate_field(seed=0)[1]
-with compilations(heard.append):
-    began = time.perf_counter()
-    found = calibrate(dataset, refined=RefineSettings())
-    passed = time.perf_counter() - began
-    first = compile_all(lambda done, total: steps.append((done, total)))
-again = compile_all(lambda *_: heard.append("again"))
-seconds = [one.seconds for one in found.methods.values()] + [found.refined.seconds]
-print(json.dumps([heard, steps, first, again, sum(seconds), passed]))
-"""
-
-
-@pytest.mark.soak
-def test_from_nothing_all_is_counted_and_no_time_contains_it(tmp_path: Path) -> None:
-    run = subprocess.run(
-        [sys.executable, "-c", FROM_NOTHING],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-    )
-    assert run.returncode == 0, run.stderr
-    heard, steps, first, again, seconds, passed = json.loads(run.stdout)
-    assert heard == list(range(len(heard)))
-    total = heard[-1]
-    # A bar that ends at 95 or at 105 % is good enough; else put the new number there.
-    assert abs(total - FUNCTIONS) <= 0.05 * FUNCTIONS, f"FUNCTIONS is to be {total}"
-    assert 0 < first == len(steps) - 2 < total
-    assert [done for done, _ in steps] == sorted(done for done, _ in steps)
-    assert steps[0] == [0, FUNCTIONS] and steps[-1] == [FUNCTIONS, FUNCTIONS]
-    assert again == 0
-    # Measured: 0.02 s of 30 s.
-    assert 0.0 < seconds < 0.02 * passed
-
-
-def passed() -> tuple[float, float]:
-    """By the clock and truly, while something is compiled for a twentieth of a second."""
-    before, truly = clock(), time.perf_counter()
-    with global_compiler_lock, global_compiler_lock:
-        time.sleep(0.05)
-    return clock() - before, time.perf_counter() - truly

@@ -252,28 +252,6 @@ class TestManyPhotographs:
         )
         assert found is None and seen[:2] == [(1, 5), (2, 5)]
 
-    def test_unusable_files_are_named_and_the_others_go_on(
-        self, folder: Path, tmp_path: Path
-    ) -> None:
-        given = photographs(folder)
-        image = photographed(facing())
-        jpeg = cv2.imencode(".jpg", image)[1].tobytes()
-        for name, content in (
-            ("text.png", b"no photograph at all"),
-            ("cut.jpg", jpeg[: len(jpeg) // 3]),
-            ("empty.png", b""),
-            ("black.png", png(np.zeros_like(image))),
-        ):
-            given[name] = tmp_path / name
-            given[name].write_bytes(content)
-        search = find_boards(given, CHARUCO, AtOnce())
-        assert search and len(search.views) == 5
-        reasons = {item.name: item.reason for item in search.refused}
-        assert set(reasons) == {"text.png", "cut.jpg", "empty.png", "black.png"}
-        assert "photograph" in reasons["text.png"]
-        assert "cut off" in reasons["cut.jpg"]
-        assert "ChArUco" in reasons["black.png"]
-
     @pytest.mark.parametrize("size", ["9x7", "7x6", "8x5"])
     def test_size_wrong_by_one_is_told(self, half_size: Path, size: str) -> None:
         wrong = BoardPattern.parse(size, 0.03)

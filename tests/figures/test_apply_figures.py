@@ -9,13 +9,11 @@ import pytest
 
 from stereocal.figures import (
     describe_matches,
-    describe_pair_errors,
     describe_points,
     plot_matches,
-    plot_pair_errors,
     plot_points,
 )
-from stereocal.figures.measured import MAXIMUM_DRAWN, MAXIMUM_TRACKS, drawn_tracks, in_view
+from stereocal.figures.measured import in_view
 from stereocal.figures.space import VIEWS
 from stereocal.matching.nearest import nearest_errors
 from stereocal.matching.pairs import match, pixels_of
@@ -60,21 +58,6 @@ CHOICE = ThresholdChoice(0.5, None, None, Shares(0.01, 0.02))
 
 def traces(figure: go.Figure, name: str) -> list[go.Scatter]:
     return [trace for trace in figure.data if str(trace.name).startswith(name)]
-
-
-def test_histogram_holds_every_point_and_the_threshold() -> None:
-    for threshold in (0.5, 5.0):
-        figure = plot_pair_errors(NEAREST, threshold)
-        best, second = figure.data
-        for trace, errors in ((best, NEAREST.best_px), (second, NEAREST.runner_up_px)):
-            known = int(np.isfinite(errors).sum())
-            assert f"n = {known}" in trace.name
-            assert np.sum(trace.y[1:-1:2]) == known
-        assert figure.layout.shapes[0].x0 == threshold
-        within = NEAREST.within(threshold)[0]
-        assert f"{within} have a partner within {threshold:.3g} px" in describe_pair_errors(
-            NEAREST, threshold, CHOICE
-        )
 
 
 def test_matches_of_a_frame() -> None:
@@ -166,12 +149,3 @@ def test_tracks_are_one_trace_with_gaps_and_the_frame_is_marked() -> None:
     assert f"lines connect them to {len(tracks)} tracks" in describe_points(POINTS, tracks)
     eyes = {str(plot_points(POINTS, "error", SET, v).layout.scene.camera) for v in VIEWS}
     assert len(eyes) == len(VIEWS)
-
-
-def test_many_tracks_are_thinned_and_keep_their_ends() -> None:
-    few = [np.arange(100_000)]
-    assert len(drawn_tracks(few)[0]) <= MAXIMUM_DRAWN + 1
-    assert drawn_tracks(few)[0][[0, -1]].tolist() == [0, 99_999]
-    many = list(np.arange(100_000).reshape(-1, 4))
-    assert len(drawn_tracks(many)) <= MAXIMUM_TRACKS
-    assert drawn_tracks([np.array([1])]) == []

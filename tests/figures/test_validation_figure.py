@@ -184,27 +184,3 @@ def test_a_comparison_draws_the_upper_limit_where_nothing_was_counted(
     assert drawn.error_y.array[1] == drawn.error_y.arrayminus[1] == 0
     assert "below 0.40 %" in drawn.text[1]
     assert "upper limit, none counted (n = 1)" in figure.layout.yaxis.title.text
-
-
-def test_the_answer_names_the_best_and_the_table_what_is_level_with_it(
-    summaries: Summaries,
-) -> None:
-    def with_essential(value: float, low: float, high: float) -> tuple[str, list[str]]:
-        found: Summaries = {
-            "essential": with_fcp(summaries["essential"], value, low, high),
-            "2d": with_fcp(summaries["2d"], 0.002, 0.001, 0.003),
-            "3d": with_fcp(summaries["3d"], 0.1, 0.09, 0.11),
-        }
-        row = "How often a wrong pair looks right (FCP), reprojection error (%)"
-        cells = validation_table(found).loc[row]
-        return validation_answer(found), [str(cell).partition(")")[2] for cell in cells]
-
-    answer, marks = with_essential(0.02, 0.01, 0.03)
-    assert answer.startswith("Match with the 2D set at")
-    assert marks == ["", ", best", ""]
-    answer, marks = with_essential(0.0019, 0.001, 0.003)
-    assert answer.startswith("Match with the 2D set at")
-    assert marks == [", level", ", level", ""]
-    answer, marks = with_essential(0.0002, 0.0001, 0.0003)
-    assert answer.startswith("Match with the essential matrix at")
-    assert marks == [", best", "", ""]

@@ -57,18 +57,6 @@ class TestJson:
         with pytest.raises(StereocalError, match="more than 1,000,000 values"):
             read_json("[" + "{}," * MOST_VALUES + "1]", "a.json")
 
-    def test_brackets_in_texts_are_not_nested(self) -> None:
-        value = {"a": "[{" * 100, "b\\": ['"[["' * 50, [[]] * 100]}
-        assert read_json(json.dumps(value), "a.json") == value
-        nested = "[" * DEEPEST + "]" * DEEPEST
-        assert json.dumps(read_json(nested, "a.json")) == nested
-
-    @pytest.mark.parametrize("text", ['"' + '\\"' * 100_000, '"' * 100_001, "\\" * 100_000])
-    def test_texts_without_an_end_are_scanned_once(self, text: str) -> None:
-        """Scanned from every quotation mark to the end, they would take a minute."""
-        with pytest.raises(StereocalError, match="not valid JSON"):
-            read_json(text, "a.json")
-
 
 def test_xml_and_yaml_nested_too_deeply() -> None:
     with pytest.raises(StereocalError, match="nested too deeply"):

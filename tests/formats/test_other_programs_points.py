@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -356,37 +355,3 @@ class TestCommandLine:
         more = ("--cameras", "2,1", "--flip", "h+1", "--first-pixel", "0.5")
         assert run_match(tmp_path, (content, content), "--layout", "argus", *more) == 0
         self.check(tmp_path, range(1, FRAMES + 1))
-
-    @pytest.mark.parametrize(
-        ("content", "more", "says"),
-        [
-            (tracktor(0), (), "--layout tracktor"),
-            (DLTDV5, (), "--layout dltdv5"),
-            (sleap_h5(0), (), "--layout sleap"),
-            (tracktor(0), ("--layout", "dltdv5"), "not have the layout dltdv5"),
-            (tracktor(0), ("--flip", "h"), "--flip is for.*--layout"),
-            (odd(0), ("--layout", "columns"), "--columns FRAME U V.*1: weight"),
-            (odd(0), ("--layout", "columns", "--columns", "when", "over", "2"), "no column 'over'"),
-            (odd(0), ("--layout", "columns", "--columns", "9", "1", "2"), "no column '9'"),
-            (odd(0), ("--layout", "columns", "--columns", "1", "1", "2"), "three different"),
-            (tracktor(0), ("--layout", "tracktor", "--columns", "1", "2", "3"), "--columns is for"),
-            (ARGUS, ("--layout", "argus", "--cameras", "1,3"), "no camera 3"),
-            (ARGUS, ("--layout", "argus", "--cameras", "1"), "must name two"),
-            (trackmate(0, "micron", 1), ("--layout", "trackmate"), "--px-per-unit"),
-            (b"", ("--layout", "sleap"), "is empty"),
-            (hdf5_bytes_of_deeplabcut(), ("--layout", "deeplabcut"), "DeepLabCut.*CSV"),
-        ],
-    )
-    def test_what_is_missing_or_wrong(
-        self,
-        content: bytes,
-        more: tuple[str, ...],
-        says: str,
-        tmp_path: Path,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
-        assert run_match(tmp_path, (content, content), *more) == 2
-        printed = capsys.readouterr().err
-        assert printed.count("\n") == 1
-        assert re.search(says, printed), printed
-        assert not (tmp_path / "pairs.csv").exists()

@@ -10,14 +10,11 @@ import pytest
 
 from stereocal.detection.detect import Detection, refusal
 from stereocal.frames.choosing import choose_boards
-from stereocal.frames.labelling import label_targets
 from stereocal.rig.compiled import FloatArray
 from tests import known_rig as rig
 from tests.frames.test_labelling import CAMERAS, detection
 
 NOISE_PX = 0.05
-FRAMES = 18
-WITH_THIRD = (2, 5, 11)
 
 
 def among(boards: FloatArray, doubts: tuple[str, ...] = ()) -> Detection:
@@ -107,45 +104,3 @@ def test_what_the_others_decide_is_right(kind: str, least: int, most: int) -> No
     decided = right_choices(sure, boards)
     assert all(right for _, right in decided)
     assert least <= len(decided) <= most
-
-
-def frames_with(
-    third: FloatArray | None,
-    hidden: bool = False,
-    frames: int = FRAMES,
-    doubts: tuple[str, ...] = (),
-) -> tuple[dict[int, Detection], dict[int, Detection], list[tuple[FloatArray, FloatArray]]]:
-    """A series in which some frames show a third board, at rest."""
-    rng = np.random.default_rng(4)
-    found: tuple[dict[int, Detection], dict[int, Detection]] = ({}, {})
-    pixels = []
-    for k, ends in enumerate(rig.bar_ends(frames).reshape(-1, 2, 3)):
-        shown = ends if third is None or k not in WITH_THIRD else np.vstack([ends, third])
-        first, second = seen(shown, rng)
-        pixels.append((first, second))
-        if hidden and len(second) == 3:
-            second = second[[0, 2]]
-        found[0][k], found[1][k] = among(first, doubts if len(first) == 3 else ()), among(second)
-    return *found, pixels
-
-
-def test_the_frame_says_what_was_chosen_and_is_used() -> None:
-    first, second, pixels = frames_with(np.array([0.4, 0.3, 8.0]))
-    labelling = label_targets(first, second, CAMERAS)
-    for report in labelling.frames:
-        assert report.state in ("agreed", "swapped")
-        assert ("3 boards in the primary and 3 boards in the secondary" in report.sentence) == (
-            report.frame in WITH_THIRD
-        )
-    for pair in labelling.pairs:
-        assert pair.sure
-        ends = [
-            np.flatnonzero((pixels[pair.frame][i] == one.centre).all(axis=1))[0]
-            for i, one in enumerate((pair.primary, pair.secondary))
-        ]
-        assert ends[0] == ends[1] < 2
-    # Other doubts about the chosen boards stay.
-    first, second, _ = frames_with(np.array([0.4, 0.3, 8.0]), doubts=("It is blurred.",))
-    for report in label_targets(first, second, CAMERAS).frames:
-        assert (report.state == "doubtful") == (report.frame in WITH_THIRD)
-        assert ("It is blurred." in report.sentence) == (report.frame in WITH_THIRD)

@@ -8,12 +8,10 @@ from pathlib import Path
 import pytest
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.correspondences_csv import read_table
-from stereocal.frames.review import choose
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.review import change_review, read_review
+from stereocal.projects.review import read_review
 from stereocal.rig.camera import Camera
 from tests.pages.stored_projects import FULL, placed
 
@@ -49,24 +47,3 @@ def test_what_was_corrected_stays_with_the_same_photographs(store: ProjectPhotog
     assert project.inputs.baseline_m == 7.5
     assert store.frames == frames and read_review(store).edits == edits
     assert project.table == table
-
-
-def table_frames(store: ProjectPhotographs) -> set[int]:
-    table = store.project.table
-    assert table is not None
-    return set(read_table(table[1], "t").strict("t").frame.tolist())
-
-
-def test_what_was_found_in_a_photograph_that_was_replaced_goes(store: ProjectPhotographs) -> None:
-    review = change_review(store, lambda now: choose(now, 4, False))
-    other, first = (frame for frame in review.frames if frame.reviewed)
-    assert first.frame in table_frames(store)
-    replaced(store, first.files[1])
-    assert read_review(store).frames == tuple(f for f in review.frames if f is not first)
-    assert first.frame not in table_frames(store) and len(table_frames(store)) > 2
-    fresh = [replace(frame.swapped(0).swapped(1), reviewed=False) for frame in review.frames]
-    store.keep_found(fresh, store.photographs)
-    kept = {frame.frame: frame for frame in store.frames or []}
-    assert kept[first.frame] == fresh[review.frames.index(first)]
-    assert kept[other.frame] == other
-    assert first.frame in table_frames(store)

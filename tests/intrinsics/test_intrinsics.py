@@ -22,11 +22,8 @@ from stereocal.intrinsics.calibrate_lens import (
 )
 from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.intrinsics.quality import (
-    FIELD_CELLS,
     advice,
     coverage,
-    lens_residuals,
-    typical_and_noise_px,
 )
 from stereocal.intrinsics.tables import lens_answer, lens_rows
 from stereocal.rig.camera import Camera
@@ -234,27 +231,6 @@ class TestQuality:
             found = moved(found, at, SMALL.project(pose.apply(points)))
         assert 0.1 < coverage(found) < 0.4
         assert any("at the edges" in sentence for sentence in advice(calibrated(found)))
-
-    def test_field_shows_what_is_common_to_all(self) -> None:
-        """A lens with a wave that the model does not have."""
-        found = search(40, seed=4, noise_px=0.05)
-        wave = 0.4
-        for at, view in enumerate(found.views):
-            bump = np.zeros_like(view.corners)
-            bump[:, 0] = wave * np.sin(view.corners[:, 1] / 25.0)
-            found = moved(found, at, view.corners + bump)
-        lens = calibrated(found)
-        field = lens_residuals(lens)
-        assert field.count.sum() == 40 * 48 and field.count.shape == FIELD_CELLS[::-1]
-        known = field.known
-        expected = wave * np.sin(field.centres[..., 1] / 25.0)
-        # The cells are 40 px high, the wave 157 px long: averaging and the fit take some of it.
-        # Measured: 0.93.
-        agreement = np.corrcoef(field.mean[..., 0][known], expected[known])[0, 1]
-        assert agreement > 0.8
-        typical, noise = typical_and_noise_px(lens)
-        assert typical > 2 * noise
-        assert any("common to many photographs" in sentence for sentence in advice(lens))
 
 
 class TestFiles:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
@@ -84,32 +82,3 @@ def test_the_covariance_of_the_pose_adds() -> None:
         repeated.append(reconstruct_points(moved, *PIXELS).xyz)
     # Measured: within 8 %.
     np.testing.assert_allclose(np.array(repeated).std(axis=0), np.asarray(sigma), rtol=0.15)
-
-
-def test_a_file_with_uncertainties_brings_standard_errors() -> None:
-    """The noise and the pose's part of a larger covariance, picked by name."""
-    names = ["bar_factor", *ANGLES._fields, "baseline_m"]
-    covariance = np.diag(np.arange(1.0, 8.0) * 1e-8)
-    rig = replace(RIG_3D)
-    carried = {
-        "sigma_px": {"value": 0.2, "source": "estimated"},
-        "covariance": {"of": names, "matrix": covariance.tolist()},
-    }
-    object.__setattr__(rig, "uncertainties", carried)
-    found = reconstruct_points(rig, *PIXELS).sigma_m
-    expected = reconstruct_points(
-        RIG_3D, *PIXELS, sigma_px=0.2, pose_covariance=covariance[1:, 1:]
-    ).sigma_m
-    np.testing.assert_allclose(np.asarray(found), np.asarray(expected), rtol=1e-12)
-    # Another noise of these points keeps the errors of the parameters.
-    noisier = reconstruct_points(rig, *PIXELS, sigma_px=0.3).sigma_m
-    more, less = (
-        np.square(np.asarray(reconstruct_points(RIG_3D, *PIXELS, sigma_px=noise).sigma_m))
-        for noise in (0.3, 0.2)
-    )
-    np.testing.assert_allclose(
-        np.square(np.asarray(noisier)), np.square(np.asarray(found)) + more - less, rtol=1e-9
-    )
-    carried["covariance"] = {"of": ["yaw"], "matrix": [[1.0]]}
-    with pytest.raises(StereocalError, match="cannot be read"):
-        reconstruct_points(rig, *PIXELS)

@@ -183,28 +183,6 @@ def test_a_long_work_runs_as_a_job(
     assert "90 pairs in 6 frames" in said(app, "success")
 
 
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        (b"frame,u,v\n1,5,5\n1,nine,5\n", 'line 3: u is "nine"'),
-        (b"frame,u,v\n", "the file has one row only"),
-        (b"", "the file is empty"),
-        (b"frame,u,v\n1,,\n", "the table has no rows with points"),
-        (b"\x00\x01\x02\x03" * 50, "this is not a text file"),
-    ],
-)
-def test_a_bad_file_is_said_and_nothing_is_lost(
-    app: AppTest, home: Path, content: bytes, sentence: str
-) -> None:
-    with_files(app)
-    app.file_uploader(key="upload_points_primary").upload("bad.csv", content).run()
-    assert sentence in said(app, "error")
-    assert "What was loaded before is unchanged" in said(app, "error")
-    assert "In use: p.csv, 90 points" in said(app, "caption")
-    assert "90 pairs" in said(app, "success")
-    assert str(home) not in said(app)
-
-
 def test_wizard_of_a_table_with_unknown_columns(app: AppTest, home: Path) -> None:
     both = tables()
     give_sets(begun(app), SET_2D, SET_3D)

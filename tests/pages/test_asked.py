@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from streamlit.testing.v1 import AppTest
 
-from stereocal.formats.exchange.exchange import export_files
 from stereocal.projects.project import Project
 from tests.formats.test_no_silent_misreading import FOUR, four, opencv_camera
 from tests.pages.test_apply import (
@@ -69,16 +68,3 @@ def test_parameters_of_another_program(app: AppTest, home: Path) -> None:
     assert kept is not None and kept[1].method == "imported"
     np.testing.assert_allclose(kept[1].pose.T, SET_2D.pose.T, rtol=0, atol=1e-12)
     assert store_of(app, home).asking("matching") is None
-
-
-def test_coefficients_need_the_image_sizes(app: AppTest, home: Path) -> None:
-    begun(app)
-    give_sets_of_another_program(app, "matching", export_files(SET_2D, "dlt"))
-    app.selectbox(key="set_format_matching").set_value("dlt").run()
-    assert "image size" in said(app, "error")
-    for which, size in (("primary", (1600, 1200)), ("secondary", (1280, 1024))):
-        for side, pixels in zip(("width", "height"), size, strict=True):
-            app.number_input(key=f"set_size_matching_{which}_{side}").set_value(pixels).run()
-    app.button(key="use_set_matching").click().run()
-    kept = store_of(app, home).set_of("matching")
-    assert kept is not None and kept[1].secondary.image_size == (1280, 1024)

@@ -86,17 +86,6 @@ def test_photographs_to_the_projects_camera(
     assert again.number_input(key="board_columns").value == 8
 
 
-def test_photograph_left_out_and_views(app: AppTest, boards: dict[str, bytes]) -> None:
-    calibrate(small_board(upload(app, boards)))
-    app.multiselect(key="leave_out_primary").set_value(["02.png"]).run()
-    assert "have changed since the lens was calibrated" in messages(app)
-    calibrate(app)
-    assert "out of 6 photographs" in messages(app)
-    for view in ("Photograph by photograph", "What the lens leaves", "Without distortion"):
-        app.segmented_control(key="lens_view").set_value(view).run()
-        assert not app.exception and not app.error
-
-
 def test_sample_photographs(app: AppTest, home: Path) -> None:
     app.button(key="sample_boards").click().run()
     for which in CAMERAS:

@@ -9,7 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.project import Project
 from stereocal.ui.menu import SECTIONS, TITLES
-from tests.pages.stored_projects import FULL, go, placed, session, told
+from tests.pages.stored_projects import FULL, go, placed, session
 
 
 @pytest.fixture
@@ -47,27 +47,6 @@ def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
     app = go(app, "data")
     app.number_input(key="baseline_m_value").set_value(1.2345).run()
     assert states(app)["calibrate"] == "stale"
-
-
-@pytest.mark.parametrize("page", ["data", "calibrate", "validate", "one_set"])
-def test_a_page_that_ends_early_has_its_state_and_its_messages_too(home: Path, page: str) -> None:
-    project = Project.create(home)
-    app = session(project)
-    app.session_state["messages"] = [("info", "Only once.")]
-    go(app, page)
-    assert states(app)["calibrate"] == "missing"
-    assert app.sidebar.caption[0].value.startswith("Saved 20")
-    assert "Only once." in told(app, "info")
-    assert "Only once." not in told(app.run(), "info")
-
-
-def test_next_leads_through_all_pages(project: Project) -> None:
-    app = go(session(project), "cameras")
-    for title in ("Data", "Calibrate", "Validate", "One set or two", "Apply", "Check"):
-        assert app.button(key="next").label == f"Next: {title}"
-        app.button(key="next").click().run()
-        assert app.title[0].value == title
-    assert not [button for button in app.button if button.key == "next"]
 
 
 def test_no_next_where_something_is_missing(

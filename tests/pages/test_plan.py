@@ -13,7 +13,6 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
 from stereocal.ui.plan_project import planned_line
-from stereocal.ui.samples import SAMPLES
 from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
@@ -101,31 +100,6 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     app.switch_page("pages/plan.py").run()
     assert app.select_slider(key="plan_near_m").value == 9.0
     assert not app.error, messages(app)
-
-
-def test_planned_lengths_are_not_taken_for_measured_ones(app: AppTest, home: Path) -> None:
-    open_plan(app, {"plan.json": write_plan(plan(name="two boats"))})
-    app.button(key="plan_start").click().run()
-    project = Project.open(home, app.session_state["project_id"])
-    files = {"primary": "primary.json", "secondary": "secondary.json"}
-    for slot, name in {**files, "correspondences": "correspondences.csv"}.items():
-        project.give({slot: (name, (SAMPLES / "field" / name).read_bytes())})  # type: ignore[dict-item]
-    both = "the baseline (4.5 m) and the distance between the targets (0.9 m)"
-    for page in ("data", "calibrate", "validate", "one_set"):
-        go(app, page)
-        assert both in messages(app) and "Planned, not yet measured" in messages(app)
-        assert "the baseline as measured (planned: 4.5 m)" in messages(app)
-        assert not [each for each in app.button if each.key == "run"]
-    # One is measured, and the other is as planned.
-    go(app, "data").number_input(key="baseline_m_value").set_value(4.47).run()
-    assert project.inputs.planned == ["target_distance_m"]
-    assert "Planned, not yet measured: the distance between" in messages(app).replace("*", "")
-    go(app, "calibrate").button(key="take_planned").click().run()
-    assert project.inputs.missing == []
-    app.button(key="run").click().run()
-    found = project.calibration
-    assert found is not None
-    assert (found.dataset.baseline_m, found.dataset.target_distance_m) == (4.47, 0.9)
 
 
 def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:

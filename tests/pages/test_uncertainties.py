@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.formats.camera_file import write_camera
-from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
-from stereocal.rig.camera import LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.refined import refine_settings
 from tests.pages.stored_projects import SLOW
-from tests.pages.test_pages import FIELD, open_sample, project_of
+from tests.pages.test_pages import open_sample, project_of
 
 ROOT = Path(__file__).parents[2]
-
-
-def known_lens() -> bytes:
-    camera = read_dataset(FIELD).primary
-    errors = LensUncertainty(5.0, 5.0, 2.5, 3.5, np.full(camera.distortion.size, 0.01))
-    return write_camera(replace(camera, uncertainty=errors))
 
 
 def read(project: Project) -> Dataset:
@@ -64,24 +53,3 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     assert again.number_input(key="lens_secondary_focal_percent").value == 0.4
     assert again.number_input(key="lens_secondary_centre_px").value == 6.0
     assert again.selectbox(key="lens_primary_known").value == "Not stated"
-
-
-def test_a_lens_with_standard_errors_states_itself(app: AppTest, home: Path) -> None:
-    project = project_of(open_sample(app), home)
-    given = app.file_uploader(key="upload_primary")
-    given.upload("p.json", known_lens(), "application/json").run()
-    assert app.selectbox(key="lens_primary_known").value == "own"
-    own = read(project).primary.uncertainty
-    assert own is not None and own.cy == 3.5
-    choose(app, "lens_primary", "Not stated")
-    assert read(project).primary.uncertainty is None
-    choose(app, "lens_primary", "Typed")
-    assert app.number_input(key="lens_primary_centre_px").value == 3.5  # begins as the file says
-    app.number_input(key="lens_primary_centre_px").set_value(8.0).run()
-    typed = read(project).primary.uncertainty
-    assert typed is not None and typed.cx == typed.cy == 8.0
-    assert typed.distortion.tolist() == own.distortion.tolist()
-    # A new file is a new statement.
-    project.give({"primary": ("q.json", known_lens())})
-    assert read(project).primary.uncertainty is not None
-    assert project.inputs.lens_known == {}

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import yaml
 
 from stereocal.cli import main
-from stereocal.matching.application import Outcome, digest_of
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import methods_md
 from stereocal.paper_kit.references import PAPER, PROGRAM, references_bib
-from stereocal.paper_kit.table import table_csv
 from stereocal.verdict.in_words import digits, interval, percent
 from tests.paper_kit.answers import FIELD, of_field
 
@@ -70,43 +66,6 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     assert "left out" not in text
     assert "  " not in text
     assert ".." not in text
-
-
-def test_what_was_done_with_the_points_is_said_and_nothing_else() -> None:
-    found = of_field()
-    used = {
-        "points": ["bats_left.csv", "bats_right.csv"],
-        "matching": ["2d", digest_of(found.sets["2d"])],
-        "measuring": ["3d", digest_of(found.sets["3d"])],
-    }
-    done = Outcome("", 0.955, [0.0, None], 600, 0, [], [], "", [], {}, used)
-    text = methods_md(found, done)
-    assert (
-        "The points of `bats_left.csv` and `bats_right.csv` were matched with the 2D set below "
-        "0.955 px. Their positions were reconstructed with the 3D set." in text
-    )
-    assert "recommended" not in text
-    threshold = found.recommendation.match.threshold_px
-    assert threshold is not None and f"{digits(threshold, 2)} px" not in text
-    elsewhere = replace(done, used=used | {"matching": ["2d", "0" * 64]})
-    assert "matched with the 2D set of another calibration" in methods_md(found, elsewhere)
-    with zipfile.ZipFile(io.BytesIO(paper_kit(found, done))) as kit:
-        assert kit.read("methods.md").decode().startswith(text)
-    # A result of version 1.0 does not say with which sets it was made.
-    assert methods_md(found, replace(done, used={})) == methods_md(found)
-
-
-def test_the_table_is_that_of_the_summary() -> None:
-    found = of_field()
-    rows = {row["method"]: row for row in csv.DictReader(io.StringIO(table_csv(found).decode()))}
-    assert list(rows) == ["essential", "2d", "3d", "refined"]
-    assert found.evaluation is not None
-    lengths = found.evaluation.summaries["3d"].reconstruction
-    for end in ("value", "low", "high"):
-        column = "median_error_3d" if end == "value" else f"median_error_3d_{end}"
-        assert float(rows["3d"][column]) == getattr(lengths.median, end)
-    forecast = found.forecasts["2d"].figures["threshold_px"]
-    assert float(rows["2d"]["predicted_threshold_px_high"]) == forecast["high"]
 
 
 def test_the_references_are_those_of_the_citation_file() -> None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -64,41 +62,6 @@ def test_the_command_line_opens_it(tmp_path: Path) -> None:
         read_input(project.database.path)
     assert main(["calibrate", str(path), "--out", str(tmp_path / "out"), "--runs", "0"]) == 0
     assert (tmp_path / "out" / "parameters_3d.json").is_file()
-
-
-def stated(files: dict[str, bytes], edit: Callable[[Any], object]) -> None:
-    manifest = json.loads(files["project.json"])
-    edit(manifest)
-    files["project.json"] = json.dumps(manifest).encode()
-
-
-@pytest.mark.parametrize(
-    ("edit", "words"),
-    [
-        (lambda files: files.pop("project.json"), "no stereocal project"),
-        (lambda files: files.update({"project.json": b"{}"}), "another version"),
-        (lambda files: files.update({"project.json": b"\xff"}), "not a text file"),
-        (lambda files: files.pop("inputs/primary.json"), "is not in the zip"),
-        (lambda files: stated(files, lambda m: m["files"][0].update(part="secret")), "damaged"),
-        (lambda files: stated(files, lambda m: m["files"][0].update(path="/etc/passwd")), "is not"),
-        (lambda files: stated(files, lambda m: m["files"][0].update(about=3)), "damaged"),
-        (lambda files: stated(files, lambda m: m["files"][0].update(name="\ud800")), "damaged"),
-        (
-            lambda files: stated(files, lambda m: m["values"]["input"].update(exchanged=3)),
-            "damaged",
-        ),
-        (lambda files: stated(files, lambda m: m.update(edits=[3])), "damaged"),
-        (lambda files: stated(files, lambda m: m.update(values=[])), "damaged"),
-    ],
-)
-def test_strange_zips_are_refused_and_leave_nothing(
-    edit: Callable[[dict[str, bytes]], None], words: str, tmp_path: Path
-) -> None:
-    content = changed(packed(filled(tmp_path / "here"), tmp_path / "p.zip"), edit)
-    with pytest.raises(StereocalError, match=words):
-        unpack_project(content, "p.zip", tmp_path / "there")
-    assert list((tmp_path / "there" / "projects").iterdir()) == []
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["here", "p.zip", "there"]
 
 
 def test_all_that_native_code_decodes_is_tried_before_it_is_read(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.projects.files import keep_file
 from stereocal.projects.home import (
     bring_back,
     duplicate,
@@ -119,19 +118,6 @@ def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:
     assert sweep(tmp_path, removed_days=30) == 1
     with pytest.raises(StereocalError, match="for good"):
         bring_back(tmp_path, removed.id)
-
-
-def test_a_sweep_frees_what_nothing_names_and_what_a_killed_server_left(tmp_path: Path) -> None:
-    project = filled(tmp_path)
-    stray = keep_file(project.database, b"stored, and not named yet", "a.jpg")
-    left = tmp_path / "projects" / f".new-{project.id}.sqlite-wal"
-    left.touch()
-    sweep(tmp_path, 30)
-    assert stray.read_bytes() and left.exists()
-    sweep(tmp_path, 30, now=time.time() + 2 * 86_400)
-    assert project.dataset is not None and not left.exists()
-    with pytest.raises(StereocalError, match="has gone"):
-        stray.read_bytes()
 
 
 def test_nobody_else_on_the_computer_may_look_in(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.test_compiled import ASK
 from tests.terminal import LONGEST_S, ROOT
 
 if os.name == "nt":
@@ -65,30 +64,6 @@ def folder(tmp_path: Path, name: str, mode: int = 0o755) -> Path:
     made.mkdir()
     made.chmod(mode)
     return made
-
-
-def test_without_a_home_it_is_in_the_temporary_folder_and_is_used_again(
-    installed: Path, tmp_path: Path
-) -> None:
-    home, temporary = folder(tmp_path, "home", 0o555), folder(tmp_path, "temporary")
-    kept = []
-    for _ in range(2):
-        ended = python(installed, "-c", ASK, HOME=home, TMPDIR=temporary)
-        assert ended.stdout == "2.0\n", ended.stderr
-        (cache,) = temporary.iterdir()
-        kept.append({path: path.stat().st_mtime_ns for path in cache.rglob("*.nb?")})
-    assert kept[0] and kept[0] == kept[1]
-    assert cache.name == f"stereocal-compiled-{os.getuid()}"
-    assert cache.stat().st_mode & 0o777 == 0o700
-    assert not list(home.iterdir())
-
-
-def test_with_a_home_it_is_in_the_cache_folder_there(installed: Path, tmp_path: Path) -> None:
-    home, own = folder(tmp_path, "home"), folder(tmp_path, "own")
-    found = python(installed, "-c", CACHE, HOME=home)
-    assert found.stdout.strip() == str(home / ".cache" / "stereocal"), found.stderr
-    found = python(installed, "-c", CACHE, HOME=home, XDG_CACHE_HOME=own)
-    assert found.stdout.strip() == str(own / "stereocal"), found.stderr
 
 
 @pytest.mark.parametrize("trap", ["others can write", "a link"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -69,14 +68,6 @@ def test_a_damaged_file_is_survived(
     assert capfd.readouterr() == ("", "")
     with pytest.raises(StereocalError, match="gone cannot be read"):
         guard.check("fine", file.with_name("none"), "gone")
-
-
-def test_children_that_were_killed_are_started_again(guard: Guard, file: Path) -> None:
-    for _ in range(3):
-        guard.check("fine", file, "a")
-        for child in multiprocessing.active_children():
-            child.kill()
-    guard.check("fine", file, "a")
 
 
 SERVER = """
