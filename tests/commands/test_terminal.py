@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 import signal
 import subprocess
 import time
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED, NO_OUTPUT
+from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
@@ -164,30 +163,3 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
     assert sentences((ended.stderr or b"").decode()) == []
     names = ["parameters_2d.json", "parameters_3d.json", "parameters_refined.json"]
     assert sorted(path.name for path in files_below(tmp_path)) == names * (words != ["--help"])
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-@pytest.mark.parametrize(
-    ("shell", "status", "said"),
-    [
-        ("> /dev/full", NO_OUTPUT, "the output cannot be written (No space left on device)"),
-        (">&-", 0, ""),
-        (">&- 2>&-", 0, ""),
-    ],
-)
-def test_an_output_that_is_full_or_closed(
-    shell: str, status: int, said: str, tmp_path: Path
-) -> None:
-    words = [*command("print", "target"), "--side", "0.1", "--out", str(tmp_path / "a.pdf")]
-    ended = subprocess.run(
-        f"{shlex.join(words)} {shell}",
-        shell=True,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=LONGEST_S,
-    )
-    assert ended.returncode == status
-    assert "Traceback" not in ended.stderr and said in ended.stderr
-    assert (tmp_path / "a.pdf").exists()

@@ -203,15 +203,6 @@ class TestCharuco:
         error = view.corners - corners_of(pose)[view.ids]
         assert np.abs(error).max() < 0.3
 
-    @pytest.mark.parametrize("legacy", [False, True])
-    def test_boards_printed_by_older_versions(self, legacy: bool) -> None:
-        squares, pattern = (9, 6), BoardPattern(8, 5, 0.03, "DICT_4X4_50", 0.0225)
-        pose = facing(spin=0.1)
-        view = found(photographed(pose, board=charuco_board(squares, legacy)), pattern)
-        assert len(view.ids) >= 30
-        error = view.corners - corners_of(pose, squares)[view.ids]
-        assert np.abs(error).max() < 0.3
-
     def test_chessboard_is_no_charuco_board(self) -> None:
         refused = find_board(photographed(facing()), CHARUCO, "x.png")
         assert isinstance(refused, Refused) and "too few" in refused.reason

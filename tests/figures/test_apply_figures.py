@@ -13,7 +13,6 @@ from stereocal.figures import (
     plot_matches,
     plot_points,
 )
-from stereocal.figures.measured import in_view
 from stereocal.figures.space import VIEWS
 from stereocal.matching.nearest import nearest_errors
 from stereocal.matching.pairs import match, pixels_of
@@ -122,20 +121,6 @@ def test_points_in_a_world_frame_stand_upright() -> None:
         str(plot_points(moved, "error", SET, v, world=world).layout.scene.camera) for v in VIEWS
     }
     assert len(views) == len(VIEWS)
-
-
-def test_far_points_and_missing_ones_are_said_and_not_drawn() -> None:
-    odd = pd.concat([POINTS] * 20, ignore_index=True)
-    odd.loc[0, ["x", "y", "z"]] = np.nan
-    odd.loc[1, "z"] = 1e6
-    figure = plot_points(odd, "frame", SET)
-    assert len(figure.data[0].x) == len(odd) - 2
-    sentence = describe_points(odd)
-    assert "1 point far away" in sentence and "1 pair without a point" in sentence
-    nothing = odd.assign(x=np.nan)
-    assert "nothing to draw" in plot_points(nothing, "error", SET).layout.annotations[0].text
-    assert "No pair meets" in describe_points(nothing)
-    assert not in_view(np.full((3, 3), np.nan)).any()
 
 
 def test_tracks_are_one_trace_with_gaps_and_the_frame_is_marked() -> None:

@@ -62,17 +62,3 @@ def test_exchanging_it_brings_it_back_at_once(app: AppTest, project: Project) ->
     assert ended(project, "calibration").state == "done"
     assert project.inputs.exchanged == []
     assert left_out(project) == (BAD,)
-
-
-def test_a_frame_put_back_is_used_and_what_it_does_is_said(app: AppTest, project: Project) -> None:
-    app.button(key="look_left_out").click().run()
-    assert app.selectbox(key="chosen_frame").value == BAD
-    app.button(key="frame_put_back").click().run()
-    assert project.inputs.put_back == [BAD]
-    # It contradicts the others so much that nothing fits; the last good result stays.
-    assert f"({BAD})" in messages(app)
-    assert left_out(project) == (BAD,)
-    app.button(key="frame_leave_out").click().run()
-    assert left_out(project) == (BAD,)
-    assert (project.inputs.put_back, project.inputs.left_out) == ([], [BAD])
-    assert not app.error
