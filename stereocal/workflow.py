@@ -40,6 +40,7 @@ from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
+from stereocal.verdict.splits import note_on_splits
 
 OTHER_SEEDS = (1, 2, 3, 4)
 DEFAULT_REFINED = RefineSettings()
@@ -264,9 +265,13 @@ def answer(
         evaluation: of the same data set.
         validation: entries to write into the files instead of those of `evaluation`.
     """
+    note = ""
     if evaluation is not None:
-        validation = validation or validation_figures(evaluation.summaries, evaluation.settings)
+        settings, summaries = evaluation.settings, evaluation.summaries
+        validation = validation or validation_figures(summaries, settings)
+        note = note_on_splits(calibration.screening.dataset, settings, summaries)
     found = recommend(calibration, outlook, validation)
+    found = replace(found, sentences=tuple(filter(None, (*found.sentences, note))))
     return Answer(calibration, outlook, validation or {}, found, evaluation)
 
 

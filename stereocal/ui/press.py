@@ -165,6 +165,7 @@ def _evaluation(
         protocol,
         calibration=replace(calibration.settings, calibration_frames=None),
         calibration_frames=fitted,
+        splits="runs",  # of which the tiles are, whatever Validate shows
     )
     runs = evaluate(
         [kept],

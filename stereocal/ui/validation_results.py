@@ -23,6 +23,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
+from stereocal.ui import jobs
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
@@ -32,6 +33,7 @@ from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.splits import note_on_splits
 from stereocal.workflow import Answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
@@ -68,6 +70,15 @@ def _summaries(
     return pooled, by_dataset
 
 
+@st.cache_resource(show_spinner="Leaving out the other way.", max_entries=32)
+def _note(digest: str, _evaluation: Evaluation, _screening: Screening) -> str:
+    """Whether single frames and whole runs left out give different figures."""
+    assert digest
+    return jobs.compute(
+        note_on_splits, _screening.dataset, _evaluation.settings, _evaluation.summaries
+    )
+
+
 def show_evaluation(
     project: Project,
     evaluation: Evaluation,
@@ -89,6 +100,8 @@ def show_evaluation(
     pooled, by_dataset = _summaries(evaluation.digest, bins.value(), refined.value(), evaluation)
     screenings = _screenings(evaluation, datasets, readable(lambda: project.calibration))
     _show_answer(pooled, screenings)
+    if len(screenings) == 1 and (note := _note(evaluation.digest, evaluation, screenings[0])):
+        st.info(escape_markdown(note))
     columns, picture = _choose_view(project, refined)
     if len(columns) > 1:
         st.html(WIDE_OR_NARROW)

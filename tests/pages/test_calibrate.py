@@ -200,3 +200,12 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     app.segmented_control(key="view").set_value("Parameters").run()
     (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]
     assert str(row.loc["Matching threshold (px)", "Refined set"]) + " px" == tile
+
+
+def test_the_tiles_are_of_whole_runs_whatever_validate_shows(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    project.keep_settings({"validate_splits": "frames", "validate_runs": 10})
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    evaluation = project.calibration_evaluation
+    assert evaluation is not None and evaluation.settings.splits == "runs"
