@@ -60,9 +60,13 @@ def main() -> None:
     rigs = parser.parse_args().rigs
     for length in (10, 20, 40):
         found = np.array([each for seed in range(rigs) for each in held(length, seed)])
+        of_figures = found[:, 0].reshape(-1, len(FIGURES)).mean(axis=0)
+        each = ", ".join(
+            f"{name} {100 * share:.0f}" for name, share in zip(FIGURES, of_figures, strict=True)
+        )
         print(
-            f"{length} frames: {100 * found[:, 0].mean():.0f} % of {len(found)} hold, median width "
-            f"{np.median(found[:, 1]):.2f}"
+            f"{length} frames: {100 * found[:, 0].mean():.0f} % of {len(found)} hold ({each}), "
+            f"median width {np.median(found[:, 1]):.2f}"
         )
 
 

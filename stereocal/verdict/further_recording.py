@@ -2,10 +2,11 @@
 
 A further recording has other places, and other noise where blur or detection change. How much that
 matters shows between runs of the recording at hand: the variance of the logarithm of a figure
-between ten of them, beyond that of as many groups of frames drawn at random. A further recording in
-the same volume, a third as long as this one, differs by so much from the forecast, and by what its
-finite number of frames makes. Frames follow each other where their errors are alike, or where their
-bars lie close together.
+between up to ten of them, beyond that of as many groups of frames drawn at random. A further
+recording in the same volume, a third as long as this one, differs by so much from the forecast, and
+by what its finite number of frames makes. Frames follow each other where their errors are alike, or
+where their bars lie close together. Runs are at least as long as that lasts: shorter ones would
+repeat each other, and count for more than they tell.
 """
 
 from __future__ import annotations
@@ -19,16 +20,19 @@ from scipy.special import stdtrit
 
 from stereocal.calibration.methods import Method
 from stereocal.calibration.results import errors_of
-from stereocal.evaluation.summary import Estimate
+from stereocal.evaluation.evaluate import count_set
+from stereocal.evaluation.summary import Estimate, figures_of_set
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.clusters import clusters_of
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
 RUNS = 10
 FEWEST = 4
 """Frames of a run, and runs."""
-SHUFFLES = 60
+SHUFFLES, SHUFFLES_OF_PAIRS = 60, 6
 LENGTH = 1 / 3
 """Of a further recording, over that of the one at hand."""
 LARGEST = float(np.log(3.0))
@@ -40,17 +44,21 @@ class Further:
     """Half widths of 95 % intervals in logarithms, for what differs between recordings."""
 
     in_images: float = 0.0
+    of_pairs: float = 0.0
+    """Of the FCP and of shares of pairs: of their logarithm where they are small."""
     mean_length: float = 0.0
     median_length: float = 0.0
     p95_length: float = 0.0
 
     def of(self, figure: str) -> float:
-        """That of a figure of a forecast. Thresholds and shares follow the errors in the images."""
+        """That of a figure of a forecast. Thresholds follow the errors in the images."""
         return {
             "mean_error_3d": self.mean_length,
             "median_error_3d": self.median_length,
             "p95_error_3d": self.p95_length,
-        }.get(figure, self.in_images)
+            "mean_reprojection_px": self.in_images,
+            "threshold_px": self.in_images,
+        }.get(figure, self.of_pairs)
 
 
 def further_recordings(
@@ -64,47 +72,69 @@ def further_recordings(
         seed: of the groups of frames drawn at random.
     """
     table = model.dataset.correspondences
-    if not (model.clusters.has_runs or _moves(model)):
+    length = max(model.clusters.length, _length_of_places(model))
+    if length == 1:
         return {}
     order = np.argsort(table.time_frame, kind="stable")
     used = order[model.used_rows[order]]
+    at = np.unique(table.time_frame[used], return_inverse=True)[1]
     bars = np.flatnonzero(model.used_rows[table.bars].all(axis=1))
     bars = bars[np.argsort(table.time_frame[table.bars[bars, 0]])]
     found: dict[Method, Further] = {}
     for method, rig in files.items():
         rng = np.random.default_rng([seed, 0xF127])
-        seen = replace(model.dataset, primary=rig.primary, secondary=rig.secondary)
+        seen = replace(
+            model.dataset,
+            primary=rig.primary,
+            secondary=rig.secondary,
+            baseline_m=rig.pose.baseline,
+        )
         errors = errors_of(seen, rig.pose)
-        at = np.unique(table.time_frame[used], return_inverse=True)[1]
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
-        length = errors.length[bars]
+        lengths = errors.length[bars]
+        in_images = half_width(px, _mean, length, rng)
         found[method] = Further(
-            half_width(px, _mean, rng),
-            half_width(length, _mean, rng),
-            half_width(length, _median, rng),
-            half_width(length, _p95, rng),
+            in_images,
+            # Small overlaps show little of what changes the errors.
+            max(_half_width_of_fcp(seen, rig.pose, used, at, length, rng), in_images),
+            half_width(lengths, _mean, length, rng),
+            half_width(lengths, _median, length, rng),
+            half_width(lengths, _p95, length, rng),
         )
     return found
 
 
-def _moves(model: RefinedResult) -> bool:
-    """Whether bars lie closer to those of neighbouring frames than to others."""
+def _length_of_places(model: RefinedResult) -> int:
+    """Number of frames over which bars lie closer together than others; 1 if they do not."""
     table, frames = model.dataset.correspondences, model.frames[~model.outlying]
     first = np.unique(table.frame, return_index=True)
     times = table.time_frame[first[1][np.searchsorted(first[0], frames)]]
     middles = model.points_m[~model.outlying].mean(axis=1)
     places = np.column_stack([middles[:, :2] / middles[:, 2:], np.log(middles[:, 2])])
     order = np.argsort(times)
-    return clusters_of(times[order], (places - np.nanmean(places, axis=0))[order]).length > 1
+    return clusters_of(times[order], (places - np.nanmean(places, axis=0))[order]).length
+
+
+def _runs(frames: int, length: int) -> int:
+    """Into how many runs frames are divided that are alike for a length; 0 if they are too few."""
+    runs = min(RUNS, max(frames // length, FEWEST))
+    return runs if frames >= FEWEST * runs else 0
 
 
 def half_width(
-    errors: FloatArray, figure: Callable[[FloatArray], FloatArray], rng: np.random.Generator
+    errors: FloatArray,
+    figure: Callable[[FloatArray], FloatArray],
+    length: int,
+    rng: np.random.Generator,
 ) -> float:
-    """Half width of the interval of a figure of the errors (f,), which are in the order of time."""
+    """Half width of the interval of a figure of the errors (f,), which are in the order of time.
+
+    Args:
+        length: frames over which they are alike.
+    """
     known = errors[np.isfinite(errors)]
-    runs = min(RUNS, len(known) // FEWEST)
-    if runs < FEWEST:
+    runs = _runs(len(known), length)
+    if not runs:
         return 0.0
     known = known[: len(known) // runs * runs]
 
@@ -114,10 +144,41 @@ def half_width(
         return np.asarray(np.log(np.maximum(parts, 1e-300)).var(axis=-1, ddof=1))
 
     shuffled = rng.permuted(np.broadcast_to(known, (SHUFFLES, len(known))), axis=1)
-    of_frames = float(between(shuffled).mean())
-    excess = max(float(between(known)) - of_frames, 0.0)
+    return _half_width(float(between(known)), float(between(shuffled).mean()), runs)
+
+
+def _half_width_of_fcp(
+    seen: Dataset, pose: Pose, used: IntArray, at: IntArray, length: int, rng: np.random.Generator
+) -> float:
+    """That of the FCP, from its log odds.
+
+    Args:
+        used: (n,): the rows to count, and `at` (n,) the places of their frames in time.
+    """
+    frames = int(at.max()) + 1
+    runs = _runs(frames, length)
+    if not runs:
+        return 0.0
+
+    def between(order: IntArray) -> float:
+        """Variance between the runs of frames in an order (f,)."""
+        odds = []
+        for own in np.array_split(order, runs):
+            rows = np.zeros(len(seen.correspondences), dtype=np.bool_)
+            rows[used[np.isin(at, own)]] = True
+            fcp, pairs = figures_of_set(count_set(seen, pose, rows=rows))[0], int(rows.sum())
+            odds.append(np.log((fcp * pairs + 0.5) / ((1.0 - fcp) * pairs + 0.5)))
+        return float(np.var(odds, ddof=1))
+
+    shuffled = [between(rng.permutation(frames)) for _ in range(SHUFFLES_OF_PAIRS)]
+    return _half_width(between(np.arange(frames)), float(np.mean(shuffled)), runs)
+
+
+def _half_width(between: float, of_frames: float, runs: int) -> float:
+    """From the variance between runs, and between groups of frames drawn at random."""
     recordings = 1 / (runs * LENGTH)
-    squares = stdtrit(runs - 1, 0.975) ** 2 * excess * (recordings + 1 / runs)
+    squares = stdtrit(runs - 1, 0.975) ** 2 * max(between - of_frames, 0.0)
+    squares *= recordings + 1 / runs
     return min(float(np.sqrt(squares + 1.96**2 * of_frames * recordings)), LARGEST)
 
 

@@ -15,9 +15,10 @@ from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import half_width, widened
 from stereocal.workflow import calibrate
 from tests.rigs.population import figures_on
+from tests.rigs.refined_rigs import Misjudged, random_rig, stated, waved_scene
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
-FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d")
+FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
 
 
 def mean(errors: np.ndarray) -> np.ndarray:
@@ -26,13 +27,25 @@ def mean(errors: np.ndarray) -> np.ndarray:
 
 def test_shuffled_errors_have_little_excess_and_runs_have_theirs() -> None:
     rng = np.random.default_rng(0)
-    alike = [half_width(np.abs(rng.standard_normal(400)), mean, rng) for _ in range(20)]
+    alike = [half_width(np.abs(rng.standard_normal(400)), mean, 40, rng) for _ in range(20)]
     # A mean of 133 frames differs by 1.96 * 0.755 / sqrt(133) = 0.13 by chance.
     assert np.median(alike) == pytest.approx(0.13, rel=0.3)
     level = np.repeat(np.exp(0.3 * rng.standard_normal((20, 10))), 40, axis=1)
-    apart = [half_width(each * np.abs(rng.standard_normal(400)), mean, rng) for each in level]
+    apart = [half_width(each * np.abs(rng.standard_normal(400)), mean, 40, rng) for each in level]
     # Student's 2.26 times 0.3, times the root of 3/10 + 1/10: 0.43, and the 0.13 in quadrature.
     assert np.median(apart) == pytest.approx(0.45, rel=0.25)
+
+
+def test_errors_that_stay_alike_for_long_leave_fewer_runs_and_wider_intervals() -> None:
+    rng = np.random.default_rng(1)
+    level = np.repeat(np.exp(0.3 * rng.standard_normal((20, 5))), 80, axis=1)
+    errors = [each * np.abs(rng.standard_normal(400)) for each in level]
+    short, long = (
+        np.median([half_width(each, mean, length, rng) for each in errors]) for length in (1, 80)
+    )
+    # Student's 2.78 times 0.3, times the root of 3/5 + 1/5; measured: 0.32 and 0.56.
+    assert 0.45 < long < 0.8
+    assert short < 0.7 * long
 
 
 def test_intervals_widen_on_both_sides_in_quadrature() -> None:
@@ -48,6 +61,7 @@ def test_the_first_quarter_of_a_recording_is_as_the_others_forecast() -> None:
     rest = data.of_frames(frames[len(frames) // 4 :])
     outlook = forecast_files(calibrate(rest, refined=RefineSettings()))
     assert outlook.predictive.further
+    assert all(each.of_pairs >= each.in_images > 0 for each in outlook.predictive.further.values())
     held, widths = [], []
     for method in ("2d", "3d", "refined"):
         true = figures_on(data.of_frames(frames[: len(frames) // 4]), outlook.files[method])
@@ -55,6 +69,16 @@ def test_the_first_quarter_of_a_recording_is_as_the_others_forecast() -> None:
             said = getattr(outlook.predictive.forecasts[method], name)
             held.append(said.low <= true[name] <= said.high)
             widths.append((said.high - said.low) / said.value)
-    # Measured: 8 of 9, and 2 of 9 for independent frames; benchmarks/quarters.py has all quarters.
-    assert sum(held) >= 7
+    # Measured: all 12, and 4 of 12 for independent frames; benchmarks/quarters.py has all quarters.
+    assert sum(held) >= 10
     assert np.median(widths) < 1.1
+
+
+def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() -> None:
+    """A bar that stays at five places: wrong pairs of one place are close together."""
+    rng = np.random.default_rng([3, 27])
+    scene = waved_scene(random_rig(rng), rng, 200, 40)
+    data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, 0.2))
+    found = forecast_files(calibrate(data, refined=RefineSettings())).predictive.further["2d"]
+    assert found.of("fcp_reprojection") > 2 * found.of("mean_reprojection_px") > 0
+    assert found.of("wrong_let_in_at_threshold") == found.of("fcp_reprojection")
