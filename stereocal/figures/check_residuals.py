@@ -39,23 +39,21 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
             colour, symbol = (
                 (WRONG_COLOUR, "circle-open") if name == BEFORE else (CORRECT_COLOUR, "diamond")
             )
-            figure.add_trace(
-                go.Scatter(
-                    x=residuals.frames,
-                    y=errors,
-                    mode="markers",
-                    name=name,
-                    cliponaxis=False,
-                    marker={
-                        "color": colour,
-                        "symbol": symbol,
-                        "size": size,
-                        "line": {"width": 1.5},
-                    },
-                    legendgroup=name,
-                    showlegend=row == 1,
-                    hovertemplate=f"frame %{{x}}: %{{y:.3~r}} {unit}<extra>{name}</extra>",
-                ),
+            figure.add_scatter(
+                x=residuals.frames,
+                y=errors,
+                mode="markers",
+                name=name,
+                cliponaxis=False,
+                marker={
+                    "color": colour,
+                    "symbol": symbol,
+                    "size": size,
+                    "line": {"width": 1.5},
+                },
+                legendgroup=name,
+                showlegend=row == 1,
+                hovertemplate=f"frame %{{x}}: %{{y:.3~r}} {unit}<extra>{name}</extra>",
                 row=row,
                 col=1,
             )

@@ -113,29 +113,27 @@ def _add_comparison(
         + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
         for name, e in zip(names, estimates, strict=True)
     ]
-    figure.add_trace(
-        go.Scatter(
-            x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1.5),
-            y=drawn[:, 0],
-            error_y={
-                "type": "data",
-                "array": drawn[:, 2] - drawn[:, 0],
-                "arrayminus": drawn[:, 0] - drawn[:, 1],
-                "thickness": 1.5,
-                "width": 3,
-            },
-            mode="markers",
-            name=METHOD_NAMES[method],
-            legendgroup=method,
-            showlegend=row == 1,
-            marker={
-                "color": METHOD_COLOURS[method],
-                "size": 9 if len(names) <= 8 else 7,
-                "symbol": [symbol if e.value else LIMIT for e in estimates],
-            },
-            text=texts,
-            hovertemplate="%{text}<extra></extra>",
-        ),
+    figure.add_scatter(
+        x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1.5),
+        y=drawn[:, 0],
+        error_y={
+            "type": "data",
+            "array": drawn[:, 2] - drawn[:, 0],
+            "arrayminus": drawn[:, 0] - drawn[:, 1],
+            "thickness": 1.5,
+            "width": 3,
+        },
+        mode="markers",
+        name=METHOD_NAMES[method],
+        legendgroup=method,
+        showlegend=row == 1,
+        marker={
+            "color": METHOD_COLOURS[method],
+            "size": 9 if len(names) <= 8 else 7,
+            "symbol": [symbol if e.value else LIMIT for e in estimates],
+        },
+        text=texts,
+        hovertemplate="%{text}<extra></extra>",
         row=row,
         col=1,
     )

@@ -69,16 +69,14 @@ def _size(camera: Camera) -> str:
 def _add_image(figure: go.Figure, column: int, camera: Camera) -> None:
     """Draw the border of the image, 0.5 px beyond the outermost pixel centres."""
     right, bottom = (side - 0.5 for side in camera.image_size)
-    figure.add_trace(
-        go.Scatter(
-            x=[-0.5, right, right, -0.5, -0.5],
-            y=[-0.5, -0.5, bottom, bottom, -0.5],
-            mode="lines",
-            line={"color": NEUTRAL, "width": 1.5},
-            name="Border of the image",
-            hoverinfo="skip",
-            showlegend=False,
-        ),
+    figure.add_scatter(
+        x=[-0.5, right, right, -0.5, -0.5],
+        y=[-0.5, -0.5, bottom, bottom, -0.5],
+        mode="lines",
+        line={"color": NEUTRAL, "width": 1.5},
+        name="Border of the image",
+        hoverinfo="skip",
+        showlegend=False,
         row=1,
         col=column,
     )
@@ -90,41 +88,37 @@ def _add_points(figure: go.Figure, column: int, dataset: Dataset, points: FloatA
     ends = rows.bars[drawn[rows.bars[:, 0]]]
     bars = np.full((len(ends), 3, 2), np.nan)  # A, B, gap
     bars[:, :2] = points[ends]
-    figure.add_trace(
-        go.Scatter(
-            x=bars[..., 0].ravel(),
-            y=bars[..., 1].ravel(),
-            mode="lines",
-            line={"color": FAINT, "width": 1},
-            hoverinfo="skip",
-            legendgroup="bars",
-            name=f"Bar A–B ({n_drawn(len(rows.bars))})",
-            showlegend=column == 1,
-        ),
+    figure.add_scatter(
+        x=bars[..., 0].ravel(),
+        y=bars[..., 1].ravel(),
+        mode="lines",
+        line={"color": FAINT, "width": 1},
+        hoverinfo="skip",
+        legendgroup="bars",
+        name=f"Bar A–B ({n_drawn(len(rows.bars))})",
+        showlegend=column == 1,
         row=1,
         col=column,
     )
     for number, target in enumerate(TARGETS):
         of_target = rows.target == number
         shown = of_target & drawn
-        figure.add_trace(
-            go.Scatter(
-                x=points[shown, 0],
-                y=points[shown, 1],
-                mode="markers",
-                marker={
-                    "color": TARGET_COLOURS[target],
-                    "symbol": TARGET_SYMBOLS[target],
-                    "size": 8 if len(rows.frames) <= 100 else 5,
-                },
-                customdata=rows.frame[shown],
-                legendgroup=target,
-                name=f"Target {target} (n = {of_target.sum()})",
-                showlegend=column == 1,
-                hovertemplate=(
-                    f"frame %{{customdata}}, target {target}<br>"
-                    "u %{x:.2f} px, v %{y:.2f} px<extra></extra>"
-                ),
+        figure.add_scatter(
+            x=points[shown, 0],
+            y=points[shown, 1],
+            mode="markers",
+            marker={
+                "color": TARGET_COLOURS[target],
+                "symbol": TARGET_SYMBOLS[target],
+                "size": 8 if len(rows.frames) <= 100 else 5,
+            },
+            customdata=rows.frame[shown],
+            legendgroup=target,
+            name=f"Target {target} (n = {of_target.sum()})",
+            showlegend=column == 1,
+            hovertemplate=(
+                f"frame %{{customdata}}, target {target}<br>"
+                "u %{x:.2f} px, v %{y:.2f} px<extra></extra>"
             ),
             row=1,
             col=column,

@@ -33,24 +33,22 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
     shown = list(reversed(inputs))
     figure = finish(go.Figure(), FRAME + ROW * max(len(shown), 1))
     values = np.array([item.standard_errors for item in shown])
-    figure.add_trace(
-        go.Bar(
-            y=[name_of(item) for item in shown],
-            x=values,
-            orientation="h",
-            showlegend=False,
-            marker={
-                "color": [WRONG_COLOUR if item.accused else FAINT for item in shown],
-                "line": {"color": NEUTRAL, "width": 1},
-                # A pattern too, for readers who cannot distinguish the colours.
-                "pattern": {"shape": ["/" if item.accused else "" for item in shown]},
-            },
-            text=["none" if np.isnan(v) else digits(v, 2) for v in values],
-            textposition="outside",
-            customdata=[_words(item) for item in shown],
-            cliponaxis=False,
-            hovertemplate="%{customdata}<extra></extra>",
-        )
+    figure.add_bar(
+        y=[name_of(item) for item in shown],
+        x=values,
+        orientation="h",
+        showlegend=False,
+        marker={
+            "color": [WRONG_COLOUR if item.accused else FAINT for item in shown],
+            "line": {"color": NEUTRAL, "width": 1},
+            # A pattern too, for readers who cannot distinguish the colours.
+            "pattern": {"shape": ["/" if item.accused else "" for item in shown]},
+        },
+        text=["none" if np.isnan(v) else digits(v, 2) for v in values],
+        textposition="outside",
+        customdata=[_words(item) for item in shown],
+        cliponaxis=False,
+        hovertemplate="%{customdata}<extra></extra>",
     )
     figure.add_vline(x=ACCUSED, line={"color": NEUTRAL, "dash": "dash", "width": 2})
     most = float(np.nanmax(np.append(values, ACCUSED)))

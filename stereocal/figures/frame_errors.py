@@ -213,26 +213,24 @@ def _add_method(figure: go.Figure, row: int, panel: FramePanel, method: Method) 
         chosen = of_kind & drawn
         if not chosen.any():
             continue
-        figure.add_trace(
-            go.Scatter(
-                x=_beside(panel, method)[chosen],
-                y=panel.values[method][chosen],
-                mode="markers",
-                customdata=panel.frames[chosen],
-                marker={
-                    "color": METHOD_COLOURS[method],
-                    "symbol": METHOD_SYMBOLS[method] + kind.suffix,
-                    "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0),
-                    "opacity": 0.85,
-                },
-                unselected={"marker": {"opacity": 0.85}},
-                name=METHOD_NAMES[method],
-                legendgroup=method,
-                showlegend=row == 1 and not kind.key,
-                hovertemplate=(
-                    f"{METHOD_NAMES[method]}, frame %{{customdata}} ({kind.words})<br>"
-                    f"{panel.title.lower()} %{{y:.3~r}} {panel.unit}<extra></extra>"
-                ),
+        figure.add_scatter(
+            x=_beside(panel, method)[chosen],
+            y=panel.values[method][chosen],
+            mode="markers",
+            customdata=panel.frames[chosen],
+            marker={
+                "color": METHOD_COLOURS[method],
+                "symbol": METHOD_SYMBOLS[method] + kind.suffix,
+                "size": SIZES[method] - (2 if len(panel.frames) > 100 else 0),
+                "opacity": 0.85,
+            },
+            unselected={"marker": {"opacity": 0.85}},
+            name=METHOD_NAMES[method],
+            legendgroup=method,
+            showlegend=row == 1 and not kind.key,
+            hovertemplate=(
+                f"{METHOD_NAMES[method]}, frame %{{customdata}} ({kind.words})<br>"
+                f"{panel.title.lower()} %{{y:.3~r}} {panel.unit}<extra></extra>"
             ),
             row=row,
             col=1,
@@ -274,19 +272,17 @@ def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
     at, heights = _labelled(panel)
     if not len(at):
         return
-    figure.add_trace(
-        go.Scatter(
-            x=panel.frames[at],
-            y=heights,
-            mode="text",
-            text=[f"<b>{frame}</b>" for frame in panel.frames[at]],
-            textposition="top center",
-            textfont={"size": 14},
-            hoverinfo="skip",
-            showlegend=False,
-            cliponaxis=False,
-            name="Outlying frames",
-        ),
+    figure.add_scatter(
+        x=panel.frames[at],
+        y=heights,
+        mode="text",
+        text=[f"<b>{frame}</b>" for frame in panel.frames[at]],
+        textposition="top center",
+        textfont={"size": 14},
+        hoverinfo="skip",
+        showlegend=False,
+        cliponaxis=False,
+        name="Outlying frames",
         row=row,
         col=1,
     )
@@ -327,15 +323,13 @@ def _add_key(figure: go.Figure, panel: FramePanel) -> None:
     for kind, n in zip(panel.kinds, panel.counts, strict=True):
         if not kind.key or not n:
             continue
-        figure.add_trace(
-            go.Scatter(
-                x=[None],
-                y=[None],
-                mode="markers",
-                hoverinfo="skip",
-                marker={"color": NEUTRAL, "symbol": f"circle{kind.suffix}", "size": 9},
-                name=f"{kind.key} (n = {n})",
-            ),
+        figure.add_scatter(
+            x=[None],
+            y=[None],
+            mode="markers",
+            hoverinfo="skip",
+            marker={"color": NEUTRAL, "symbol": f"circle{kind.suffix}", "size": 9},
+            name=f"{kind.key} (n = {n})",
             row=1,
             col=1,
         )

@@ -31,15 +31,13 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
         name, value = PARAMETERS[at], float(lens.values[at])
         sigma = float(lens.standard_errors[at])
         low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
-        figure.add_trace(
-            go.Histogram(
-                x=lens.draws[:, at],
-                marker_color=BLUE,
-                showlegend=number == 0,
-                name=f"Results of the draws (n = {len(lens.draws)})",
-                xbins={"start": low, "end": high + 1e-12, "size": max((high - low) / BINS, 1e-12)},
-                hovertemplate=f"{name} %{{x}}{unit}<br>%{{y}} draws<extra></extra>",
-            ),
+        figure.add_histogram(
+            x=lens.draws[:, at],
+            marker_color=BLUE,
+            showlegend=number == 0,
+            name=f"Results of the draws (n = {len(lens.draws)})",
+            xbins={"start": low, "end": high + 1e-12, "size": max((high - low) / BINS, 1e-12)},
+            hovertemplate=f"{name} %{{x}}{unit}<br>%{{y}} draws<extra></extra>",
             row=row,
             col=column,
         )
@@ -87,7 +85,7 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
             },
         ),
     ):
-        figure.add_trace(go.Scatter(x=[None], y=[None], name=name, **style), row=1, col=1)
+        figure.add_scatter(x=[None], y=[None], name=name, **style, row=1, col=1)
     # All at once, because Plotly copies the earlier ones when one is added.
     figure.update_layout(shapes=shapes)
     return figure
@@ -125,27 +123,23 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
         chosen = [at for at, name in enumerate(names) if (name in outlying) == wanted]
         if not chosen:
             continue
-        figure.add_trace(
-            go.Bar(
-                x=[names[at] for at in chosen],
-                y=lens.view_errors[chosen],
-                name=f"{title} (n = {len(chosen)})",
-                marker={"color": colour, "pattern_shape": pattern},
-                showlegend=True,
-                customdata=[len(lens.search.views[at].ids) for at in chosen],
-                hovertemplate="%{x}<br>%{y:.3f} px over %{customdata} corners<extra></extra>",
-            )
+        figure.add_bar(
+            x=[names[at] for at in chosen],
+            y=lens.view_errors[chosen],
+            name=f"{title} (n = {len(chosen)})",
+            marker={"color": colour, "pattern_shape": pattern},
+            showlegend=True,
+            customdata=[len(lens.search.views[at].ids) for at in chosen],
+            hovertemplate="%{x}<br>%{y:.3f} px over %{customdata} corners<extra></extra>",
         )
     middle = float(np.median(lens.view_errors))
     figure.add_hline(y=middle, line={"color": NEUTRAL, "width": 1.5, "dash": "dash"})
-    figure.add_trace(
-        go.Scatter(
-            x=[None],
-            y=[None],
-            mode="lines",
-            name=f"Median {middle:.3f} px",
-            line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
-        )
+    figure.add_scatter(
+        x=[None],
+        y=[None],
+        mode="lines",
+        name=f"Median {middle:.3f} px",
+        line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
     )
     figure.update_xaxes(
         categoryorder="array",

@@ -95,20 +95,18 @@ def unmatched(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
 
 def _add_unmatched(figure: go.Figure, points: FloatArray, on_photograph: bool) -> None:
     drawn = points[:: thinned(len(points))]
-    figure.add_trace(
-        go.Scatter(
-            x=drawn[:, 0],
-            y=drawn[:, 1],
-            mode="markers",
-            marker={
-                "symbol": "circle-open",
-                "size": 9,
-                "line": {"width": 2},
-                "color": WRONG_COLOUR if on_photograph else NEUTRAL,
-            },
-            name=f"No partner (n = {len(points)})",
-            hovertemplate="no partner<br>u %{x:.2f} px, v %{y:.2f} px<extra></extra>",
-        )
+    figure.add_scatter(
+        x=drawn[:, 0],
+        y=drawn[:, 1],
+        mode="markers",
+        marker={
+            "symbol": "circle-open",
+            "size": 9,
+            "line": {"width": 2},
+            "color": WRONG_COLOUR if on_photograph else NEUTRAL,
+        },
+        name=f"No partner (n = {len(points)})",
+        hovertemplate="no partner<br>u %{x:.2f} px, v %{y:.2f} px<extra></extra>",
     )
 
 
@@ -128,30 +126,28 @@ def _add_pairs(
             continue
         drawn = np.flatnonzero(chosen)[::step]
         rows = pairs.iloc[drawn]
-        figure.add_trace(
-            go.Scatter(
-                x=rows[f"u_{side}"],
-                y=rows[f"v_{side}"],
-                mode="markers+text" if numbered else "markers",
-                text=[str(k + 1) for k in drawn],
-                textposition="top center",
-                textfont={"size": 13, **(ON_PHOTOGRAPH if on_photograph else {})},
-                name=f"{name} (n = {np.count_nonzero(chosen)})",
-                marker={
-                    "symbol": symbol,
-                    "size": 9 if len(pairs) <= 200 else 6,
-                    "color": rank[drawn],
-                    "colorscale": [list(stop) for stop in PAIR_COLOURS],
-                    "cmin": 0.0,
-                    "cmax": 1.0,
-                    "line": {"width": 1 if on_photograph else 0, "color": "white"},
-                },
-                customdata=np.column_stack([rows["error_px"], rows["runner_up_px"]]),
-                hovertemplate=(
-                    f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
-                    "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px<extra></extra>"
-                ),
-            )
+        figure.add_scatter(
+            x=rows[f"u_{side}"],
+            y=rows[f"v_{side}"],
+            mode="markers+text" if numbered else "markers",
+            text=[str(k + 1) for k in drawn],
+            textposition="top center",
+            textfont={"size": 13, **(ON_PHOTOGRAPH if on_photograph else {})},
+            name=f"{name} (n = {np.count_nonzero(chosen)})",
+            marker={
+                "symbol": symbol,
+                "size": 9 if len(pairs) <= 200 else 6,
+                "color": rank[drawn],
+                "colorscale": [list(stop) for stop in PAIR_COLOURS],
+                "cmin": 0.0,
+                "cmax": 1.0,
+                "line": {"width": 1 if on_photograph else 0, "color": "white"},
+            },
+            customdata=np.column_stack([rows["error_px"], rows["runner_up_px"]]),
+            hovertemplate=(
+                f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
+                "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px<extra></extra>"
+            ),
         )
 
 

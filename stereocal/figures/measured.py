@@ -99,38 +99,34 @@ def plot_points(
     ):
         if not len(some):
             continue
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(xyz[some]),
-                mode="markers",
-                marker={
-                    **marker,
-                    "color": values[some],
-                    "symbol": symbol,
-                    "showscale": not any(trace.mode == "markers" for trace in figure.data),
-                },
-                customdata=about[some],
-                hovertemplate=(
-                    "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>"
-                    f"x %{{customdata[2]:.3f}} m{x}, y %{{customdata[3]:.3f}} m{y}, "
-                    f"z %{{customdata[4]:.3f}} m{z}<extra></extra>"
-                ),
-                name=f"{name} (n = {len(some)})",
-            )
+        figure.add_scatter3d(
+            **upright(xyz[some]),
+            mode="markers",
+            marker={
+                **marker,
+                "color": values[some],
+                "symbol": symbol,
+                "showscale": not any(trace.mode == "markers" for trace in figure.data),
+            },
+            customdata=about[some],
+            hovertemplate=(
+                "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>"
+                f"x %{{customdata[2]:.3f}} m{x}, y %{{customdata[3]:.3f}} m{y}, "
+                f"z %{{customdata[4]:.3f}} m{z}<extra></extra>"
+            ),
+            name=f"{name} (n = {len(some)})",
         )
     if len(of_frame):
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(xyz[of_frame]),
-                mode="markers",
-                name=f"Frame {frame}",
-                hoverinfo="name",
-                marker={
-                    "symbol": "diamond",
-                    "color": MARK_COLOUR,
-                    "size": 8 if len(of_frame) <= 20 else 4,
-                },
-            )
+        figure.add_scatter3d(
+            **upright(xyz[of_frame]),
+            mode="markers",
+            name=f"Frame {frame}",
+            hoverinfo="name",
+            marker={
+                "symbol": "diamond",
+                "color": MARK_COLOUR,
+                "size": 8 if len(of_frame) <= 20 else 4,
+            },
         )
     add_cameras(figure, rig, depth, scene)
     # Else tracks far from the cameras are a dot in a corner.
@@ -152,14 +148,12 @@ def _add_tracks(
     rows = np.concatenate([part for track in drawn for part in (track, track[-1:])])
     path = xyz[rows]
     path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(path),
-            mode="lines",
-            line={**scale, "color": values[rows], "width": 3},
-            hoverinfo="skip",
-            name=f"Tracks (n = {len(tracks)})",
-        )
+    figure.add_scatter3d(
+        **upright(path),
+        mode="lines",
+        line={**scale, "color": values[rows], "width": 3},
+        hoverinfo="skip",
+        name=f"Tracks (n = {len(tracks)})",
     )
 
 
@@ -229,17 +223,15 @@ def _top(values: FloatArray, colour: Colour) -> float:
 def plot_lengths(check: LengthCheck) -> go.Figure:
     """The error of a known length, frame by frame."""
     figure = finish(go.Figure(), 320)
-    figure.add_trace(
-        go.Scatter(
-            x=check.frames,
-            y=100 * check.errors,
-            mode="markers",
-            marker={"color": METHOD_COLOURS["3d"], "symbol": "triangle-up", "size": 9},
-            customdata=check.lengths_m,
-            name=f"Measured (n = {len(check.frames)})",
-            showlegend=True,
-            hovertemplate="frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %<extra></extra>",
-        )
+    figure.add_scatter(
+        x=check.frames,
+        y=100 * check.errors,
+        mode="markers",
+        marker={"color": METHOD_COLOURS["3d"], "symbol": "triangle-up", "size": 9},
+        customdata=check.lengths_m,
+        name=f"Measured (n = {len(check.frames)})",
+        showlegend=True,
+        hovertemplate="frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %<extra></extra>",
     )
     figure.add_hline(y=0, line={"color": NEUTRAL, "width": 2, "dash": "dash"})
     figure.update_xaxes(title_text="Frame")

@@ -38,17 +38,15 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
         known = errors[np.isfinite(errors)]
         counts, _ = np.histogram(np.clip(known, edges[0], edges[-1]), edges)
         pattern = {"shape": "/", "fgcolor": colour, "bgcolor": "rgba(0,0,0,0)", "size": 6}
-        figure.add_trace(
-            go.Scatter(
-                x=np.repeat(edges, 2),
-                y=np.concatenate([[0], np.repeat(counts, 2), [0]]),
-                mode="lines",
-                line={"color": colour, "width": 2},
-                fill="tozeroy",
-                **({"fillcolor": fill} if fill else {"fillpattern": pattern}),
-                name=f"{name} (n = {len(known)})",
-                hovertemplate=f"{name}: %{{y}} points at %{{x:.3~r}} px<extra></extra>",
-            )
+        figure.add_scatter(
+            x=np.repeat(edges, 2),
+            y=np.concatenate([[0], np.repeat(counts, 2), [0]]),
+            mode="lines",
+            line={"color": colour, "width": 2},
+            fill="tozeroy",
+            **({"fillcolor": fill} if fill else {"fillpattern": pattern}),
+            name=f"{name} (n = {len(known)})",
+            hovertemplate=f"{name}: %{{y}} points at %{{x:.3~r}} px<extra></extra>",
         )
     _add_threshold(figure, threshold_px)
     figure.update_xaxes(

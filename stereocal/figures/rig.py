@@ -167,16 +167,14 @@ def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:
     path[:, 0], path[:, 1], path[:, 2] = bars[:, 0], bars.mean(axis=1), bars[:, 1]
     texts = [scene.hover[k] for k in shown]
     missing = int((~scene.drawn).sum())
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(path),
-            mode="lines",
-            line={"color": METHOD_COLOURS[method], "width": 4},
-            text=np.repeat(texts, 4),
-            hovertemplate="%{text}<extra></extra>",
-            name=f"Bars, {METHOD_NAMES[method]} ({n_drawn(int(scene.drawn.sum()))}"
-            + (f", {missing} behind a camera)" if missing else ")"),
-        )
+    figure.add_scatter3d(
+        **upright(path),
+        mode="lines",
+        line={"color": METHOD_COLOURS[method], "width": 4},
+        text=np.repeat(texts, 4),
+        hovertemplate="%{text}<extra></extra>",
+        name=f"Bars, {METHOD_NAMES[method]} ({n_drawn(int(scene.drawn.sum()))}"
+        + (f", {missing} behind a camera)" if missing else ")"),
     )
 
 
@@ -195,21 +193,19 @@ def _add_targets(figure: go.Figure, scene: RigScene) -> None:
             drawn & (rows.target == number) & np.isfinite(scene.points[:, 0])
         )
         points = scene.points[of_target]
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(points),
-                mode="markers",
-                marker={
-                    "color": TARGET_COLOURS[target],
-                    "symbol": TARGET_SYMBOLS[target],
-                    "size": 2.5 if len(rows.frames) <= 100 else 1.5,
-                },
-                text=[of_bar[row] for row in of_target.tolist()],
-                customdata=points[:, 1],
-                hovertemplate=(
-                    f"target {target}, %{{text}}<br>x %{{x:.3f}} m (right), "
-                    "y %{customdata:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
-                ),
-                name=f"Target {target}",
-            )
+        figure.add_scatter3d(
+            **upright(points),
+            mode="markers",
+            marker={
+                "color": TARGET_COLOURS[target],
+                "symbol": TARGET_SYMBOLS[target],
+                "size": 2.5 if len(rows.frames) <= 100 else 1.5,
+            },
+            text=[of_bar[row] for row in of_target.tolist()],
+            customdata=points[:, 1],
+            hovertemplate=(
+                f"target {target}, %{{text}}<br>x %{{x:.3f}} m (right), "
+                "y %{customdata:.3f} m (down), z %{y:.3f} m (depth)<extra></extra>"
+            ),
+            name=f"Target {target}",
         )

@@ -127,40 +127,34 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
     """
     for name, camera, path in frusta(rig, depth, scene):
         centre = path[0]
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(path),
-                mode="lines",
-                line={"color": NEUTRAL, "width": 4},
-                hoverinfo="skip",
-                showlegend=False,
-                name=f"{name} camera",
-            )
+        figure.add_scatter3d(
+            **upright(path),
+            mode="lines",
+            line={"color": NEUTRAL, "width": 4},
+            hoverinfo="skip",
+            showlegend=False,
+            name=f"{name} camera",
         )
         width, height = camera.image_size
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(centre),
-                mode="markers+text",
-                text=[name],
-                textposition="bottom center",
-                marker={"color": NEUTRAL, "size": 5},
-                textfont={"size": 14},
-                showlegend=False,
-                hovertemplate=f"{name} camera, {width} × {height} px<br>"
-                f"{scene.place(centre)}<extra></extra>",
-                name=f"optical centre, {name}",
-            )
+        figure.add_scatter3d(
+            **upright(centre),
+            mode="markers+text",
+            text=[name],
+            textposition="bottom center",
+            marker={"color": NEUTRAL, "size": 5},
+            textfont={"size": 14},
+            showlegend=False,
+            hovertemplate=f"{name} camera, {width} × {height} px<br>"
+            f"{scene.place(centre)}<extra></extra>",
+            name=f"optical centre, {name}",
         )
     length = f"{rig.pose.baseline:.3f} m"
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(np.array([scene.from_primary.T, _secondary_in(scene, rig).T])),
-            mode="lines",
-            line={"color": NEUTRAL, "width": 3, "dash": "dash"},
-            hovertemplate=f"baseline {length}<extra></extra>",
-            name=f"Baseline {length}",
-        )
+    figure.add_scatter3d(
+        **upright(np.array([scene.from_primary.T, _secondary_in(scene, rig).T])),
+        mode="lines",
+        line={"color": NEUTRAL, "width": 3, "dash": "dash"},
+        hovertemplate=f"baseline {length}<extra></extra>",
+        name=f"Baseline {length}",
     )
 
 

@@ -99,21 +99,19 @@ def plot_story_lengths(story: Story) -> go.Figure:
         percent = 100 * np.array(found.length_errors)
         # Scattered about the row by the golden ratio, in the order of the frames.
         heights = -row + 0.5 * (np.arange(len(percent)) * 0.6180339887 % 1.0) - 0.42
-        figure.add_trace(
-            go.Scatter(
-                x=percent,
-                y=heights,
-                mode="markers",
-                name=name,
-                showlegend=False,
-                marker={
-                    "color": METHOD_COLOURS[method],
-                    "symbol": METHOD_SYMBOLS[method],
-                    "size": 5,
-                    "opacity": 0.7,
-                },
-                hovertemplate="%{x:.2f} %<extra></extra>",
-            )
+        figure.add_scatter(
+            x=percent,
+            y=heights,
+            mode="markers",
+            name=name,
+            showlegend=False,
+            marker={
+                "color": METHOD_COLOURS[method],
+                "symbol": METHOD_SYMBOLS[method],
+                "size": 5,
+                "opacity": 0.7,
+            },
+            hovertemplate="%{x:.2f} %<extra></extra>",
         )
         figure.add_annotation(
             x=0,
@@ -165,21 +163,19 @@ def plot_story_lines(story: Story) -> go.Figure:
         names.append(f'<span style="color:{METHOD_COLOURS[method]}">■</span> {name}')
         ends = start + np.outer([-4 * REACH_PX, 4 * REACH_PX], along)
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
-    figure.add_trace(
-        go.Scatter(
-            x=[0],
-            y=[0],
-            mode="markers",
-            name="Measured point",
-            showlegend=False,
-            marker={
-                "symbol": "cross-thin",
-                "size": 16,
-                "color": NEUTRAL,
-                "line": {"width": 3, "color": NEUTRAL},
-            },
-            hoverinfo="name",
-        )
+    figure.add_scatter(
+        x=[0],
+        y=[0],
+        mode="markers",
+        name="Measured point",
+        showlegend=False,
+        marker={
+            "symbol": "cross-thin",
+            "size": 16,
+            "color": NEUTRAL,
+            "line": {"width": 3, "color": NEUTRAL},
+        },
+        hoverinfo="name",
     )
     # The lines rise to the right: there is room for their names below.
     figure.add_annotation(
@@ -252,15 +248,13 @@ def plot_two_rays(story: Story) -> go.Figure:
         (both, "square", NEUTRAL, 14),
         (middle[None], "circle", METHOD_COLOURS["3d"], 10),
     ):
-        figure.add_trace(
-            go.Scatter(
-                x=at[:, 0],
-                y=at[:, 1],
-                mode="markers",
-                showlegend=False,
-                hoverinfo="skip",
-                marker={"symbol": symbol, "color": colour, "size": size},
-            )
+        figure.add_scatter(
+            x=at[:, 0],
+            y=at[:, 1],
+            mode="markers",
+            showlegend=False,
+            hoverinfo="skip",
+            marker={"symbol": symbol, "color": colour, "size": size},
         )
     gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
     for x, y, text in (
@@ -300,14 +294,12 @@ def _line(
     dash: str = "solid",
     name: str | None = None,
 ) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=ends[:, 0],
-            y=ends[:, 1],
-            mode="lines",
-            showlegend=False,
-            name=name,
-            hoverinfo="name" if name else "skip",
-            line={"color": colour, "width": width, "dash": dash},
-        )
+    figure.add_scatter(
+        x=ends[:, 0],
+        y=ends[:, 1],
+        mode="lines",
+        showlegend=False,
+        name=name,
+        hoverinfo="name" if name else "skip",
+        line={"color": colour, "width": width, "dash": dash},
     )

@@ -94,22 +94,20 @@ def _move_title(traces: dict[Method, Trace]) -> str:
 def _add_line(
     figure: go.Figure, row: int, method: Method, moves: IntArray, values: FloatArray, hover: str
 ) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=moves + 1,
-            y=values[moves],
-            mode="lines",
-            line={
-                "color": METHOD_COLOURS[method],
-                "dash": DASHES[method],
-                "width": 2,
-                "shape": "hv",
-            },
-            name=METHOD_NAMES[method],
-            legendgroup=method,
-            showlegend=row <= 2,
-            hovertemplate=f"{METHOD_NAMES[method]}, move %{{x}}<br>{hover}<extra></extra>",
-        ),
+    figure.add_scatter(
+        x=moves + 1,
+        y=values[moves],
+        mode="lines",
+        line={
+            "color": METHOD_COLOURS[method],
+            "dash": DASHES[method],
+            "width": 2,
+            "shape": "hv",
+        },
+        name=METHOD_NAMES[method],
+        legendgroup=method,
+        showlegend=row <= 2,
+        hovertemplate=f"{METHOD_NAMES[method]}, move %{{x}}<br>{hover}<extra></extra>",
         row=row,
         col=1,
     )
@@ -117,15 +115,13 @@ def _add_line(
 
 def _add_threshold(figure: go.Figure, calibration: Calibration, moves: int) -> None:
     threshold = calibration.settings.search.acceptance
-    figure.add_trace(
-        go.Scatter(
-            x=[1, moves],
-            y=[threshold, threshold],
-            mode="lines",
-            line={"color": NEUTRAL, "dash": "dash", "width": 2},
-            name=f"Threshold {threshold:g}",
-            hovertemplate=f"the step shrinks below {threshold:g}<extra></extra>",
-        ),
+    figure.add_scatter(
+        x=[1, moves],
+        y=[threshold, threshold],
+        mode="lines",
+        line={"color": NEUTRAL, "dash": "dash", "width": 2},
+        name=f"Threshold {threshold:g}",
+        hovertemplate=f"the step shrinks below {threshold:g}<extra></extra>",
         row=4,
         col=1,
     )

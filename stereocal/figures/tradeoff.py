@@ -37,49 +37,43 @@ def plot_trade_off(
     """
     figure = finish(go.Figure(), HEIGHT)
     for name, points in (("fixed", curves.fixed), ("freed", curves.freed)):
-        figure.add_trace(
-            go.Scatter(
-                x=[point.cost_2d_px for point in points],
-                y=[1000 * point.cost_3d_m for point in points],
-                mode="lines",
-                name=NAMES[name],
-                line={"color": NEUTRAL, "dash": DASHES[name], "width": 2},
-                hovertemplate=f"{NAMES[name]}<br>2D cost %{{x:.4~r}} px<br>3D cost %{{y:.4~r}} mm"
-                "<extra></extra>",
-            )
+        figure.add_scatter(
+            x=[point.cost_2d_px for point in points],
+            y=[1000 * point.cost_3d_m for point in points],
+            mode="lines",
+            name=NAMES[name],
+            line={"color": NEUTRAL, "dash": DASHES[name], "width": 2},
+            hovertemplate=f"{NAMES[name]}<br>2D cost %{{x:.4~r}} px<br>3D cost %{{y:.4~r}} mm"
+            "<extra></extra>",
         )
     for method in (method for method in ALL_METHODS if method in costs):
         px, metres = costs[method]
-        figure.add_trace(
-            go.Scatter(
-                x=[px],
-                y=[1000 * metres],
-                mode="markers",
-                name=METHOD_NAMES[method],
-                marker={
-                    "color": METHOD_COLOURS[method],
-                    "symbol": METHOD_SYMBOLS[method],
-                    "size": 13,
-                },
-                hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4~r}} px<br>"
-                "3D cost %{y:.4~r} mm<extra></extra>",
-            )
+        figure.add_scatter(
+            x=[px],
+            y=[1000 * metres],
+            mode="markers",
+            name=METHOD_NAMES[method],
+            marker={
+                "color": METHOD_COLOURS[method],
+                "symbol": METHOD_SYMBOLS[method],
+                "size": 13,
+            },
+            hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4~r}} px<br>"
+            "3D cost %{y:.4~r} mm<extra></extra>",
         )
     if chosen is not None:
-        figure.add_trace(
-            go.Scatter(
-                x=[chosen.cost_2d_px],
-                y=[1000 * chosen.cost_3d_m],
-                mode="markers",
-                name="The slider's point",
-                marker={
-                    "symbol": "circle-open",
-                    "size": 20,
-                    "color": METHOD_COLOURS["refined"],
-                    "line": {"width": 3},
-                },
-                hoverinfo="skip",
-            )
+        figure.add_scatter(
+            x=[chosen.cost_2d_px],
+            y=[1000 * chosen.cost_3d_m],
+            mode="markers",
+            name="The slider's point",
+            marker={
+                "symbol": "circle-open",
+                "size": 20,
+                "color": METHOD_COLOURS["refined"],
+                "line": {"width": 3},
+            },
+            hoverinfo="skip",
         )
     along_x, along_y = _axes(curves, costs)
     figure.update_xaxes(title_text="2D cost: sum of the reprojection errors (px)", **along_x)

@@ -146,25 +146,21 @@ def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
     for name, centre, end, dash in zip(CAMERAS, centres, ends, ("solid", "dash"), strict=True):
         along = (end - centre) / np.linalg.norm(end - centre)
         path = 1000 * (end + np.array([[-reach], [reach]]) * along - middle)
-        figure.add_trace(
-            go.Scatter3d(
-                **upright(path),
-                mode="lines",
-                line={"color": NEUTRAL, "width": 5, "dash": dash},
-                name=f"ray of the {name}",
-                hoverinfo="name",
-            )
+        figure.add_scatter3d(
+            **upright(path),
+            mode="lines",
+            line={"color": NEUTRAL, "width": 5, "dash": dash},
+            name=f"ray of the {name}",
+            hoverinfo="name",
         )
     gap = f"gap {rounded(1000 * view.gaps_m[target])} mm"
-    figure.add_trace(
-        go.Scatter3d(
-            **upright(1000 * (ends - middle)),
-            mode="lines+markers",
-            name=gap,
-            hoverinfo="name",
-            line={"color": METHOD_COLOURS[method], "width": 9},
-            marker={"color": METHOD_COLOURS[method], "size": 4},
-        )
+    figure.add_scatter3d(
+        **upright(1000 * (ends - middle)),
+        mode="lines+markers",
+        name=gap,
+        hoverinfo="name",
+        line={"color": METHOD_COLOURS[method], "width": 9},
+        marker={"color": METHOD_COLOURS[method], "size": 4},
     )
     axis = {
         "showbackground": False,

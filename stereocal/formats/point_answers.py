@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
-from stereocal.formats.point_files import PointColumns, PointLayout, read_bars
+from stereocal.formats.point_files import PointColumns, PointLayout
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.formats.rig_layouts import is_number
-from stereocal.rig.dataset import Correspondences
 
 OURS = "stereocal"
 UNKNOWN = "a program that is not known"
@@ -137,38 +136,3 @@ def _with_columns(
     return replace(
         layout, columns=(PointColumns(ONE_CAMERA, "point", u, v),), frame=frame, further=further
     )
-
-
-@dataclass(frozen=True)
-class BarAnswers:
-    """Answers for a file with both ends of a bar in several cameras."""
-
-    cameras: tuple[str, str]
-    """The primary and the secondary camera."""
-    ends: tuple[str, str]
-    """The points A and B."""
-    corner: Corner = "upper-left"
-    flip: Flip = "h"
-    first_pixel: float = 0.0
-    image_heights: tuple[int | None, int | None] = (None, None)
-
-
-def holds_bars(content: bytes, source: str) -> bool:
-    """Whether a file seems to have two or more points in two or more cameras."""
-    try:
-        layout = propose_layout(content, source)
-    except StereocalError:
-        return False
-    return len(layout.cameras) > 1 and len(layout.points) > 1
-
-
-def bars_of(content: bytes, answers: BarAnswers, source: str) -> Correspondences:
-    """The bars in a file, read according to the answers."""
-    for what, two in (("cameras", answers.cameras), ("points", answers.ends)):
-        if two[0] == two[1]:
-            raise StereocalError(f"{source}: the two {what} are the same ({two[0]}): choose two.")
-    layout = replace(
-        propose_layout(content, source),
-        origin=PixelOrigin(answers.corner, answers.first_pixel, answers.flip),
-    )
-    return read_bars(content, layout, answers.cameras, answers.ends, answers.image_heights, source)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.bars import holds_bars
 from stereocal.formats.correspondences_csv import TEMPLATE
-from stereocal.formats.point_answers import holds_bars
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.point_files import Asked

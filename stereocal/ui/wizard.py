@@ -11,12 +11,12 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.bars import Heights, bars_of
 from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import Corner, PixelOrigin
 from stereocal.formats.point_answers import (
     Answers,
-    BarAnswers,
-    bars_of,
     can_choose_columns,
     column_names,
     first_answers,
@@ -86,12 +86,12 @@ def ask_about_bars(store: ProjectApplication) -> None:
             layout = layout_of(content, label)
             _say_layout(label, layout, "bar")
             form = _Form(store.project, "wizard_bars", layout)
-            answers = _bar_form(form)
-            if answers.corner == "lower-left" and None in answers.image_heights:
+            options, heights = _bar_form(form)
+            if options.corner == "lower-left" and None in heights:
                 st.info("Give the image heights: the points are counted from the lower left.")
                 _aside(store, "bars")
                 return
-            rows = bars_of(content, answers, label)
+            rows = bars_of(content, label, options, heights).rows
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
             _aside(store, "bars")
@@ -171,7 +171,7 @@ def _point_form(
     )
 
 
-def _bar_form(form: _Form) -> BarAnswers:
+def _bar_form(form: _Form) -> tuple[ExchangeOptions, Heights]:
     layout, cameras = form.layout, form.project.cameras
     chosen: dict[str, str] = {}
     for title, name, options in (
@@ -193,14 +193,14 @@ def _bar_form(form: _Form) -> BarAnswers:
         )
         for k, (which, camera) in enumerate(zip(CAMERAS, cameras, strict=True))
     ]
-    return BarAnswers(
-        (chosen["camera_0"], chosen["camera_1"]),
-        (chosen["end_0"], chosen["end_1"]),
-        origin.corner,
-        origin.flip,
-        origin.first_pixel,
-        (heights[0], heights[1]),
+    stated = ExchangeOptions(
+        cameras=(chosen["camera_0"], chosen["camera_1"]),
+        ends=(chosen["end_0"], chosen["end_1"]),
+        corner=origin.corner,
+        flip=origin.flip,
+        first_pixel=origin.first_pixel,
     )
+    return stated, (heights[0], heights[1])
 
 
 def _columns(

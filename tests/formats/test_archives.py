@@ -10,6 +10,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive
+from stereocal.formats.archives.bars import bars_of
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import export_files, import_files
@@ -189,6 +190,18 @@ def test_convert_and_import_read_the_same_files() -> None:
         assert import_files(files, name).pose.baseline == pytest.approx(BASELINE_M)
     with pytest.raises(StereocalError, match="R, T missing"):
         import_files({"i.yml": export_files(PLAIN, "opencv")["intrinsics.yml"]}, "opencv")
+
+
+def test_the_ends_of_the_bar_are_chosen() -> None:
+    read = bars_of(wand_csv(), "w.csv", ExchangeOptions(ends=("B", "A")), (1200, 1024))
+    usual = bars_of(wand_csv(), "w.csv", USUAL, (1200, 1024))
+    assert np.array_equal(
+        read.rows.primary[read.rows.target == 0], usual.rows.primary[usual.rows.target == 1]
+    )
+    with pytest.raises(StereocalError, match=r"w\.csv: the ends A and B are the same point"):
+        bars_of(wand_csv(), "w.csv", ExchangeOptions(ends=("A", "A")), (1200, 1024))
+    with pytest.raises(StereocalError, match=r"w\.csv: the points are counted from the lower"):
+        bars_of(wand_csv(), "w.csv", USUAL, (1200, None))
 
 
 def test_three_cameras_of_kalibr_in_either_order() -> None:

@@ -15,12 +15,12 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.bars import holds_bars
 from stereocal.formats.point_answers import (
     UNKNOWN,
     answered,
     can_choose_columns,
     first_answers,
-    holds_bars,
     layout_of,
 )
 from stereocal.formats.point_files import read_bars, read_points

@@ -17,6 +17,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
+from stereocal.formats.archives.bars import bars_of, holds_bars
 from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
@@ -28,12 +29,9 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.formats.point_answers import (
-    BarAnswers,
     answered,
-    bars_of,
     column_names,
     first_answers,
-    holds_bars,
     layout_by_hand,
     layout_of,
 )
@@ -290,8 +288,7 @@ def _points(content: bytes, _: Path) -> None:
             except StereocalError as error:
                 refused = error
     if len(layout.cameras) > 1 and len(layout.points) > 1:
-        two = (layout.cameras[0], layout.cameras[1]), (layout.points[0], layout.points[1])
-        bars_of(content, BarAnswers(*two, "lower-left", image_heights=(1024, 1024)), "a.csv")
+        bars_of(content, "a.csv", ExchangeOptions(corner="lower-left"), (1024, 1024))
     if refused and not read:
         raise refused
 

@@ -16,17 +16,16 @@ from stereocal.formats.archives.archive import (
     lens_taken,
     points_taken,
 )
+from stereocal.formats.archives.bars import Bars, bars_of
 from stereocal.formats.archives.easywand import open_easywand, read_easywand
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.reading import chosen_pair
+from stereocal.formats.exchange.reading import has_cameras
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
-from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Correspondences
 
 TABLES = (".csv", ".txt", ".tsv")
 WANTED = (
@@ -103,65 +102,35 @@ def _with_cameras(
 
 
 def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
-    rows, words, remarks = _rows_of(found, name, content, options)
-    return replace(
-        found,
-        taken=(points_taken(rows, f"{name} ({words})"), *found.taken),
-        correspondences=rows,
-        notes=(*found.notes, f"Points from {name}, {words}."),
-        remarks=(*found.remarks, *remarks),
-    )
-
-
-def _rows_of(
-    found: Archive, name: str, content: bytes, options: ExchangeOptions
-) -> tuple[Correspondences, str, tuple[str, ...]]:
-    """The rows of a table, how it was read, and remarks for the user."""
     head, _ = first_rows(content, name)
     if set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}:
-        return read_table(content, name).strict(name), "stereocal", ()
-    layout = propose_layout(content, name, options.layout)
-    if len(layout.points) < 2:
-        raise StereocalError(
-            f"{name}: a table with both ends of the bar is expected; this looks like "
-            f"{layout.program} with the points {', '.join(layout.points)[:60]}."
-        )
-    layout = replace(layout, origin=options.origin(layout.origin))
-    try:
-        chosen = chosen_pair(layout.cameras, options.cameras, name)
-        remarks = chosen.remarks
-    except StereocalError:
-        if len(layout.cameras) != 2 or found.primary is None:
-            raise
-        chosen = chosen_pair(layout.cameras, None, name)
-        remarks = (
-            f"The two cameras of {name} are primary and secondary; --cameras was used for the "
-            "camera files only.",
-        )
-    cameras = (found.primary, found.secondary)
+        read = Bars(read_table(content, name).strict(name), "stereocal")
+    else:
+        read = _bars(found, name, content, options)
+    return replace(
+        found,
+        taken=(points_taken(read.rows, f"{name} ({read.words})"), *found.taken),
+        correspondences=read.rows,
+        notes=(*found.notes, f"Points from {name}, {read.words}."),
+        remarks=(*found.remarks, *read.remarks),
+    )
+
+
+def _bars(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Bars:
+    """The bars of another program's table, in images of the stated or the cameras' height."""
     sizes = [
         size or (None if camera is None else camera.image_size)
-        for size, camera in zip(options.image_sizes, cameras, strict=True)
+        for size, camera in zip(options.image_sizes, (found.primary, found.secondary), strict=True)
     ]
-    heights = [None if size is None else size[1] for size in sizes]
-    if layout.origin.corner == "lower-left" and None in heights:
-        raise StereocalError(
-            f"{name}: the points are counted from the lower left, so the image height is needed: "
-            "give the camera files, or --image-size WxH."
+    first, second = (None if size is None else size[1] for size in sizes)
+    cameras = propose_layout(content, name, options.layout).cameras
+    wanted = options.cameras
+    # Of a table with two cameras, the choice may be about the camera files alone.
+    if wanted and len(cameras) == 2 and found.primary and not has_cameras(cameras, wanted):
+        read = bars_of(content, name, replace(options, cameras=None), (first, second))
+        remark = (
+            f"The two cameras of {name} are primary and secondary; --cameras was used for the "
+            "camera files only."
         )
-    if len(layout.points) > 2:
-        remarks += (
-            f"There are {len(layout.points)} points; {layout.points[0]} and {layout.points[1]} "
-            "were taken as the ends A and B of the bar.",
-        )
-    rows = read_bars(
-        content,
-        layout,
-        chosen.names,
-        (layout.points[0], layout.points[1]),
-        (heights[0], heights[1]),
-        name,
-    )
-    corner = layout.origin.corner.replace("-", " ")
-    words = f"{layout.program}, {chosen.words}, counted from the {corner}"
-    return rows, words, remarks
+        return replace(read, remarks=(remark, *read.remarks))
+    return bars_of(content, name, options, (first, second))

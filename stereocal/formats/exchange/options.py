@@ -38,6 +38,8 @@ class ExchangeOptions:
     first_pixel: float | None = None
     flip: Flip | None = None
     """Pixel origin of points and DLT coefficients, as in `PixelOrigin`."""
+    ends: tuple[str, str] | None = None
+    """Names of the points A and B of the bar in a table; None: the first two."""
     layout: str | None = None
     """Layout of a table of points, by name; None: recognised."""
     world: Pose | None = None

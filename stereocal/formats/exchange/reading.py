@@ -147,6 +147,15 @@ def chosen_pair(cameras: tuple[str, ...], wanted: tuple[str, str] | None, source
     return Chosen(cameras, (first, second), True)
 
 
+def has_cameras(cameras: tuple[str, ...], wanted: tuple[str, str]) -> bool:
+    """Whether the two wanted cameras are in a file."""
+    try:
+        chosen_pair(cameras, wanted, "")
+    except StereocalError:
+        return False
+    return True
+
+
 def camera_index(wanted: str, names: tuple[str, ...], source: str) -> int:
     """The index of a camera by its number from 1, or its name with or without `cam`."""
     for name in (wanted, f"cam{wanted}"):
