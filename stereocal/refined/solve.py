@@ -148,7 +148,10 @@ class Solve:
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             self._solve(np.where(self.outlying, 0.0, np.inf))
-            if not np.isfinite(self.cost) or not self._estimate_noise():
+            A = self.unknowns.M.T @ self.H @ self.unknowns.M + self.unknowns.precision
+            if not (np.isfinite(self.cost) and (np.diag(A) >= 0.0).all()):
+                return False  # A is rounding alone where a wrong initial pose has diverged
+            if not self._estimate_noise():
                 return False
             if self.settings.loss == "robust":
                 now = self.chi_squares * (before[0] / self.sigma_px) ** 2
@@ -299,8 +302,6 @@ class Solve:
             H,
             np.empty(SHARED),
         )
-        if not (np.diag(H) >= 0.0).all():  # rounding alone is left: a wrong initial pose diverged
-            return False
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
