@@ -56,11 +56,7 @@ class ProjectApplication(ProjectPoints):
             forget_files(self.database, ASKING, [use])
 
     def offer_set(self, use: Use, files: Mapping[str, bytes]) -> None:
-        """Store a parameter file, or keep another program's files until questions are answered.
-
-        Raises:
-            StereocalError: they are not parameter files; nothing has changed.
-        """
+        """Store a parameter file, or keep another program's files until questions are answered."""
         (label, content), *more = files.items()
         if not more and label.lower().endswith(".json"):
             self.keep_set(use, label, content)
@@ -170,11 +166,7 @@ class ProjectApplication(ProjectPoints):
 
 
 def parameters_in(content: bytes, label: str) -> RigParameters:
-    """The parameter set of an uploaded file.
-
-    Raises:
-        StereocalError: it is not a parameter file.
-    """
+    """The parameter set of an uploaded file."""
     try:
         return RigParameters.loads(content.decode("utf-8-sig"), label)
     except UnicodeDecodeError as error:

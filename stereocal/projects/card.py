@@ -27,20 +27,12 @@ class Card:
 
 
 def card_of(project: Project) -> Card:
-    """The summary of a project.
-
-    Raises:
-        StereocalError: it cannot be read.
-    """
+    """The summary of a project."""
     return Card(_data_of(project), _result_of(project))
 
 
 def title_of(project: Project) -> str:
-    """The user's name for a project; without one, its data and the day of its first file.
-
-    Raises:
-        StereocalError: it cannot be read.
-    """
+    """The user's name for a project; without one, its data and the day of its first file."""
     with project.database.reading():
         return project.inputs.name or f"{_unnamed(project)}, {_begun(project)}"
 

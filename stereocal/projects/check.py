@@ -40,9 +40,6 @@ class ProjectCheck:
 
         Args:
             rig: the parameters to be checked; None if there are none yet.
-
-        Raises:
-            StereocalError: they cannot be read, or are not of this rig; nothing has changed.
         """
         if rig is not None:
             images_in(content, label, rig)

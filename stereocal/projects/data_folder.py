@@ -38,11 +38,7 @@ def is_id(name: str) -> bool:
 
 
 def private_folder(path: Path) -> Path:
-    """Create a folder, if missing, that only the server's own user may read.
-
-    Raises:
-        StereocalError: it cannot be created.
-    """
+    """Create a folder, if missing, that only the server's own user may read."""
     try:
         make_folder(path)
         if path.stat().st_mode & 0o777 != 0o700:
@@ -64,9 +60,6 @@ def new_database(
     Args:
         fill: writes the first content.
         make: creates the database, if not an empty one.
-
-    Raises:
-        StereocalError: it cannot be stored; no file remains.
     """
     folder = private_folder(home / "projects")
     name = secrets.token_hex(16)

@@ -106,11 +106,7 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection]:
-        """A consistent snapshot of the project, whatever others write meanwhile.
-
-        Raises:
-            StereocalError: there is no such project, or it is damaged or of a newer version.
-        """
+        """A consistent snapshot of the project, whatever others write meanwhile."""
         outer = _OPEN.writing.get(self.path) or _OPEN.reading.get(self.path)
         if outer is not None:
             # A second connection could wait for a writer that waits for the first.
@@ -131,11 +127,7 @@ class Database:
             return db.execute(query, values).fetchall()
 
     def free(self, remove: Callable[[sqlite3.Connection], object]) -> None:
-        """Delete something and return its space to the disk.
-
-        Raises:
-            StereocalError: as `transaction`.
-        """
+        """Delete something and return its space to the disk."""
         with self.transaction() as db:
             remove(db)
         if self.path not in _OPEN.writing:
@@ -185,11 +177,7 @@ class Database:
 
 
 def create(path: Path) -> Database:
-    """A new, empty database.
-
-    Raises:
-        StereocalError: it cannot be stored.
-    """
+    """A new, empty database."""
     with translated_errors():
         path.touch(0o600)
         with closing(connect(path)) as db:

@@ -43,11 +43,7 @@ class StoredFile:
         return self.sha256
 
     def read_bytes(self) -> bytes:
-        """The content.
-
-        Raises:
-            StereocalError: it was removed, or is damaged.
-        """
+        """The content."""
         return b"".join(self.pieces())
 
     def pieces(self) -> Iterator[bytes]:
@@ -67,11 +63,7 @@ class StoredFile:
             raise DamagedError("A file of the project is damaged; give it again.")
 
     def copy_to(self, path: Path) -> Path:
-        """Write the content to a file, for libraries that read only files. The caller deletes it.
-
-        Raises:
-            StereocalError: as `read_bytes`, or the disk is full.
-        """
+        """Write the content to a file that the caller deletes, for libraries that read only files."""
         try:
             with path.open("wb") as file:
                 for piece in self.pieces():
@@ -149,11 +141,7 @@ def about_files(database: Database, part: str) -> dict[str, Any]:
 def name_files(
     database: Database, part: str, files: Mapping[str, StoredFile], about: Any = None
 ) -> None:
-    """Name stored files; an existing name gets the new file.
-
-    Raises:
-        StereocalError: a content was deleted since it was stored.
-    """
+    """Name stored files; an existing name gets the new file."""
     with database.transaction() as db:
         for name, file in files.items():
             if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
@@ -171,22 +159,14 @@ def name_files(
 
 
 def replace_files(database: Database, part: str, files: Mapping[str, StoredFile]) -> None:
-    """Make these files, and no others, a part of the project.
-
-    Raises:
-        StereocalError: as `name_files`.
-    """
+    """Make these files, and no others, a part of the project."""
     with database.transaction():
         name_files(database, part, files)
         forget_files(database, part, set(files_of(database, part)) - set(files))
 
 
 def forget_files(database: Database, part: str, names: Collection[str] | None = None) -> None:
-    """Remove the names of a part, all or some, and contents that no other name uses.
-
-    Raises:
-        StereocalError: as `Database.transaction`.
-    """
+    """Remove the names of a part, all or some, and contents that no other name uses."""
     with database.transaction() as db:
         found = db.execute("SELECT name, sha256 FROM named WHERE part = ?", [part]).fetchall()
         for name, sha256 in found:
@@ -242,11 +222,7 @@ def check_quota(database: Database, coming: int) -> None:
 
 
 def loaded(text: str) -> Any:
-    """A JSON value of a project.
-
-    Raises:
-        DamagedError: it is not valid JSON.
-    """
+    """A JSON value of a project."""
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:

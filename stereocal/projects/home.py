@@ -91,11 +91,7 @@ def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed
 
 
 def listed(project: Project) -> Listed:
-    """A project's entry in the list.
-
-    Raises:
-        StereocalError: it cannot be read.
-    """
+    """A project's entry in the list."""
     database = project.database
     there = {str(kind) for (kind,) in database.rows("SELECT kind FROM result")}
     return Listed(
@@ -135,11 +131,7 @@ def changed_at(path: Path) -> float:
 
 
 def duplicate(home: Path, project_id: str) -> Project:
-    """A copy under a new id, without jobs.
-
-    Raises:
-        StereocalError: there is no such project, it is too large, or the disk is full.
-    """
+    """A copy under a new id, without jobs."""
     source = Project.open(home, project_id)
     check_size(source.database.size)
 
@@ -157,11 +149,7 @@ def duplicate(home: Path, project_id: str) -> Project:
 
 
 def copy_database(database: Database, path: Path) -> None:
-    """Back up a project to another file. Copying an open file would not be safe.
-
-    Raises:
-        StereocalError: the project is damaged, or the disk is full.
-    """
+    """Back up a project to another file. Copying an open file would not be safe."""
     with database.reading() as db:
         db.execute("ROLLBACK")
         db.execute("VACUUM INTO ?", [str(path)])
@@ -169,11 +157,7 @@ def copy_database(database: Database, path: Path) -> None:
 
 
 def remove(home: Path, project_id: str) -> None:
-    """Mark a project as removed, even a damaged one; `bring_back` undoes it.
-
-    Raises:
-        StereocalError: there is no such project.
-    """
+    """Mark a project as removed, even a damaged one; `bring_back` undoes it."""
     path = home / "projects" / f"{project_id}{SUFFIX}"
     if not is_id(project_id) or not path.exists() or _marker(path).exists():
         raise StereocalError("There is no project at this address, or it was removed.")

@@ -194,9 +194,6 @@ def begin(
     """Begin or resume a job; None if one of its kind runs, here or on another server.
 
     Checkpoints of the same work are used; those of other work are deleted.
-
-    Raises:
-        StereocalError: the project cannot be written.
     """
     server = this_server(_home(database))
     record = Record(kind, tuple(stages), digest_of(kind, work), work, time.time(), uuid.uuid4().hex)

@@ -32,11 +32,7 @@ class ProjectLens:
         self._lens = f"lens_{which}"
 
     def keep(self, name: str, content: bytes) -> StoredFile:
-        """Store a photograph; `add` makes it the project's.
-
-        Raises:
-            StereocalError: the project would be too large, or the disk is full.
-        """
+        """Store a photograph; `add` makes it the project's."""
         return keep_file(self.database, content, name)
 
     @property
@@ -45,11 +41,7 @@ class ProjectLens:
         return files_of(self.database, self._part)
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
-        """Add stored photographs; a repeated name is replaced.
-
-        Raises:
-            StereocalError: a photograph was deleted since it was stored; nothing has changed.
-        """
+        """Add stored photographs; a repeated name is replaced."""
         with self.database.transaction():
             before = self.photographs
             name_files(self.database, self._part, found)

@@ -48,11 +48,7 @@ class ProjectPhotographs:
     # Photographs and their pairs
 
     def keep(self, name: str, content: bytes) -> StoredFile:
-        """Store a photograph; `add` or `give` makes it the project's.
-
-        Raises:
-            StereocalError: the project would be too large, or the disk is full.
-        """
+        """Store a photograph; `add` or `give` makes it the project's."""
         return keep_file(self.database, content, name)
 
     @property
@@ -79,11 +75,7 @@ class ProjectPhotographs:
             ) from error
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
-        """Store the edited pairs; None returns to the proposal.
-
-        Raises:
-            StereocalError: as `check_rows`.
-        """
+        """Store the edited pairs; None returns to the proposal."""
         with self.database.transaction():
             if rows is not None:
                 check_rows(rows, self.photographs)
@@ -95,9 +87,6 @@ class ProjectPhotographs:
 
         Edited pairs stay, and pairs of the other photographs are proposed. Targets found in
         replaced photographs are removed, also from the table of points.
-
-        Raises:
-            StereocalError: a photograph was deleted since it was stored; nothing has changed.
         """
         with self.database.transaction():
             before = self.photographs
@@ -175,11 +164,7 @@ class ProjectPhotographs:
 
     @property
     def frames(self) -> list[Frame] | None:
-        """The targets found and corrected in the present photographs, or None.
-
-        Raises:
-            StereocalError: it is damaged, or of another version.
-        """
+        """The targets found and corrected in the present photographs, or None."""
         content = result_of(self.database, "frames")
         return (unpack_frames(content) or None) if content is not None else None
 

@@ -84,9 +84,6 @@ class ProjectPoints:
 
         Args:
             name: as in `Points.name`.
-
-        Raises:
-            StereocalError: it was deleted, or the disk is full.
         """
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
             yield self._copied(name, Path(folder))
@@ -127,11 +124,7 @@ class ProjectPoints:
             self._name(ASKING, side, content, label, label)
 
     def answer(self, side: CameraName, answers: Answers) -> None:
-        """Read the file with open questions as answered, and use it.
-
-        Raises:
-            StereocalError: it cannot be read that way; nothing has changed.
-        """
+        """Read the file with open questions as answered, and use it."""
         found = self.asking(side)
         if found is None:
             return
@@ -143,11 +136,7 @@ class ProjectPoints:
         self._keep_points(side, label, content, written, ".csv", answers)
 
     def preview(self, side: CameraName, answers: Answers, first_rows: int | None) -> pd.DataFrame:
-        """The points of the file with open questions, as they would be read.
-
-        Raises:
-            StereocalError: it cannot be read that way.
-        """
+        """The points of the file with open questions, as they would be read."""
         found = self.asking(side)
         if found is None:
             return pd.DataFrame(columns=["frame", *POINT])

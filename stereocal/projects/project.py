@@ -86,11 +86,7 @@ class Project:
 
     @property
     def inputs(self) -> Inputs:
-        """The inputs so far.
-
-        Raises:
-            StereocalError: they are damaged.
-        """
+        """The inputs so far."""
         with self.database.reading():
             values = values_of(self.database, INPUT)
             files, labels = files_of(self.database, INPUT), about_files(self.database, INPUT)

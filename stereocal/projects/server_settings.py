@@ -34,11 +34,7 @@ class ServerSettings:
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
-        """The settings of this server; missing ones have defaults.
-
-        Raises:
-            StereocalError: a value that is not a number, or negative; fewer than 1 worker.
-        """
+        """The settings of this server; missing ones have defaults."""
         given = os.environ if environment is None else environment
         cores = os.cpu_count() or 1
         return cls(

@@ -20,11 +20,7 @@ _TAKING = threading.Lock()
 
 
 def this_server(home: Path) -> str:
-    """The name of this process among the servers of a home.
-
-    Raises:
-        StereocalError: the home cannot be written.
-    """
+    """The name of this process among the servers of a home."""
     folder = private_folder(home / "servers")
     with _TAKING:
         if folder not in _HELD or not (folder / _HELD[folder][0]).exists():

@@ -135,11 +135,7 @@ def threshold_form(
 
 
 def chosen_depths(project: Project) -> Depths:
-    """The depth range (m), as last set.
-
-    Raises:
-        StereocalError: it is invalid.
-    """
+    """The depth range (m), as last set."""
     only, near, far = (field.value() for field in _depth_fields(project))
     if not only:
         return ANY_DEPTH

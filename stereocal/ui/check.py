@@ -268,11 +268,7 @@ def _checked(
 
 
 def _read_images(rig: RigParameters, label: str, content: bytes) -> tuple[str, NewImages]:
-    """A digest of the inputs, and the new images.
-
-    Raises:
-        StereocalError: they cannot be read, or are not of this rig.
-    """
+    """A digest of the inputs, and the new images."""
     # `created` differs from draw to draw.
     of_rig = json.dumps({**rig.to_json(), "created": ""}, sort_keys=True)
     digest = hashlib.sha256(of_rig.encode() + label.encode() + content).hexdigest()

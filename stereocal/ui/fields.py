@@ -77,11 +77,7 @@ class Field:
         return st.session_state.get(_SHOWN, {}).get(self.name)
 
     def set(self, value: Any) -> None:
-        """Store a value; the widget shows it when it is drawn next.
-
-        Raises:
-            StereocalError: it cannot be stored; not for `tabs_own`, which changes all the same.
-        """
+        """Store a value; the widget shows it when it is drawn next."""
         shown: dict[str, Any] = st.session_state.setdefault(_SHOWN, {})
         with suppress(*([StereocalError] if self.tabs_own else [])):
             self.write(value)

@@ -117,11 +117,7 @@ def uploaded(uploads: Sequence[Upload], prefix: str = "") -> Contents:
 
 
 def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
-    """The photographs of uploads, including those in zips.
-
-    Raises:
-        StereocalError: too many or too large files, or a zip without a photograph.
-    """
+    """The photographs of uploads, including those in zips."""
     check_uploads(uploads)
     for upload in uploads:
         if not upload.name.lower().endswith(".zip"):

@@ -132,11 +132,7 @@ def _cluster(address: str) -> Cluster:
 
 
 def workers() -> Executor:
-    """The executor of jobs: the configured cluster, or the server's own threads.
-
-    Raises:
-        StereocalError: the cluster cannot be reached, or cannot be used.
-    """
+    """The executor of jobs: the configured cluster, or the server's own threads."""
     address = scheduler_of(os.environ)
     return pool() if address is None else _cluster(address)
 
@@ -269,21 +265,13 @@ def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work |
 
 
 def discard(project: Project, kind: Kind) -> None:
-    """Delete a job that is not running, with its checkpoints.
-
-    Raises:
-        StereocalError: the disk cannot be written to.
-    """
+    """Delete a job that is not running, with its checkpoints."""
     stored_jobs.discard(project.database, kind)
     _jobs().pop((project.id, kind), None)
 
 
 def abandon(project: Project, kind: Kind) -> None:
-    """Cancel a running job, or delete its checkpoints.
-
-    Raises:
-        StereocalError: the disk cannot be written to.
-    """
+    """Cancel a running job, or delete its checkpoints."""
     if is_running(project, kind):
         stored_jobs.ask_to_stop(project.database, kind)
     else:
@@ -291,11 +279,7 @@ def abandon(project: Project, kind: Kind) -> None:
 
 
 def discard_finished(work: Work) -> None:
-    """Delete an interrupted job whose result is already stored.
-
-    Raises:
-        StereocalError: the disk cannot be written to.
-    """
+    """Delete an interrupted job whose result is already stored."""
     if can_go_on(work):
         discard(work.project, work.kind)
 

@@ -53,11 +53,7 @@ def _forecasts() -> Latest[PlanForecast]:
 
 
 def forecast_of(plan: Plan) -> PlanForecast:
-    """The forecast of a plan, with progress where it takes long.
-
-    Raises:
-        StereocalError: as `forecast`.
-    """
+    """The forecast of a plan, with progress where it takes long."""
     key = write_plan(plan).decode()
     if (kept := _forecasts().get(key)) is not None:
         return kept

@@ -47,11 +47,7 @@ def start_project(found: PlanForecast) -> None:
 
 
 def give_plan(project: Project, found: PlanForecast) -> None:
-    """Store what a plan states in a project, with the plan and its forecast.
-
-    Raises:
-        StereocalError: the disk is full.
-    """
+    """Store what a plan states in a project, with the plan and its forecast."""
     plan, own = found.plan, found.plan.uncertainty
     files: dict[Slot, tuple[str, bytes]] = {}
     known = {}

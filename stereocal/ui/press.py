@@ -36,11 +36,7 @@ FEWEST_TO_VALIDATE = 5
 def work_of(
     project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings
 ) -> jobs.Work:
-    """The work of a press with these inputs and settings.
-
-    Raises:
-        StereocalError: settings that contradict each other.
-    """
+    """The work of a press with these inputs and settings."""
     protocol = kept_protocol(project, [dataset])
     large = is_long(dataset)
     about = {

@@ -157,11 +157,7 @@ def exchange_again(project: Project, frame: int) -> None:
 
 
 def exchange(project: Project, frame: int) -> None:
-    """Exchange A and B in the secondary image: in the review of photographs, else in the table.
-
-    Raises:
-        StereocalError: it cannot be kept.
-    """
+    """Exchange A and B in the secondary image: in the review of photographs, else in the table."""
     if project.inputs.labels.get("correspondences") == TABLE_LABEL:
         change_review(ProjectPhotographs(project), lambda review: swap(review, frame, 1))
     else:

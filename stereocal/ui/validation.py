@@ -60,11 +60,7 @@ def _nineteen() -> list[Dataset]:
 
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
-    """The form of the protocol: number of runs and of frames.
-
-    Raises:
-        StereocalError: settings that contradict each other.
-    """
+    """The form of the protocol: number of runs and of frames."""
     runs, frames, most = _protocol_fields(project, datasets)
     left, right = st.columns(2)
     left.slider(
@@ -115,11 +111,7 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
 
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
-    """The protocol in the form, also for pages that do not show it.
-
-    Raises:
-        StereocalError: settings that contradict each other.
-    """
+    """The protocol in the form, also for pages that do not show it."""
     runs, frames, _ = _protocol_fields(project, datasets)
     own = refine_settings(project, datasets[0])
     return EvaluationSettings(
