@@ -156,13 +156,24 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
     }
     arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
     for at, of_one in enumerate(runs):
-        arrays[f"counts{at}"] = np.array([run.counts for run in of_one], dtype=np.int32)
-        arrays[f"nans{at}"] = np.array([run.nans for run in of_one])
-        arrays[f"angles{at}"] = np.array([run.angles for run in of_one])
-        arrays[f"correct_px{at}"] = np.array([run.correct_px for run in of_one])
+        arrays |= _arrays(of_one, at)
+    return _packed(arrays)
+
+
+def _arrays(runs: Sequence[Run], at: int) -> dict[str, Any]:
+    """The runs of one data set."""
+    return {
+        f"counts{at}": np.array([run.counts for run in runs], dtype=np.int32),
+        f"nans{at}": np.array([run.nans for run in runs]),
+        f"angles{at}": np.array([run.angles for run in runs]),
+        f"correct_px{at}": np.array([run.correct_px for run in runs]),
         # The number of bars may differ between runs: frames with one target have none.
-        arrays[f"bars{at}"] = np.array([run.lengths.shape[1] for run in of_one])
-        arrays[f"lengths{at}"] = np.concatenate([run.lengths for run in of_one], axis=1)
+        f"bars{at}": np.array([run.lengths.shape[1] for run in runs]),
+        f"lengths{at}": np.concatenate([run.lengths for run in runs], axis=1),
+    }
+
+
+def _packed(arrays: Mapping[str, Any]) -> bytes:
     packed = io.BytesIO()
     np.savez_compressed(packed, **arrays)
     return packed.getvalue()
@@ -200,38 +211,10 @@ def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
 
 
 def pack_runs(runs: Sequence[Run]) -> bytes:
-    """Some runs as one file of plain arrays, with non-zero counts only.
-
-    10 runs take 0.5 ms and 41 kB, compared with 110 ms to compute them.
-    """
-    counts = np.array([run.counts for run in runs], dtype=np.int32)
-    filled = np.flatnonzero(counts)
-    packed = io.BytesIO()
-    np.savez(
-        packed,
-        shape=np.array(counts.shape),
-        places=filled.astype(np.uint32),
-        counts=counts.ravel()[filled],
-        nans=np.array([run.nans for run in runs]),
-        angles=np.array([run.angles for run in runs]),
-        correct_px=np.array([run.correct_px for run in runs]),
-        bars=np.array([run.lengths.shape[1] for run in runs]),
-        lengths=np.concatenate([run.lengths for run in runs], axis=1),
-    )
-    return packed.getvalue()
+    """Some runs of one data set, as in an evaluation: 5 ms and 9 kB for 10, computed in 110 ms."""
+    return _packed(_arrays(runs, 0))
 
 
 def unpack_runs(content: bytes) -> list[Run]:
-    """The exact runs of `pack_runs`.
-
-    Raises:
-        KeyError, ValueError, OSError: the content is damaged.
-    """
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        counts = np.zeros(arrays["shape"], dtype=np.int32)
-        counts.ravel()[arrays["places"]] = arrays["counts"]
-        lengths = np.split(arrays["lengths"], np.cumsum(arrays["bars"])[:-1], axis=1)
-        rest = (arrays[name] for name in ("nans", "angles", "correct_px"))
-        nans, angles, correct_px = rest
-        parts = zip(counts, nans, lengths, angles, correct_px, strict=True)
-        return [Run(*own) for own in parts]
+    """The exact runs of `pack_runs`; a ValueError or LookupError if the content is damaged."""
+    return _runs(read_arrays(content, "The runs"), 0)

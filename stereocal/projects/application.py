@@ -15,7 +15,7 @@ from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, 
 from stereocal.matching.blocks import TableBlock
 from stereocal.projects.files import (
     StoredFile,
-    about_files,
+    file_named,
     files_of,
     forget_files,
     keep_file,
@@ -68,10 +68,8 @@ class ProjectApplication(ProjectPoints):
 
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
         """Name and content of a parameter file."""
-        with self.database.reading():
-            file = files_of(self.database, SETS).get(use)
-            label = str(about_files(self.database, SETS).get(use))
-        return None if file is None else (label, parameters_in(file.read_bytes(), label))
+        found = file_named(self.database, SETS, use)
+        return None if found is None else (found[0], parameters_in(found[1].read_bytes(), found[0]))
 
     # World frame
 
@@ -92,10 +90,7 @@ class ProjectApplication(ProjectPoints):
     @property
     def world_file(self) -> tuple[str, StoredFile] | None:
         """Label and content of that file; None if not given."""
-        with self.database.reading():
-            found = files_of(self.database, WORLD).get(WORLD)
-            label = str(about_files(self.database, WORLD).get(WORLD))
-        return None if found is None else (label, found)
+        return file_named(self.database, WORLD, WORLD)
 
     # Results
 

@@ -6,8 +6,7 @@ from stereocal.formats.inputs import images_in
 from stereocal.projects.application import parameters_in
 from stereocal.projects.files import (
     StoredFile,
-    about_files,
-    files_of,
+    file_named,
     keep_file,
     name_files,
 )
@@ -47,10 +46,7 @@ class ProjectCheck:
 
     def file(self, name: str) -> tuple[str, StoredFile] | None:
         """Label and content of `PARAMETERS` or `IMAGES`; None if not given."""
-        with self.database.reading():
-            found = files_of(self.database, CHECK).get(name)
-            label = str(about_files(self.database, CHECK).get(name))
-        return None if found is None else (label, found)
+        return file_named(self.database, CHECK, name)
 
     def _keep(self, name: str, label: str, content: bytes) -> None:
         with self.database.transaction():

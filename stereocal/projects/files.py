@@ -63,7 +63,7 @@ class StoredFile:
             raise DamagedError("A file of the project is damaged; give it again.")
 
     def copy_to(self, path: Path) -> Path:
-        """Write the content to a file that the caller deletes, for libraries that read only files."""
+        """Write the content to a file that the caller deletes, for libraries that read files."""
         try:
             with path.open("wb") as file:
                 for piece in self.pieces():
@@ -136,6 +136,12 @@ def about_files(database: Database, part: str) -> dict[str, Any]:
     """The descriptions of the files of a part, by name."""
     found = database.rows("SELECT name, about FROM named WHERE part = ? ORDER BY rowid", part)
     return {str(name): loaded(about) for name, about in found}
+
+
+def file_named(database: Database, part: str, name: str) -> tuple[str, StoredFile] | None:
+    """Label and file of a name; None if there is none."""
+    found = database.rows("SELECT about, sha256 FROM named WHERE part = ? AND name = ?", part, name)
+    return (str(loaded(found[0][0])), StoredFile(str(found[0][1]), database)) if found else None
 
 
 def name_files(

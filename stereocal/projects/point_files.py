@@ -23,6 +23,7 @@ from stereocal.matching.point_table import PointTable
 from stereocal.projects.files import (
     StoredFile,
     about_files,
+    file_named,
     files_of,
     forget_files,
     keep_file,
@@ -100,10 +101,8 @@ class ProjectPoints:
 
     def asking(self, side: Asked) -> tuple[str, bytes] | None:
         """Name and content of a file with open questions."""
-        with self.database.reading():
-            file = files_of(self.database, ASKING).get(side)
-            label = about_files(self.database, ASKING).get(side)
-        return None if file is None else (str(label), file.read_bytes())
+        found = file_named(self.database, ASKING, side)
+        return None if found is None else (found[0], found[1].read_bytes())
 
     def offer_points(self, side: CameraName, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered.
