@@ -87,6 +87,12 @@ def test_uploads_without_the_token_of_the_page_are_refused(
         page.locator(".st-key-upload_correspondences input[type=file]").set_input_files(
             {"name": "points.csv", "mimeType": "text/csv", "buffer": b"frame,target\n"}
         )
+    expect(
+        page.get_by_text("What was loaded before is unchanged")
+        .or_(page.get_by_text("points.csv"))
+        .first
+    ).to_be_visible()
+    settled(page)
     place, token = sent.value.url, sent.value.headers["x-xsrftoken"]
     body = {"file": ("points.csv", b"frame,target\n")}
     refused: list[tuple[dict[str, str], dict[str, str]]] = [
