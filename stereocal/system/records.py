@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar, cast, get_args
 
 import msgspec
@@ -39,7 +39,14 @@ def of_plain(data: Any, kind: type[T]) -> T:
 
 def pack(value: Any) -> bytes:
     """As `plain`, as JSON."""
-    return json.dumps(msgspec.to_builtins(value, enc_hook=_array_as_list)).encode()
+    # msgspec leaves out fields that `of_plain` found missing: only the class holds their defaults.
+    whole = asdict(_Held(value))["value"]
+    return json.dumps(msgspec.to_builtins(whole, enc_hook=_array_as_list)).encode()
+
+
+@dataclass(frozen=True)
+class _Held:
+    value: Any
 
 
 def unpack(content: bytes, kind: type[T]) -> T:
