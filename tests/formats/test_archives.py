@@ -62,30 +62,6 @@ def test_easywand_gives_the_same_data_set_as_our_csv() -> None:
     assert np.abs(rays[0] - rays[1]).max() < 1e-12
 
 
-def test_the_pair_of_cameras_is_chosen() -> None:
-    fields = easywand_fields(more_cameras=1)
-    wand = fields["wandPts"]
-    for end in (0, 6):  # camera 3 has what camera 2 had
-        wand[:, end + 4 : end + 6] = wand[:, end + 2 : end + 4]
-    order = [0, 2]
-    for name, size in (("imageWidth", 1), ("imageHeight", 1), ("focalLengths", 1)):
-        fields[name][2 * size :] = fields[name][size : 2 * size]
-    fields["principalPoints"][4:] = fields["principalPoints"][2:4]
-    fields["nlin"][2] = fields["nlin"][1]
-    fields["coefs"][:, 2] = fields["coefs"][:, 1]
-    fields["backgroundPts"][:, 4:] = fields["backgroundPts"][:, 2:4]
-    content = {"a.mat": mat({"easyWandData": fields})}
-    first = gather(content, USUAL)
-    third = gather(content, ExchangeOptions(cameras=("1", "3")))
-    assert "of 3" in first.taken[0].origin and order
-    assert first.correspondences is not None and third.correspondences is not None
-    assert np.array_equal(first.correspondences.secondary, third.correspondences.secondary)
-    with pytest.raises(StereocalError, match="no camera 4"):
-        gather(content, ExchangeOptions(cameras=("1", "4")))
-    with pytest.raises(StereocalError, match="same camera"):
-        gather(content, ExchangeOptions(cameras=("2", "2")))
-
-
 def test_a_height_that_the_points_contradict_is_asked_for() -> None:
     with pytest.raises(StereocalError, match="--image-size 640x512"):
         easywand(imageHeight=np.array([800.0, 1024.0]))

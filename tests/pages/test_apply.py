@@ -183,31 +183,6 @@ def test_a_long_work_runs_as_a_job(
     assert "90 pairs in 6 frames" in said(app, "success")
 
 
-def test_wizard_of_a_table_with_unknown_columns(app: AppTest, home: Path) -> None:
-    both = tables()
-    give_sets(begun(app), SET_2D, SET_3D)
-    odd = {
-        side: pd.DataFrame(
-            {"when": t["frame"], "weight": 1.5, "down": t["v"] + 1, "right": t["u"] + 1}
-        )
-        for side, t in both.items()
-    }
-    give_points(app, csv(odd["primary"]), csv(odd["secondary"]))
-    for side in ("primary", "secondary"):
-        for name in ("frame", "u", "v"):
-            chosen = app.selectbox(key=f"wizard_{side}_{name}")
-            assert chosen.value is None  # nothing is proposed of a table that is not known
-            assert "Choose the columns" in said(app, "info")
-            chosen.set_value({"frame": 0, "u": 3, "v": 3}[name]).run()
-        assert "choose three different columns" in said(app, "error")
-        app.selectbox(key=f"wizard_{side}_v").set_value(2).run()
-        app.number_input(key=f"wizard_{side}_first_pixel").set_value(1.0).run()
-        app.button(key=f"use_{side}").click().run()
-    pairs, _ = written(app, home)
-    assert len(pairs) == 90 and "weight_primary" in pairs
-    np.testing.assert_allclose(pairs["error_px"], 0, atol=1e-6)
-
-
 def test_refined_set_serves_both(app: AppTest) -> None:
     calibrated(app)
     for use in ("matching", "measuring"):

@@ -15,7 +15,7 @@ from stereocal.projects.database import Database
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DiskFullError
 from stereocal.ui.menu import TITLES
-from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
+from tests.pages.stored_projects import FULL, go, placed, session, told
 
 REASON = "The disk is full."
 
@@ -32,27 +32,6 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         patch.setattr(data_folder, "create", full)
         patch.setattr(home_module, "copy_database", full)
         yield
-
-
-def fresh() -> AppTest:
-    return AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-
-
-def test_nothing_can_be_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    app = fresh()
-    with broken(monkeypatch):
-        for page in ("start", "data"):
-            assert not go(app, page).exception
-        go(app, "start").button(key="demo").click().run()
-        assert REASON in told(app, "error") and not app.exception
-        go(app, "data").file_uploader(key="upload_primary").upload(
-            "p.json", (ROOT / "sample_data/field/primary.json").read_bytes(), "text/json"
-        ).run()
-        assert REASON in told(app, "error") and not app.exception
-    assert not list(tmp_path.glob("projects/*.sqlite"))
-    go(app, "start").button(key="demo").click().run()
-    assert not app.exception and len(list(tmp_path.glob("projects/*.sqlite"))) == 1
 
 
 def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(

@@ -47,13 +47,3 @@ def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
     app = go(app, "data")
     app.number_input(key="baseline_m_value").set_value(1.2345).run()
     assert states(app)["calibrate"] == "stale"
-
-
-def test_no_next_where_something_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    app = session(Project.create(tmp_path))
-    assert go(app, "cameras").button(key="next")  # lenses are optional
-    for page in ("data", "calibrate", "validate", "one_set"):
-        assert not [button for button in go(app, page).button if button.key == "next"]
