@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar, cast, get_args
 
 import msgspec
@@ -39,14 +39,7 @@ def of_plain(data: Any, kind: type[T]) -> T:
 
 def pack(value: Any) -> bytes:
     """As `plain`, as JSON."""
-    # msgspec leaves out fields that `of_plain` found missing: only the class holds their defaults.
-    whole = asdict(_Held(value))["value"]
-    return json.dumps(msgspec.to_builtins(whole, enc_hook=_array_as_list)).encode()
-
-
-@dataclass(frozen=True)
-class _Held:
-    value: Any
+    return json.dumps(value, default=_parts_of).encode()
 
 
 def unpack(content: bytes, kind: type[T]) -> T:
@@ -75,10 +68,15 @@ def settings_of(data: Mapping[str, Any], kind: type[T]) -> T:
         raise StereocalError(f"The settings cannot be read: {error}.") from error
 
 
-def _array_as_list(value: Any) -> Any:
+def _parts_of(value: Any) -> Any:
+    # By name: msgspec leaves a default to the class, where its own writer does not find it.
+    if is_dataclass(value):
+        return {each.name: getattr(value, each.name) for each in fields(value)}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    raise NotImplementedError(type(value))
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(type(value))
 
 
 def _list_as_array(kind: Any, value: Any) -> Any:

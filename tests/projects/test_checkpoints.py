@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
@@ -116,3 +117,8 @@ def test_lines_of_a_table_come_back_to_the_last_bit(
     assert back.rows == block.rows
     assert np.array_equal(back.numbers, block.numbers, equal_nan=True)
     assert pack_block(TableBlock(table, np.array(numbers))) is None
+
+
+def test_settings_that_are_read_in_part_are_written_whole() -> None:
+    read = CalibrationSettings.from_json({"delta": 0.002})
+    assert read.to_json() == {**CalibrationSettings().to_json(), "delta": 0.002}
