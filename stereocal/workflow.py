@@ -16,7 +16,6 @@ from stereocal.calibration import checks
 from stereocal.calibration.essential import EssentialResult, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.calibration.montecarlo import Problem, minimise
-from stereocal.calibration.pose_fit import pose_fit
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
 from stereocal.calibration.wrong_inputs import check_inputs
@@ -95,7 +94,7 @@ def calibrate(
     start = _essential(chosen, settings, reconstruction, screening)
     # Points of a moving bar that are out of step fit exchanged or otherwise wrong cameras better.
     offer = offer_time_offset(screening)
-    warnings += [] if offer else check_inputs(chosen, pose_fit(chosen, start.pose))
+    warnings += [] if offer else check_inputs(chosen)
     results: dict[Method, MethodResult] = {
         "essential": MethodResult(
             "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds

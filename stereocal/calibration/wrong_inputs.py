@@ -53,15 +53,11 @@ MOST_ALTERNATIVES = 3
 """Comparable explanations in one message."""
 
 
-def check_inputs(dataset: Dataset, nominal: Fit | None = None) -> list[str]:
-    """Reject inputs that are certainly wrong; return warnings about those that may be.
-
-    Args:
-        nominal: the fit of the unchanged data set; computed if None.
-    """
+def check_inputs(dataset: Dataset) -> list[str]:
+    """Reject inputs that are certainly wrong; return warnings about those that may be."""
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return []
-    tested = _test_hypotheses(dataset, nominal or essential_fit(dataset))
+    tested = _test_hypotheses(dataset, essential_fit(dataset))
     if message := _message(tested):
         raise StereocalError(message)
     possible = [
@@ -84,7 +80,7 @@ def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
     which take longer to test, are considered too.
 
     Args:
-        nominal: as for `check_inputs`.
+        nominal: the fit of the unchanged data set; computed if None.
     """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
@@ -238,7 +234,7 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
     It names the two measured lengths if only the scale is wrong, and otherwise all inputs.
 
     Args:
-        nominal: as for `check_inputs`.
+        nominal: the fit of the unchanged data set; computed if None.
     """
     nominal = nominal or essential_fit(dataset)
     if nominal.only_scale_is_wrong:

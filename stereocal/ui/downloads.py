@@ -1,7 +1,7 @@
 """Downloads that are made when they are asked for, and held until the browser has fetched them.
 
 Streamlit drops such a file as soon as two more runs of any session have ended: with 20 people at
-work within 0.1 s, and the browser got "404 not found" (8 of 20 in `benchmarks.sessions`).
+work within 0.1 s, and the browser got "404 not found" (8 of 20).
 """
 
 from __future__ import annotations

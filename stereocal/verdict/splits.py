@@ -21,6 +21,8 @@ RUNS, FEWEST = 40, 10
 """Of the other kind of splits: half a second with 400 frames."""
 MOST_FRAMES = 40_000
 """Of all of them together; longer recordings are not compared."""
+SMALLEST_RATIO = 1.1
+"""Of two figures that are worth telling apart."""
 
 
 def note_on_splits(
@@ -49,7 +51,8 @@ def note_on_splits(
             f"{METHOD_NAMES[method]} {what} {percent(a.value)} % ({interval(a)}) instead of "
             f"{percent(b.value)} % ({interval(b)})"
             for what, a, b in zip(("FCP", "median length error"), single, whole, strict=True)
-            if a.high < b.low or b.high < a.low
+            if (a.high < b.low or b.high < a.low)
+            and max(a.value, b.value) > SMALLEST_RATIO * min(a.value, b.value)
         ]
     if not found:
         return ""
