@@ -54,7 +54,9 @@ def test_photographs_to_points(
         page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(path)
         expect(page.get_by_text(f"In use: {slot}.json")).to_be_visible()
 
+    settled(page)  # a run that still draws the pairs closes them again
     page.get_by_text("The pairs: look at them").click()
+    expect(page.locator("[data-testid=stDataFrame] canvas").first).to_be_attached()
     settled(page)
     for row, number in ((0, "101"), (1, "102"), (0, "103")):
         number_frame(page, row, number)

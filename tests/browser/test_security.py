@@ -92,6 +92,7 @@ def test_uploads_without_the_token_of_the_page_are_refused(
         .or_(page.get_by_text("points.csv"))
         .first
     ).to_be_visible()
+    page.wait_for_timeout(1000)  # the browser names the file before the server has stored it
     settled(page)
     place, token = sent.value.url, sent.value.headers["x-xsrftoken"]
     body = {"file": ("points.csv", b"frame,target\n")}
@@ -102,7 +103,7 @@ def test_uploads_without_the_token_of_the_page_are_refused(
         ({"X-Xsrftoken": "2|00|00|0"}, {"_streamlit_xsrf": token}),
         ({"Origin": "http://evil.example"}, {"_streamlit_xsrf": token}),
     ]
-    before = sorted((home / "projects").glob("*.sqlite"))
+    before = sorted((home / "projects").glob("[!.]*.sqlite"))
     for headers, cookies in refused:
         for method in ("PUT", "DELETE"):
             given = body if method == "PUT" else None
@@ -110,7 +111,7 @@ def test_uploads_without_the_token_of_the_page_are_refused(
                 method, place, headers=headers, cookies=cookies, files=given, timeout=10
             )
             assert answer.status_code == 403, (headers, method)
-    assert sorted((home / "projects").glob("*.sqlite")) == before
+    assert sorted((home / "projects").glob("[!.]*.sqlite")) == before
     right = {"headers": {"X-Xsrftoken": token}, "cookies": {"_streamlit_xsrf": token}}
     assert requests.put(place, files=body, timeout=10, **right).status_code == 204  # type: ignore[arg-type]
     # Nor does a token open the session of somebody else, whose name nobody is told.
