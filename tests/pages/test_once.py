@@ -105,20 +105,25 @@ def same(first: Correspondences, second: Correspondences, name: str) -> bool:
     return bool(a.tobytes() == b.tobytes())
 
 
+def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a restart of the server."""
+    for kept in ("CALIBRATIONS", "EVALUATIONS", "DATASETS", "TABLES"):
+        monkeypatch.setattr(parsed_files, kept, Latest(8))
+    st.cache_resource.clear()
+
+
 def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_again(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unpacked = counted(monkeypatch, "stereocal.projects.parsed_files.unpack_calibration")
     read = counted(monkeypatch, "stereocal.projects.parsed_files.unpack_evaluation")
     fitted = counted(monkeypatch, "stereocal.ui.refined.refine")
+    forget(monkeypatch)  # what other tests of this process have calibrated
     open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     shown = [button.proto.id for button in app.get("download_button")]
     assert shown and not unpacked and not read and len(fitted) == 1
-    # As after a restart of the server.
-    for kept in ("CALIBRATIONS", "EVALUATIONS", "DATASETS", "TABLES"):
-        monkeypatch.setattr(parsed_files, kept, Latest(8))
-    st.cache_resource.clear()
+    forget(monkeypatch)
     app.run()
     assert (len(unpacked), len(read), len(fitted)) == (1, 1, 1)
     calibration = project_of(app, home).calibration
