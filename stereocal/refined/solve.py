@@ -261,6 +261,16 @@ class Solve:
         self.steps += steps
 
     def _evaluate(self, limits: FloatArray) -> None:
+        self._sum(1 / self.scatter, limits, self.points, self.chi_squares, self.H)
+
+    def _sum(
+        self,
+        length_weight: float,
+        limits: FloatArray,
+        points: FloatArray,
+        chi_squares: FloatArray,
+        H: FloatArray,
+    ) -> None:
         sum_normal_equations(
             self.q,
             self.unknowns.free,
@@ -269,11 +279,11 @@ class Solve:
             self.rays,
             self.distances,
             1 / self.sigma_px,
-            1 / self.scatter,
+            length_weight,
             limits,
-            self.points,
-            self.chi_squares,
-            self.H,
+            points,
+            chi_squares,
+            H,
             np.empty(SHARED),
         )
 
@@ -286,22 +296,7 @@ class Solve:
             return True
         points, chi_squares = self.points.copy(), np.empty(len(self.frames))
         H = np.empty((SHARED, SHARED))
-        used = np.where(self.outlying, 0.0, np.inf)
-        sum_normal_equations(
-            self.q,
-            self.unknowns.free,
-            self.lenses,
-            self.pixels,
-            self.rays,
-            self.distances,
-            1 / self.sigma_px,
-            0.0,
-            used,
-            points,
-            chi_squares,
-            H,
-            np.empty(SHARED),
-        )
+        self._sum(0.0, np.where(self.outlying, 0.0, np.inf), points, chi_squares, H)
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
