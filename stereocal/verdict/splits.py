@@ -28,7 +28,7 @@ SMALLEST_RATIO = 1.1
 def note_on_splits(
     dataset: Dataset, settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
 ) -> str:
-    """Where the other kind of splits differs beyond both intervals; empty if it does not.
+    """Where the other kind of splits differs beyond both intervals and by a tenth; else empty.
 
     Args:
         dataset: that was evaluated with these settings; without runs nothing is computed.
