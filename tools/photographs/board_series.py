@@ -16,7 +16,7 @@ from tools.photographs.rendering import (
 LENS_SQUARES = (19, 13)
 """Columns and rows of squares (paper, Section 5: 18x12 inner corners)."""
 LENS_SQUARE_M = 0.03
-LENS_PHOTOGRAPHS = 25
+LENS_PHOTOGRAPHS = 22
 BOARD_SHARE = (0.55, 0.95)
 """Width of the untilted board over the width of the image."""
 TILT_RAD = (0.15, 0.85)
