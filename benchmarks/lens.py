@@ -13,9 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensSettings, calibrate_lens
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.simulate import field_rig

@@ -12,12 +12,9 @@ set; or a pair of one with more cameras: ewand123:1-3.
 from __future__ import annotations
 
 import argparse
-import csv
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,7 +23,6 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.bar_fit import BAR
 from stereocal.refined.parameter_file import refined_parameters
@@ -34,7 +30,8 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
+from stereocal.rig.rigid_object import RigidObject
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import calibrate
 from tests.rigs.population import figures_on
@@ -50,34 +47,22 @@ FREE = RefineSettings(primary=FREE_LENS, secondary=FREE_LENS, baseline_sigma_m=n
 def recording(name: str) -> Dataset:
     """A data set without the frames that its screening leaves out."""
     path, _, pair = name.partition(":")
-    found = pair_of(Path(path), *pair.split("-")) if pair else read_dataset(Path(path))
-    return screen(found).dataset
+    data = read_dataset(path, pair=pair or None)
+    own = data.correspondences.rigid_object
+    return screen(data if own is None else outer_targets(data, own)).dataset
 
 
-def pair_of(folder: Path, first: str, second: str) -> Dataset:
-    """Two cameras of a recording of several, and the bar A-B."""
-    about = json.loads((folder / "dataset.json").read_text())
-    seen: dict[tuple[int, str], dict[str, tuple[float, float]]] = {}
-    with (folder / "points.csv").open() as file:
-        for row in csv.DictReader(file):
-            own = seen.setdefault((int(row["frame"]), row["target"]), {})
-            own[row["camera"]] = float(row["u"]), float(row["v"])
-    kept = {key: own for key, own in seen.items() if key[1] in "AB" and {first, second} <= {*own}}
-    rows = sorted(key for key in kept if (key[0], "AB"[key[1] == "A"]) in kept)
-    one, two = (folder / about["cameras"][name] for name in (first, second))
-    return Dataset(
-        f"{folder.name} {first}-{second}",
-        read_camera(one.read_bytes(), one.name),
-        read_camera(two.read_bytes(), two.name),
-        Correspondences.from_arrays(
-            [frame for frame, _ in rows],
-            [target for _, target in rows],
-            [kept[row][first] for row in rows],
-            [kept[row][second] for row in rows],
-        ),
-        about["baselines_m"][f"{first}-{second}"],
-        float(np.linalg.norm(np.subtract(about["object"]["A"], about["object"]["B"]))),
+def outer_targets(data: Dataset, own: RigidObject) -> Dataset:
+    """A and B alone, as in the data set of two cameras: a third marker has errors of its own."""
+    rows = data.correspondences
+    names = np.array(own.names)[rows.target]
+    kept = np.isin(names, TARGETS)
+    bars = Correspondences.from_arrays(
+        rows.frame[kept], names[kept], rows.primary[kept], rows.secondary[kept]
     )
+    a, b = (np.array(own.points[own.names.index(name)]) for name in TARGETS)
+    length = float(np.linalg.norm(a - b))
+    return replace(data, correspondences=bars, target_distance_m=length)
 
 
 def quarters(data: Dataset) -> Iterator[tuple[IntArray, IntArray]]:

@@ -24,8 +24,8 @@ from pathlib import Path
 from unittest import mock
 
 from stereocal.errors import StereocalError
-from stereocal.projects import journal_mode
-from stereocal.projects.files import LARGEST, keep_file, keep_values, name_files, values_of
+from stereocal.projects import database as database_module
+from stereocal.projects.files import LARGEST
 from stereocal.projects.home import copy_database, delete, recent_projects, remove, sweep
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -94,8 +94,8 @@ def large(home: Path) -> None:
             file.write(os.urandom(SIZE))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with timed(f"{LARGE // MB} MB in"):
-        stored = keep_file(database, path, path.name)
-        name_files(database, "applied", {path.name: stored})
+        stored = database.keep_file(path, path.name)
+        database.name_files("applied", {path.name: stored})
     with timed("and out"):
         stored.copy_to(home / "out.csv")
     more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1000
@@ -106,14 +106,14 @@ def large(home: Path) -> None:
         file.truncate(LARGEST + 1)
     size = database.path.stat().st_size
     try:
-        keep_file(database, path, path.name)
+        database.keep_file(path, path.name)
     except StereocalError as error:
         print(f"{error} The file grew by {database.path.stat().st_size - size} bytes.")
 
 
 def with_a_rollback_journal(home: Path) -> None:
     """Where a write-ahead log fails: four threads, which all write and read."""
-    with mock.patch.object(journal_mode, "_writes_ahead", lambda _folder: False):
+    with mock.patch.object(database_module, "journal_of", lambda _folder: "delete"):
         project = placed(FULL, home)
         together(project)
         assert project.database.rows("PRAGMA journal_mode") == [("delete",)]
@@ -125,12 +125,12 @@ def with_a_rollback_journal(home: Path) -> None:
 def together(project: Project) -> None:
     """Four threads, as tabs of one project."""
     database = project.database
-    keep_values(database, "count", {"x": 0})
+    database.keep_values("count", {"x": 0})
 
     def work() -> None:
         for _ in range(50):
             with database.transaction():
-                keep_values(database, "count", {"x": values_of(database, "count")["x"] + 1})
+                database.keep_values("count", {"x": database.values("count")["x"] + 1})
             assert project.inputs.files
 
     threads = [threading.Thread(target=work) for _ in range(4)]
@@ -139,7 +139,7 @@ def together(project: Project) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    count, seconds = values_of(database, "count")["x"], time.perf_counter() - begun
+    count, seconds = database.values("count")["x"], time.perf_counter() - begun
     kept = database.rows("PRAGMA journal_mode")[0][0]
     print(f"journal {kept}: {count} of 200 acts of 4 tabs in {seconds:.2f} s", flush=True)
 

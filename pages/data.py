@@ -12,10 +12,11 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
+from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
-from stereocal.ui.lengths import ask_if_measured, length_field, show_rig
+from stereocal.ui.lengths import ask_if_measured, length_field, object_in_words, show_rig
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
@@ -28,6 +29,11 @@ st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
 
 project = current_project()
+if project is not None and ProjectRecording(project).is_given:
+    st.success("This project holds a recording of three cameras or more.")
+    st.page_link("pages/rig.py", label="Calibrate them together on the page Rig")
+    st.button("Start a new project", on_click=forget_project, key="forget")
+    end_here()
 how = choose_kind(project)
 if how == "Photographs":
     photographs_in(project)
@@ -47,7 +53,10 @@ with left:
     length_field(project, "baseline_m", "Baseline: distance between the cameras")
     length_uncertainty(project, "baseline_m", "± 1 %")
 with right:
-    length_field(project, "target_distance_m", "Distance between targets A and B")
+    if about := object_in_words(project):
+        st.markdown(about)
+    else:
+        length_field(project, "target_distance_m", "Distance between targets A and B")
     length_uncertainty(project, "target_distance_m", "± 0.1 %")
 if project is not None:
     ask_if_measured(project)
@@ -78,6 +87,7 @@ show_figure(
     plot_coverage(dataset),
     describe_coverage(dataset),
     COVERAGE,
+    narrow=plot_coverage(dataset, narrow=True),
     on_select=partial(open_clicked_frame, project),
     selection_mode="points",
 )

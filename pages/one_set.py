@@ -51,7 +51,9 @@ try:
     protocol = kept_protocol(project, [dataset])
     calibration = last_calibration(project)
     current = calibration
-    if calibration and staleness(calibration, dataset, form_values(project, dataset)):
+    stale = calibration and staleness(calibration, dataset, form_values(project, dataset))
+    if stale:
+        st.warning(f"{stale} This page already shows what the data and the form now give.")
         current = None
     answer = None if current is None else answer_when_ready(project, current)
     calibrated_now = answer is not None

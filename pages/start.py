@@ -15,6 +15,7 @@ from stereocal.ui.samples import (
     real_recording,
     sample_photographs,
     sample_points,
+    three_cameras,
 )
 from stereocal.ui.story import show_story
 from stereocal.ui.texts import NEEDED, PURPOSE
@@ -26,6 +27,7 @@ show_story()
 samples = {"recording": ("Open the real recording", real_recording)}
 if has_sample_photographs():
     samples["demo_photographs"] = ("Sample photographs", sample_photographs)
+samples["demo_rig"] = ("Three cameras", three_cameras)
 samples["demo"] = ("Simulated rig", sample_points)
 with st.container(horizontal=True):
     for key, (label, make) in samples.items():

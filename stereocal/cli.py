@@ -23,6 +23,7 @@ COMMANDS = {
     "match": "match",
     "reconstruct": "reconstruct",
     "convert": "convert",
+    "rig": "rig",
     "check": "check",
     "world": "world",
     "simulate": "simulate",

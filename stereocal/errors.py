@@ -62,6 +62,17 @@ def naming(source: str) -> Iterator[None]:
         raise StereocalError(str(error), source) from error
 
 
+@contextmanager
+def disk_errors(failed: str) -> Iterator[None]:
+    """Errors of the disk from within begin with `failed`: what cannot be done."""
+    try:
+        yield
+    except StereocalError:
+        raise
+    except OSError as error:
+        raise StereocalError(f"{failed}: {error.strerror or error}.") from error
+
+
 @dataclass(frozen=True)
 class RowProblem:
     """A rejected row of a table: its line number (0 if unknown) and the reason."""

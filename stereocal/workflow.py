@@ -24,6 +24,7 @@ from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.diagnosis import explain_failure, offer_time_offset, warnings_about_fit
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
+from stereocal.refined.misplaced_target import misplaced_target
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
@@ -121,6 +122,7 @@ def calibrate(
             # Without an initial pose, as for a stored calibration: its files are the same.
             own = replace(refined, time_offset=settings.time_offset, time_drift=settings.time_drift)
             refined_result = refine(chosen, own)
+            warnings += filter(None, [misplaced_target(refined_result)])
         except StereocalError as error:
             warnings.append(f"There is no refined set: {error}")
     return Calibration(

@@ -225,7 +225,7 @@ def _give_photographs(project: Project) -> None:
     ]
     table = project.table
     assert table is not None
-    store.keep_frames(frames)
+    store.keep_corrected(frames)
     change_review(store, lambda review: place(review, 1, 0, 0, Centre(805, 600, None, SOURCES[-1])))
     project.give({"correspondences": table})
 

@@ -39,7 +39,7 @@ def write_video(
     numbers: Sequence[int] | None = None,
     ticks: int = TICKS,
 ) -> Path:
-    """A video with these time stamps; frame k shows `numbers[k]`, or k.
+    """A video with these time stamps; frame k shows `numbers[k]`, or k, in grey or colours.
 
     Args:
         ticks: units of a time stamp in a second; an AVI has one frame in each.
@@ -48,13 +48,13 @@ def write_video(
 
     with av.open(str(path), "w") as container:
         stream: Any = container.add_stream(codec, rate=min(ticks, 30))
-        stream.height, stream.width = draw(0).shape
+        stream.height, stream.width = draw(0).shape[:2]
         stream.pix_fmt, stream.options = "yuv420p", {"crf": "12"} if codec == "libx264" else {}
         stream.time_base = stream.codec_context.time_base = Fraction(1, ticks)
         stream.codec_context.gop_size = 12
         for k, time in enumerate(seconds):
             grey = draw(k if numbers is None else numbers[k])
-            colours: Any = np.repeat(grey[:, :, None], 3, axis=2)
+            colours: Any = grey if grey.ndim == 3 else np.repeat(grey[:, :, None], 3, axis=2)
             frame = av.VideoFrame.from_ndarray(colours, "rgb24")
             frame = frame.reformat(format="yuv420p")
             frame.pts, frame.time_base = round(time * ticks), Fraction(1, ticks)

@@ -12,6 +12,7 @@ from stereocal.calibration.methods import METHODS, Method
 from stereocal.commands.compiling import compile_apart
 from stereocal.commands.options import (
     add_lens_model,
+    add_pair,
     add_search_options,
     refine_settings_from,
     settings_from,
@@ -20,7 +21,7 @@ from stereocal.commands.options import (
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.dataset_files import DESCRIPTION
+from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
 from stereocal.formats.inputs import read_input
 from stereocal.refined.refine import RefinedResult
@@ -52,6 +53,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("--out", type=Path, required=True, help="folder for the files")
     add_search_options(command)
     add_lens_model(command)
+    add_pair(command)
     command.add_argument(
         "--calibration-frames",
         type=int,
@@ -103,7 +105,7 @@ def run(parsed: argparse.Namespace) -> None:
         raise StereocalError(
             "A paper kit holds what computes its files again: give --kit or --validation."
         )
-    dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model), parsed)
+    dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model, parsed.pair), parsed)
     if parsed.kit:
         from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
 

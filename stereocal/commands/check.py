@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.commands.calibrate import FILES
-from stereocal.commands.options import add_lens_model, with_sigmas
+from stereocal.commands.options import add_lens_model, add_pair, with_sigmas
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.new_images import NewImages, images_of_bars
@@ -64,6 +64,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "columns that match writes)",
     )
     add_lens_model(command)
+    add_pair(command)
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -114,4 +115,6 @@ def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
     is_table = path.is_file() and path.suffix != STORED_PROJECT and not zipfile.is_zipfile(path)
     if is_table:
         return images_in_table(path, str(path), rig).stating(parsed.sigma_px)
-    return images_of_bars(with_sigmas(read_input(path, parsed.lens_model), parsed), rig)
+    return images_of_bars(
+        with_sigmas(read_input(path, parsed.lens_model, parsed.pair), parsed), rig
+    )

@@ -6,10 +6,17 @@ import argparse
 from pathlib import Path
 
 from stereocal.commands.options import add_lens_model, add_questions, answers, image_size
-from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
+from stereocal.formats.exchange.exchange import (
+    FORMATS,
+    export,
+    export_notes,
+    export_rig,
+    import_parameters,
+)
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.questions import ORIGIN
 from stereocal.formats.world_file import read_world
+from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 
@@ -21,7 +28,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     command.set_defaults(run=run)
     command.add_argument(
-        "parameters", type=Path, help="a parameter file; with --from, the other program's"
+        "parameters",
+        type=Path,
+        help="a parameter file or rig.json; with --from, the other program's",
     )
     direction = command.add_mutually_exclusive_group(required=True)
     direction.add_argument("--to", choices=tuple(FORMATS), help="write this format")
@@ -61,6 +70,12 @@ def run(parsed: argparse.Namespace) -> None:
         **answers(parsed),
     )
     if parsed.to is not None:
+        if holds_rig(parsed.parameters):
+            own = RigFile.load(parsed.parameters)
+            posed = [(name, own.cameras[name], own.poses[name]) for name in own.names]
+            for path in export_rig(posed, parsed.to, parsed.out, options):
+                print(f"wrote {path}")
+            return
         rig = RigParameters.load(parsed.parameters)
         written = export(rig, parsed.to, parsed.out, options)
         for note in export_notes(rig, parsed.to):

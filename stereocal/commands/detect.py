@@ -7,8 +7,17 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
+from stereocal.commands.boards import detect_board
 from stereocal.commands.options import add_lens_model, add_workers, workers_from
 from stereocal.commands.progress import ProgressBar, say
+from stereocal.detection.target import (
+    BOARDS,
+    BRIGHT,
+    EXAMPLES,
+    Balls,
+    parse_board,
+    parse_target,
+)
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
@@ -27,7 +36,18 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "dataset", type=Path, help="folder or zip with dataset.json and photographs"
     )
-    command.add_argument("--out", type=Path, required=True, help="the table: correspondences.csv")
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="the table: correspondences.csv; of a board points.csv, or a folder for a data set",
+    )
+    command.add_argument(
+        "--target",
+        default="bar2x2",
+        metavar="KIND",
+        help=f"what is on the bar: {EXAMPLES} (default: bar2x2); or a board: {BOARDS}",
+    )
     command.add_argument(
         "--videos",
         type=Path,
@@ -57,9 +77,13 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the targets, print a line per frame, write the table."""
+    if (board := parse_board(parsed.target)) is not None:
+        detect_board(parsed, board)
+        return
+    target = parse_target(parsed.target)
     survey = read_survey(parsed.dataset, parsed.lens_model)
     if parsed.videos is not None:
-        _take_frames(parsed)
+        _take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         with ProgressBar("photographs unpacked") as unpacking:
             photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
@@ -76,6 +100,7 @@ def run(parsed: argparse.Namespace) -> None:
                 executor,
                 begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
                 progress=lambda done, total: bars[-1].show(done, total),
+                target=target,
             )
     assert frames is not None  # nobody cancels here
     for frame in frames:
@@ -87,14 +112,17 @@ def run(parsed: argparse.Namespace) -> None:
     print(f"wrote {parsed.out}")
 
 
-def _take_frames(parsed: argparse.Namespace) -> None:
+def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
     """Write frames of two videos into the folder of the data set."""
     if not parsed.dataset.is_dir():
         raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
     if parsed.every is not None and parsed.every < 1:
         raise StereocalError(f"--every is {parsed.every}: it must be 1 or more.")
     settings = VideoSettings(
-        "still" if parsed.every is None else "every", parsed.every or 1, parsed.clock_ahead
+        "still" if parsed.every is None else "every",
+        parsed.every or 1,
+        parsed.clock_ahead,
+        coloured,
     )
     first, second = parsed.videos
     with ExitStack() as stack:

@@ -6,12 +6,13 @@ import argparse
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import get_args
 
 from stereocal.calibration.methods import Method
 from stereocal.commands.options import (
     add_lens_model,
+    add_pair,
     add_search_options,
+    add_settings,
     add_workers,
     refine_settings_from,
     settings_from,
@@ -20,7 +21,7 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, Splits, evaluate, evaluate_runs
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer
@@ -42,16 +43,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("--out", type=Path, required=True, help="folder for the two files")
     add_search_options(command)
     add_lens_model(command)
-    command.add_argument("--runs", type=int, default=100, metavar="N", help="default: 100")
-    command.add_argument(
-        "--calibration-frames", type=int, default=20, metavar="K", help="of each run (default: 20)"
-    )
-    command.add_argument(
-        "--splits",
-        choices=get_args(Splits),
-        default="runs",
-        help="leave out runs of frames that follow each other whole (default), or frame by frame",
-    )
+    add_pair(command)
+    add_settings(command, EvaluationSettings)
     command.add_argument("--known-points", action="store_true", help="as for calibrate")
     command.add_argument(
         "--no-refined",
@@ -65,7 +58,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Evaluate, write summary.json and report.html, print the answer."""
     datasets = [
-        with_sigmas(read_input(path, parsed.lens_model), parsed) for path in parsed.datasets
+        with_sigmas(read_input(path, parsed.lens_model, parsed.pair), parsed)
+        for path in parsed.datasets
     ]
     settings = EvaluationSettings(
         settings_from(parsed, calibration_frames=None),

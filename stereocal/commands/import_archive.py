@@ -15,18 +15,21 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.commands.point_options import two_cameras
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.archives.archive import THROW, Archive, Taken
+from stereocal.formats.archives.every_camera import gather_all
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.dataset_files import FREE, pack_dataset
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.questions import ORIGIN
 from stereocal.formats.point_layouts import LAYOUTS
+from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded
 
+EVERY = "all"
 BAR_LAYOUTS = tuple(name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8"))
 
 
@@ -37,7 +40,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument("files", type=Path, nargs="+", metavar="FILE", help=WANTED)
     command.add_argument("--out", type=Path, required=True, help="folder of the data set")
     command.add_argument(
-        "--cameras", metavar="P,S", help="primary and secondary camera: 1,2 or names (default: 1,2)"
+        "--cameras",
+        metavar="P,S",
+        help="primary and secondary camera: 1,2 or names (default: 1,2); all: a data set of "
+        "every camera, for rig",
     )
     add_questions(command, "unit")
     command.add_argument(
@@ -60,6 +66,9 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Read the files, write the data set, print what was taken and what is missing."""
+    if parsed.cameras == EVERY:
+        _import_every(parsed)
+        return
     baseline = _baseline(parsed.baseline)
     size = image_size(parsed.image_size)
     found = gather(
@@ -81,6 +90,19 @@ def run(parsed: argparse.Namespace) -> None:
         files[parsed.out / THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()
     write_all(files)
     for note in notes_on(found, dataset):
+        print(f"Note: {note}")
+    print(f"wrote {parsed.out}")
+
+
+def _import_every(parsed: argparse.Namespace) -> None:
+    """The same of all cameras: a data set of format 2."""
+    size = image_size(parsed.image_size)
+    options = ExchangeOptions(image_sizes=(size, size), layout=parsed.layout, **answers(parsed))
+    found = gather_all(_contents(parsed.files), options, parsed.out.name, parsed.distance)
+    print(table_of(found.taken))
+    packed = pack_recording(found.recording)
+    write_all({parsed.out / name: content for name, content in packed.items()})
+    for note in found.remarks:
         print(f"Note: {note}")
     print(f"wrote {parsed.out}")
 
@@ -114,11 +136,9 @@ def _contents(paths: Sequence[Path]) -> dict[str, bytes]:
     limits.check_count(len(paths), "The command")
     found: dict[str, bytes] = {}
     for path in paths:
-        try:
+        with disk_errors(f"{path} cannot be read"):
             limits.check_size(path.stat().st_size, str(path))
             content = path.read_bytes()
-        except OSError as error:
-            raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
         name = path.name if path.name not in found else str(path)
         if name in found:
             raise StereocalError(f"{path}: the file is given twice.")

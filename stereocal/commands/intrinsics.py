@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from concurrent.futures import Executor
 from pathlib import Path
 
-from stereocal.commands.options import add_workers, workers_from
+from stereocal.commands.boards import lenses_of, search, write_recording
+from stereocal.commands.options import add_settings, add_workers, workers_from
 from stereocal.commands.progress import ProgressBar
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.quality import advice, hint
+from stereocal.intrinsics.stereo_boards import recording_of
 from stereocal.intrinsics.tables import LENS_COLUMNS, lens_answer, lens_rows
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.atomic_files import write_atomically
+from stereocal.system.described import descriptions
 from stereocal.system.photograph_files import Photographs, photographs_in
 
 OPENCV_SUFFIXES = (".yml", ".yaml")
@@ -35,19 +40,14 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--square", type=float, required=True, metavar="M", help="side of a square, in metres"
     )
     command.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="camera.json, or .yml for OpenCV"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="camera.json, or .yml for OpenCV; a folder for a data set, from photographs of two "
+        "cameras",
     )
-    paper = LensSettings()
-    for option, default, text in (
-        ("--subset", paper.subset, "photographs of each draw; of no more, two thirds"),
-        ("--repeats", paper.repeats, "draws"),
-        ("--seed", paper.seed, "source of the random numbers"),
-    ):
-        command.add_argument(
-            option, type=int, default=default, metavar="N", help=f"{text} (default: {default})"
-        )
-    command.add_argument("--fix-k3", action="store_true", help="hold k3 at 0")
-    command.add_argument("--zero-tangential", action="store_true", help="hold p1 and p2 at 0")
+    add_settings(command, LensSettings)
     command.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
     command.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
     command.add_argument(
@@ -59,11 +59,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Find the boards, calibrate, write the file, print the table."""
     pattern = BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
-    settings = LensSettings(
-        parsed.subset, parsed.repeats, parsed.seed, parsed.fix_k3, parsed.zero_tangential
-    )
+    settings = LensSettings(**{name: getattr(parsed, name) for name in descriptions(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
+        if not parsed.out.suffix and pair_names(photographs).pairs:
+            _both_cameras(parsed.out, photographs, pattern, settings, executor)
+            return
         with ProgressBar("photographs searched") as bar:
             search = find_boards(photographs, pattern, executor, bar.show)
         assert search is not None  # nobody cancels here
@@ -73,6 +74,21 @@ def run(parsed: argparse.Namespace) -> None:
     write_atomically(parsed.out, _file_of(lens, parsed.out))
     _print(search, lens)
     print(f"wrote {parsed.out}")
+
+
+def _both_cameras(
+    folder: Path,
+    photographs: Photographs,
+    pattern: BoardPattern,
+    settings: LensSettings,
+    executor: Executor,
+) -> None:
+    """The lenses of two cameras and, where both see the board, the data set for their pose."""
+    boards = search(photographs, pattern, executor)
+    first, second = lenses_of(boards, settings, executor)
+    recording = recording_of(boards, (first.camera, second.camera), folder.name)
+    write_recording(folder, recording)
+    print(f"wrote {folder}")
 
 
 def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Photographs:

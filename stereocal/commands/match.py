@@ -15,6 +15,10 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import POINT
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.several_files import match_rig
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 
 A_POINT = np.zeros((1, 2))
@@ -31,7 +35,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     command.add_argument("secondary", type=Path, help="the same for the secondary camera")
     command.add_argument(
-        "--parameters", type=Path, required=True, metavar="FILE", help="parameters_2d.json"
+        "others", type=Path, nargs="*", help="further cameras, with --rig; each as NAME=FILE"
+    )
+    parameters = command.add_mutually_exclusive_group(required=True)
+    parameters.add_argument("--parameters", type=Path, metavar="FILE", help="parameters_2d.json")
+    parameters.add_argument(
+        "--rig", type=Path, metavar="FILE", help="rig.json; tables as NAME=FILE, out: tracks.csv"
     )
     command.add_argument("--out", type=Path, required=True, help="pairs.csv or pairs.parquet")
     command.add_argument(
@@ -64,6 +73,11 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Match, write the pairs, print a summary."""
+    if parsed.rig is not None:
+        _run_rig(parsed)
+        return
+    if parsed.others:
+        raise StereocalError("More than two tables of points need --rig rig.json.")
     rig = RigParameters.load(parsed.parameters)
     threshold = _threshold(parsed.threshold)
     if parsed.unmatched is not None and parsed.unmatched == parsed.out:
@@ -92,6 +106,27 @@ def run(parsed: argparse.Namespace) -> None:
     for path in (parsed.out, parsed.unmatched):
         if path is not None:
             print(f"wrote {path}")
+
+
+def _run_rig(parsed: argparse.Namespace) -> None:
+    """The same of all cameras of a rig."""
+    given = {"--threshold": parsed.threshold, "--layout": parsed.layout}
+    given["--unmatched"] = parsed.unmatched
+    if unused := [option for option, value in given.items() if value is not None]:
+        raise StereocalError(f"{unused[0]} is for two cameras: leave it out with --rig.")
+    tables: dict[str, PointTable] = {}
+    for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
+        name, equals, file = text.partition("=")
+        if not equals or name in tables:
+            raise StereocalError(f"{text}: give each camera's points once, as NAME=FILE.")
+        tables[name] = PointTable(Path(file), POINT)
+    with ProgressBar("frames") as bar:
+        report = match_rig(RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px, bar.show)
+    for sentence in report.sentences():
+        print(sentence)
+    for note in report.notes:
+        print(f"Note: {note}")
+    print(f"wrote {parsed.out}")
 
 
 def _threshold(text: str | None) -> float | None:

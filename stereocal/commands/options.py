@@ -21,8 +21,13 @@ from stereocal.system.executors import engine
 
 
 def add_search_options(parser: argparse.ArgumentParser) -> None:
-    """The settings of the search and of the calibration, as they describe themselves."""
-    for settings in (SearchSettings, CalibrationSettings):
+    """The settings of the search and of the calibration."""
+    add_settings(parser, SearchSettings, CalibrationSettings)
+
+
+def add_settings(parser: argparse.ArgumentParser, *kinds: type) -> None:
+    """An option for each setting, as it describes itself."""
+    for settings in kinds:
         for name, about in descriptions(settings).items():
             option = f"--{(about.option or name).replace('_', '-')}"
             usual, told = about.default, dict[str, Any](dest=name, help=about.help)
@@ -46,6 +51,13 @@ def add_lens_model(parser: argparse.ArgumentParser) -> None:
         ("--distance-sigma", "the distance between the targets"),
     ):
         parser.add_argument(option, type=float, metavar="S", help=f"standard error of {what}, m")
+
+
+def add_pair(parser: argparse.ArgumentParser) -> None:
+    """The option of the two cameras of a data set that has more."""
+    parser.add_argument(
+        "--pair", metavar="LEFT-RIGHT", help="two cameras of a data set with more than two"
+    )
 
 
 def add_questions(parser: argparse._ActionsContainer, *names: str) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stereocal.commands.options import add_questions, answers
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.questions import ORIGIN, QUESTIONS
 from stereocal.formats.exchange.reading import camera_index
 from stereocal.formats.point_answers import (
@@ -112,10 +112,8 @@ def _theirs(
     parsed: argparse.Namespace, which: int, path: Path, camera: Camera, folder: Path
 ) -> PointTable:
     source = str(path)
-    try:
+    with disk_errors(f"{source} cannot be read"):
         content = point_text(path.read_bytes(), source)
-    except OSError as error:
-        raise StereocalError(f"{source} cannot be read: {error.strerror or error}.") from error
     by_hand = parsed.layout == BY_HAND
     layout = (
         layout_by_hand(content, source)

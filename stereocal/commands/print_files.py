@@ -6,21 +6,23 @@ import argparse
 from pathlib import Path
 
 from stereocal.commands.options import add_lens_model
-from stereocal.errors import StereocalError
+from stereocal.detection.target import Tags, parse_target
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
 from stereocal.field.printing.print_board import print_board
+from stereocal.field.printing.print_tags import print_tags
 from stereocal.field.printing.print_target import GOOD_PX, print_targets, target_size
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.plan_file import read_plan
-from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.atomic_files import write_atomically
 
 
 def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command and of what it prints."""
     command = commands.add_parser("print", help="targets, boards and a field sheet to print")
-    kinds = command.add_subparsers(dest="kind", required=True, metavar="target|board|sheet")
+    kinds = command.add_subparsers(dest="kind", required=True, metavar="target|board|tags|sheet")
     target = kinds.add_parser("target", help="the two targets of the bar")
     target.set_defaults(run=_target)
     size = target.add_mutually_exclusive_group(required=True)
@@ -46,11 +48,20 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     board.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
     board.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
+    tags = kinds.add_parser("tags", help="two tags for the ends of the bar")
+    tags.set_defaults(run=_tags)
+    tags.add_argument(
+        "--target", required=True, metavar="KIND", help="as for detect: tags:4X4_50:3,7"
+    )
+    tags.add_argument(
+        "--side", type=float, required=True, metavar="M", help="side of a black square, in metres"
+    )
     sheet = kinds.add_parser("sheet", help="a plan on one page, to take along")
     sheet.set_defaults(run=_sheet)
     sheet.add_argument("plan", type=Path, metavar="PLAN.json")
     add_lens_model(sheet)
-    for one, suffixes in ((target, ".pdf or .svg"), (board, ".pdf or .svg"), (sheet, ".pdf")):
+    drawn = ".pdf or .svg"
+    for one, suffixes in ((target, drawn), (board, drawn), (tags, drawn), (sheet, ".pdf")):
         one.add_argument(
             "--paper", default="A4", metavar="NAME", help=f"{', '.join(PAPERS)} (default: A4)"
         )
@@ -72,10 +83,8 @@ def _target(parsed: argparse.Namespace) -> None:
 def _focal_px(parsed: argparse.Namespace) -> float:
     if parsed.camera is None:
         return float(parsed.focal)
-    try:
+    with disk_errors(f"{parsed.camera} cannot be read"):
         content = parsed.camera.read_bytes()
-    except OSError as error:
-        raise StereocalError(f"{parsed.camera} cannot be read: {error.strerror}.") from None
     camera = read_camera(content, str(parsed.camera))
     return float(min(camera.K[0, 0], camera.K[1, 1]))
 
@@ -83,6 +92,13 @@ def _focal_px(parsed: argparse.Namespace) -> float:
 def _board(parsed: argparse.Namespace) -> None:
     pattern = BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
     _write(print_board(pattern, paper_named(parsed.paper)), parsed.out)
+
+
+def _tags(parsed: argparse.Namespace) -> None:
+    target = parse_target(parsed.target)
+    if not isinstance(target, Tags):
+        raise StereocalError(f'"{parsed.target}" are no tags: write tags:4X4_50:3,7.')
+    _write(print_tags(target, parsed.side, paper_named(parsed.paper)), parsed.out)
 
 
 def _sheet(parsed: argparse.Namespace) -> None:

@@ -15,6 +15,8 @@ from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
+from stereocal.matching.several_files import reconstruct_rig
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 
 A_POINT = np.zeros((1, 2))
@@ -24,9 +26,13 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command."""
     command = commands.add_parser("reconstruct", help="3D points of matched pairs")
     command.set_defaults(run=run)
-    command.add_argument("pairs", type=Path, help="pairs.csv or pairs.parquet of match")
     command.add_argument(
-        "--parameters", type=Path, required=True, metavar="FILE", help="parameters_3d.json"
+        "pairs", type=Path, help="pairs.csv or pairs.parquet of match; with --rig its tracks.csv"
+    )
+    parameters = command.add_mutually_exclusive_group(required=True)
+    parameters.add_argument("--parameters", type=Path, metavar="FILE", help="parameters_3d.json")
+    parameters.add_argument(
+        "--rig", type=Path, metavar="FILE", help="rig.json: points from all cameras that see them"
     )
     command.add_argument("--out", type=Path, required=True, help="points.csv or points.parquet")
     command.add_argument(
@@ -54,6 +60,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Reconstruct, write the points, print their errors."""
+    if parsed.rig is not None:
+        world = None if parsed.world is None else read_world(parsed.world)
+        own = RigFile.load(parsed.rig)
+        print(reconstruct_rig(own, parsed.pairs, parsed.out, world, parsed.sigma_px).sentence())
+        print(f"wrote {parsed.out}")
+        return
     rig = RigParameters.load(parsed.parameters)
     if parsed.matched_with is not None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)

@@ -12,6 +12,9 @@ from stereocal.system.resources import ROOT
 SAMPLES = {
     "recording": "a real recording: a data set, and points to match",
     "photographs": "photographs of a bar and of a chessboard",
+    "boards": "OpenCV's photographs of a chessboard by two cameras",
+    "balls": "simulated photographs of a bar with a red and a yellow ball",
+    "rig": "a real recording of three cameras",
     "field": "a simulated data set",
     "archives": "files of easyWand, Argus and Kalibr",
     "bump": "bars of the real recording after a camera turned by 0.2 degrees",

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching.matching import match_points
+from stereocal.matching.several_views import ViewFitter, match_views
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.rig_file import rig_file
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compilations import compilations
+from stereocal.simulation.several import simulated_rig
 from stereocal.simulation.simulate import simulate_field
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import trade_off
 from stereocal.workflow import calibrate
 
-FUNCTIONS = 100
+FUNCTIONS = 118
 """Number of functions compiled with an empty cache; test_warming.py counts them."""
 
 
@@ -60,3 +66,6 @@ def _use_all() -> None:
     forecast_files(replace(calibration, refined=refined))
     accuracy_map(refined, size=4)
     trade_off(dataset, RefineSettings(), points=3)
+    scene = simulated_rig(np.random.default_rng(0), 3, 60)
+    rig = rig_file(calibrate_rig(scene.recording))
+    match_views(ViewFitter(rig), [scene.recording.points[:1]] * len(rig.names), 1.0)

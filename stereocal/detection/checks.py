@@ -75,8 +75,8 @@ def _steepness(image: GreyImage) -> float:
 
 def _blurred(corner: Corner) -> str:
     return (
-        f"The board at {_where(corner)} is blurred: its edges are {2.5 * corner.blur:.0f} px wide, "
-        f"the board {corner.board_px:.0f} px."
+        f"The target at {_where(corner)} is blurred: its edges are {2.5 * corner.blur:.0f} px "
+        f"wide, the board {corner.board_px:.0f} px."
     )
 
 
@@ -94,7 +94,7 @@ def rejection_of(pair: tuple[Corner, Corner], runner_up: float) -> tuple[Reason,
         if corner.blur > BLUR_REFUSED * corner.board_px:
             return "blurred", _blurred(corner)
         if corner.cut and corner.arms.min() < CUT_REFUSED * corner.arms.max():
-            return "cut by the border", f"The board at {_where(corner)} is cut by the border."
+            return "cut by the border", f"The target at {_where(corner)} is cut by the border."
     return None
 
 
@@ -104,7 +104,7 @@ def doubts_of(
     """Messages about properties of an accepted pair that the user should check."""
     doubts = []
     for corner in pair:
-        at = f"The board at {_where(corner)}"
+        at = f"The target at {_where(corner)}"
         asked = {
             f"{at} does not look quite like a target.": corner.quality < CERTAIN_QUALITY,
             f"{at} may belong to a larger chessboard.": corner.flips > 0,
@@ -117,7 +117,7 @@ def doubts_of(
         }
         doubts += [sentence for sentence, true in asked.items() if true]
     if runner_up > RUNNER_UP_DOUBTFUL:
-        doubts.append("Another board looks nearly as much like a target.")
+        doubts.append("Another place looks nearly as much like a target.")
     if score < DISSIMILAR * pair[0].quality * pair[1].quality:
-        doubts.append("The two boards look different.")
+        doubts.append("The two targets look different.")
     return tuple(doubts)

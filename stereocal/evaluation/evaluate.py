@@ -37,8 +37,8 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.described import check_described, described, descriptions
 from stereocal.system.latest import Latest
-from stereocal.system.numbers import rounded
 from stereocal.system.records import settings_of
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
@@ -56,42 +56,42 @@ class EvaluationSettings:
     """Settings of the validation; the defaults are the paper's."""
 
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
-    runs: int = 100
-    calibration_frames: int = 20
+    runs: int = described(
+        100, "Runs", "How often frames are drawn again. Paper: 100.", between=(1, MOST_RUNS)
+    )
+    calibration_frames: int = described(
+        20,
+        "Frames to calibrate with; the others test",
+        "Of each run. Paper: 20 of 25.",
+        between=(1, 10**9),
+    )
     refined: RefineSettings | None = None
     """Settings of the refined method; None to validate only the paper's methods."""
-    splits: Splits = "runs"
-    """Whether frames that follow each other are left out together or, as in the paper, one by one;
-    the same for frames taken one by one."""
+    splits: Splits = described(
+        "runs",
+        "Left out together",
+        "Runs of frames or single frames. Neighbouring frames of a moving bar have alike errors: "
+        "tested on one, a fit of the other looks better than it is. For frames taken one by one "
+        "both are the same.",
+        choices=get_args(Splits),
+    )
 
     def __post_init__(self) -> None:
-        if self.runs < 1 or self.calibration_frames < 1:
-            raise StereocalError(
-                "The number of runs and the number of calibration frames must be at least 1."
-            )
-        if self.splits not in get_args(Splits):
-            raise StereocalError(f'The splits "{self.splits}" are unknown: runs or frames.')
-        if self.runs > MOST_RUNS:
-            raise StereocalError(
-                f"{rounded(self.runs, 4)} runs were requested: at most {MOST_RUNS:,} are made."
-            )
+        check_described(self)
 
     def to_json(self) -> dict[str, Any]:
         """All settings in one flat object."""
         return {
             **self.calibration.to_json(),
-            "runs": self.runs,
-            "calibration_frames": self.calibration_frames,
+            **{name: getattr(self, name) for name in descriptions(EvaluationSettings)},
             "refined": self.refined.to_json() if self.refined else None,
-            "splits": self.splits,
         }
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> EvaluationSettings:
         """The settings that `to_json` describes."""
         rest = dict(data)
-        names = ("runs", "calibration_frames", "splits")
-        own: dict[str, Any] = {name: rest.pop(name) for name in names if name in rest}
+        own = {name: rest.pop(name) for name in descriptions(cls) if name in rest}
         refined = rest.pop("refined", None)
         return replace(
             settings_of({"splits": "frames", **own}, cls),

@@ -9,7 +9,8 @@ from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.disagreement import describe_disagreement, plot_disagreement
-from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
+from stereocal.figures.frame_errors import plot_frame_errors
+from stereocal.figures.frame_panels import describe_frame_errors
 from stereocal.figures.lens import (
     describe_draws,
     describe_view_errors,

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, sentence_only
+from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, note, sentence_only
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.compiled import FloatArray
@@ -111,11 +111,7 @@ def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
 
 
 def _axes(
-    at: int,
-    found: AccuracyMap,
-    across: FloatArray,
-    depth: tuple[float, float],
-    domain: list[float],
+    at: int, found: AccuracyMap, across: FloatArray, depth: tuple[float, float], domain: list[float]
 ) -> dict[str, Any]:
     """Equal axes; what is to the right, or down, is drawn downwards."""
     number, title = str(at + 1) if at else "", AXIS["title"]
@@ -152,18 +148,8 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
             f"{away} {'below' if found.at_m > 0 else 'above'}" if found.at_m else "at the height of"
         )
         text = f"<b>From above</b>, {where} {primary}"
-    return {
-        "text": text,
-        "xref": f"x{number} domain",
-        "yref": f"y{number} domain",
-        "x": 0,
-        "y": 1,
-        "xanchor": "left",
-        "yanchor": "bottom",
-        "yshift": 4,
-        "showarrow": False,
-        "font": {"size": 13},
-    }
+    left = {"x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
+    return note(text, number, {"size": 13}) | left
 
 
 def _depth(maps: int) -> dict[str, Any]:
@@ -171,18 +157,8 @@ def _depth(maps: int) -> dict[str, Any]:
     domain into the map.
     """
     number = str(maps) if maps > 1 else ""
-    return {
-        "text": "Ahead of the primary camera (m)",
-        "xref": f"x{number} domain",
-        "yref": f"y{number} domain",
-        "x": 0.5,
-        "y": 0,
-        "xanchor": "center",
-        "yanchor": "top",
-        "yshift": -30,
-        "showarrow": False,
-        "font": AXIS["title"]["font"],
-    }
+    below = {"x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top", "yshift": -30}
+    return note("Ahead of the primary camera (m)", number, AXIS["title"]["font"]) | below
 
 
 def _traces(
@@ -193,45 +169,41 @@ def _traces(
     own = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
     values = _values([found], quantity)[0].T
     centre = -result.pose.R.T @ result.pose.T
-    ends = result.points_m[~result.outlying].reshape(-1, 3)
+    ends = result.used_points_m.reshape(-1, 3)
     towards = "to the right" if found.plane == "above" else "down"
-    return [
-        {
-            "type": "heatmap",
-            "x": found.z_m,
-            "y": found.across_m,
-            "z": np.log10(values),
-            "customdata": values,
-            "coloraxis": "coloraxis",
-            "hoverongaps": False,
-            "hovertemplate": f"%{{y:.1f}} m {towards}, %{{x:.1f}} m ahead<br>"
-            f"%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>",
-            **own,
-        },
-        {
-            "type": "scatter",
-            "x": [0.0, centre[2]],
-            "y": [0.0, centre[axis]],
-            "mode": "markers+text" if found.plane == "above" else "markers",
-            "text": ["primary", "secondary"],
-            "textposition": "middle right",
-            "cliponaxis": False,
-            "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
-            "hovertemplate": "%{text} camera<extra></extra>",
-            "name": "Cameras",
-            **own,
-        },
-        {
-            "type": "scatter",
-            "x": ends[:, 2],
-            "y": ends[:, axis],
-            "mode": "markers",
-            "name": "Targets of the bar",
-            "marker": {"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
-            "hovertemplate": "a target of the bar<extra></extra>",
-            **own,
-        },
-    ]
+    of_map = {
+        "type": "heatmap",
+        "x": found.z_m,
+        "y": found.across_m,
+        "z": np.log10(values),
+        "customdata": values,
+        "coloraxis": "coloraxis",
+        "hoverongaps": False,
+        "hovertemplate": f"%{{y:.1f}} m {towards}, %{{x:.1f}} m ahead<br>"
+        f"%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>",
+    }
+    cameras = {
+        "type": "scatter",
+        "x": [0.0, centre[2]],
+        "y": [0.0, centre[axis]],
+        "mode": "markers+text" if found.plane == "above" else "markers",
+        "text": ["primary", "secondary"],
+        "textposition": "middle right",
+        "cliponaxis": False,
+        "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
+        "hovertemplate": "%{text} camera<extra></extra>",
+        "name": "Cameras",
+    }
+    targets = {
+        "type": "scatter",
+        "x": ends[:, 2],
+        "y": ends[:, axis],
+        "mode": "markers",
+        "name": "Targets of the bar",
+        "marker": {"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
+        "hovertemplate": "a target of the bar<extra></extra>",
+    }
+    return [{**trace, **own} for trace in (of_map, cameras, targets)]
 
 
 def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distance") -> str:
@@ -242,13 +214,15 @@ def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distanc
     low, middle, high = np.nanpercentile(values, [5, 50, 95])
     best, j, i = np.unravel_index(int(np.nanargmin(values)), values.shape)
     unit, found = UNITS[quantity], maps[int(best)]
-    towards = "to the right of" if found.plane == "above" else "below"
+    across = found.across_m[i]
+    sides = ("left of", "right of") if found.plane == "above" else ("above", "below")
+    towards = sides[int(across >= 0)]
     return (
         f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]}, one standard "
         f"error, is {rounded(middle)}{unit} (median) where both cameras see, from {rounded(low)} "
         "to "
         f"{rounded(high)}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
-        f"{found.across_m[i]:.1f} m {towards} the primary camera. Points: the targets of the bar."
+        f"{abs(across):.1f} m {towards} the primary camera. Points: the targets of the bar."
     )
 
 

@@ -8,13 +8,11 @@ from plotly.subplots import make_subplots
 
 from stereocal.field.checking.residuals import Errors, Residuals
 from stereocal.field.checking.since import Since
+from stereocal.figures.frame_panels import LOG_BEYOND, median_and_largest
 from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, count, finish
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.numbers import rounded
 
 HEIGHTS = {1: 340, 2: 520}
-LOG_BEYOND = 30.0
-"""Ratio of the largest error to the median above which the axis is logarithmic."""
 MANY_FRAMES = 100
 FEW_FRAMES = 8
 """With fewer, plotly would put ticks between them."""
@@ -45,19 +43,15 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
                 mode="markers",
                 name=name,
                 cliponaxis=False,
-                marker={
-                    "color": colour,
-                    "symbol": symbol,
-                    "size": size,
-                    "line": {"width": 1.5},
-                },
+                marker={"color": colour, "symbol": symbol, "size": size, "line": {"width": 1.5}},
                 legendgroup=name,
                 showlegend=row == 1,
                 hovertemplate=f"frame %{{x}}: %{{y:.3~r}} {unit}<extra>{name}</extra>",
                 row=row,
                 col=1,
             )
-        figure.update_yaxes(title_text=f"{title} ({unit})", row=row, col=1, **_scale(series))
+        title_of = {"text": f"{title} ({unit})", "standoff": 8}  # beside the longest label
+        figure.update_yaxes(title=title_of, row=row, col=1, **_scale(series))
     if since is not None:
         figure.add_vrect(
             x0=since.low - 0.5,
@@ -80,7 +74,7 @@ def describe_check(residuals: Residuals, since: Since | None = None) -> str:
     parts = []
     for title, unit, series in _panels(residuals, since):
         values = [
-            f"{_median_and_largest(errors)} {unit} with the {name.lower()}"
+            f"{median_and_largest(errors)} {unit} with the {name.lower()}"
             for name, errors in series
         ]
         parts.append(f"{title}, median and largest: {', '.join(values)}")
@@ -108,12 +102,3 @@ def _scale(series: list[tuple[str, FloatArray]]) -> dict[str, object]:
     if len(known) and known.max() > LOG_BEYOND * np.median(known):
         return {"type": "log", "dtick": 1}
     return {"rangemode": "tozero"}
-
-
-def _median_and_largest(errors: FloatArray) -> str:
-    known = errors[np.isfinite(errors)]
-    return (
-        f"{rounded(np.median(known), 3)} and {rounded(known.max(), 3)}"
-        if len(known)
-        else "none and none"
-    )

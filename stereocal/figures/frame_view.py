@@ -13,7 +13,7 @@ from stereocal.refined.outliers import bar_frames, frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 
 PAPERS: tuple[Method, ...] = ("2d", "3d")
@@ -32,13 +32,18 @@ class FrameView:
 
     @cached_property
     def rows(self) -> IntArray:
-        """(n,): the rows of the frame's targets, 1 or 2."""
-        return np.flatnonzero(self.dataset.correspondences.frame == self.frame)
+        """(n,): the rows of the frame's targets, 1 or 2; of an object those farthest apart."""
+        rows = self.dataset.correspondences
+        if rows.rigid_object is None:
+            return np.flatnonzero(rows.frame == self.frame)
+        part = rows.parts[0]
+        return np.flatnonzero(part == part[rows.frame == self.frame].min())
 
     @cached_property
     def letters(self) -> list[str]:
         """(n,): the targets' names."""
-        return [TARGETS[target] for target in self.dataset.correspondences.target[self.rows]]
+        rows = self.dataset.correspondences
+        return [rows.names[target] for target in rows.target[self.rows]]
 
     @cached_property
     def pixels(self) -> tuple[FloatArray, FloatArray]:

@@ -75,6 +75,11 @@ def html_plot(figure: go.Figure, words: str, kind: str) -> str:
     return f'<div class="{kind}" role="img" aria-label="{escape(words)}">{drawn}</div>'
 
 
+def html_figure(title: str, figure: go.Figure, words: str) -> str:
+    """A section with a figure and its words."""
+    return html_section(title, html_plot(figure, words, "plot") + paragraphs(words))
+
+
 def html_table(table: pd.DataFrame) -> str:
     """A table with its cells, rows and columns escaped."""
     first = escape(str(table.index.name or ""))

@@ -24,71 +24,61 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
         rows=rows, cols=COLUMNS, horizontal_spacing=0.06, vertical_spacing=0.34 / rows
     )
     finish(figure, 60 + 190 * rows)
-    shapes: list[dict[str, object]] = []
     for number, at in enumerate(free):
-        row, column = number // COLUMNS + 1, number % COLUMNS + 1
-        unit = " px" if at < 4 else ""
-        name, value = PARAMETERS[at], float(lens.values[at])
-        sigma = float(lens.standard_errors[at])
-        low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
-        figure.add_histogram(
-            x=lens.draws[:, at],
-            marker_color=BLUE,
-            showlegend=number == 0,
-            name=f"Results of the draws (n = {len(lens.draws)})",
-            xbins={"start": low, "end": high + 1e-12, "size": max((high - low) / BINS, 1e-12)},
-            hovertemplate=f"{name} %{{x}}{unit}<br>%{{y}} draws<extra></extra>",
-            row=row,
-            col=column,
-        )
-        suffix = str(number + 1) if number else ""
-        height = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
-        shapes += [
-            {
-                **height,
-                "type": "rect",
-                "x0": value - sigma,
-                "x1": value + sigma,
-                "fillcolor": BAND,
-                "line": {"width": 0},
-                "layer": "below",
-            },
-            {
-                **height,
-                "type": "line",
-                "x0": value,
-                "x1": value,
-                "line": {"color": ORANGE, "width": 2},
-            },
-        ]
-        # One tick, at the median: at 420 px there is no room for more.
-        reach = 1.1 * max(high - value, value - low, sigma)
-        shown, _, error = with_error(value, sigma).partition(" ")
-        figure.update_xaxes(
-            row=row,
-            col=column,
-            title_text=f"{name} {error}{unit}",
-            tickangle=0,
-            tickvals=[value],
-            ticktext=[shown],
-            range=[value - reach, value + reach],
-        )
-        title = "draws" if column == 1 else ""
-        figure.update_yaxes(row=row, col=column, nticks=4, title_text=title)
-    for name, style in (
-        ("Median", {"mode": "lines", "line": {"color": ORANGE, "width": 2}}),
-        (
-            "± 1 standard error",
-            {
-                "mode": "markers",
-                "marker": {"color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12},
-            },
-        ),
-    ):
+        place = {"row": number // COLUMNS + 1, "col": number % COLUMNS + 1}
+        _add_draws(figure, lens, at, number == 0, place)
+    lines = {"mode": "lines", "line": {"color": ORANGE, "width": 2}}
+    squares = {"color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12}
+    bands = {"mode": "markers", "marker": squares}
+    for name, style in (("Median", lines), ("± 1 standard error", bands)):
         figure.add_scatter(x=[None], y=[None], name=name, **style, row=1, col=1)
     # All at once, because Plotly copies the earlier ones when one is added.
-    figure.update_layout(shapes=shapes)
+    figure.update_layout(
+        shapes=[
+            shape for number, at in enumerate(free) for shape in _median_and_band(lens, at, number)
+        ]
+    )
     return figure
+
+
+def _add_draws(
+    figure: go.Figure, lens: LensCalibration, at: int, in_legend: bool, place: dict[str, int]
+) -> None:
+    """The histogram of one parameter, and its axes."""
+    unit, name = " px" if at < 4 else "", PARAMETERS[at]
+    value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
+    low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
+    figure.add_histogram(
+        x=lens.draws[:, at],
+        marker_color=BLUE,
+        showlegend=in_legend,
+        name=f"Results of the draws (n = {len(lens.draws)})",
+        xbins={"start": low, "end": high + 1e-12, "size": max((high - low) / BINS, 1e-12)},
+        hovertemplate=f"{name} %{{x}}{unit}<br>%{{y}} draws<extra></extra>",
+        **place,
+    )
+    # One tick, at the median: at 420 px there is no room for more.
+    reach = 1.1 * max(high - value, value - low, sigma)
+    shown, _, error = with_error(value, sigma).partition(" ")
+    figure.update_xaxes(
+        title_text=f"{name} {error}{unit}",
+        tickangle=0,
+        tickvals=[value],
+        ticktext=[shown],
+        range=[value - reach, value + reach],
+        **place,
+    )
+    figure.update_yaxes(nticks=4, title_text="draws" if place["col"] == 1 else "", **place)
+
+
+def _median_and_band(lens: LensCalibration, at: int, number: int) -> list[dict[str, object]]:
+    """The shapes of one parameter's panel, counted from 0."""
+    value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
+    suffix = str(number + 1) if number else ""
+    height = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
+    band = {"type": "rect", "x0": value - sigma, "x1": value + sigma, "layer": "below"}
+    line = {"type": "line", "x0": value, "x1": value, "line": {"color": ORANGE, "width": 2}}
+    return [{**height, **band, "fillcolor": BAND, "line": {"width": 0}}, {**height, **line}]
 
 
 def describe_draws(lens: LensCalibration) -> str:

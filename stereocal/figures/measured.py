@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -32,6 +34,46 @@ FAR_OUT = 1.5
 wrong pair at a distance of kilometres would shrink the others to a dot."""
 
 
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Reconstructed points in the frame of a scene, and which of them are in view."""
+
+    points: pd.DataFrame
+    """Rows of `points.csv`."""
+    scene: Scene
+    tracks: Sequence[IntArray]
+    """Rows that are connected by lines."""
+
+    @cached_property
+    def xyz(self) -> FloatArray:
+        """(n, 3), metres."""
+        return self.scene.points(self.points[["x", "y", "z"]].to_numpy(dtype=np.float64))
+
+    @cached_property
+    def seen(self) -> BoolArray:
+        """(n,): finite, and not far from the others."""
+        return in_view(self.xyz)
+
+    @cached_property
+    def outside(self) -> BoolArray:
+        """(n,): outside the volume of the bars, by their column; false without it."""
+        if "outside_volume" not in self.points:
+            return np.zeros(len(self.points), dtype=bool)
+        return self.points["outside_volume"].to_numpy(dtype=bool)
+
+    @cached_property
+    def shown(self) -> IntArray:
+        """Rows that are drawn: those in view, evenly thinned."""
+        rows = np.flatnonzero(self.seen)
+        return rows[:: -(-len(rows) // MAXIMUM_DRAWN) or 1]
+
+    @property
+    def depth(self) -> float:
+        """From the primary camera, exceeded by 2 % of the points in view; metres."""
+        in_primary = self.scene.from_primary.inverse().apply(self.xyz[self.seen])
+        return float(np.percentile(in_primary[:, 2], 98))
+
+
 def plot_points(
     points: pd.DataFrame,
     colour: Colour,
@@ -53,60 +95,65 @@ def plot_points(
         frame: a frame to mark.
         world: `world_from_primary` of the points; None: they are in the primary's frame.
     """
-    scene = Scene.of_world(world)
-    xyz = scene.points(points[["x", "y", "z"]].to_numpy(dtype=np.float64))
-    seen = in_view(xyz)
-    shown = np.flatnonzero(seen)
-    if not len(shown):
+    cloud = PointCloud(points, Scene.of_world(world), tracks)
+    if not len(cloud.shown):
         return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
-    target = np.median(xyz[shown], axis=0)
-    depth = float(np.percentile(scene.from_primary.inverse().apply(xyz[shown])[:, 2], 98))
-    frames = points["frame"].to_numpy(dtype=np.int64)
-    of_frame = shown[frames[shown] == frame][:MAXIMUM_MARKED]
-    shown = shown[:: -(-len(shown) // MAXIMUM_DRAWN)]
     values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)
     scale = {
         "colorscale": [list(stop) for stop in COLOURS],
-        "cmin": float(values[shown].min()),
-        "cmax": _top(values[shown], colour),
+        "cmin": float(values[cloud.shown].min()),
+        "cmax": _top(values[cloud.shown], colour),
     }
     figure = finish(go.Figure(), HEIGHT)
     figure.layout.uirevision, figure.layout.showlegend = view, False
-    _add_tracks(figure, xyz, values, [track[seen[track]] for track in tracks], scale)
-    marker = {
-        **scale,
-        "size": 4 if len(shown) <= 200 else 2,
-        "colorbar": {
-            "title": {"text": TITLES[colour], "side": "top"},
-            "thickness": 14,
-            "len": 0.8,
-            "tickfont": {"size": 13},
-            "nticks": 6,
-            "orientation": "h",
-            "x": 0.5,
-            "xanchor": "center",
-            "y": 0.0,
-            "yanchor": "top",
-            **({"tickformat": "d"} if colour == "frame" else {}),
-        },
+    _add_tracks(figure, cloud, values, scale)
+    _add_points(figure, cloud, values, {**scale, "colorbar": _colour_bar(colour)})
+    _mark_frame(figure, cloud, frame)
+    add_cameras(figure, rig, cloud.depth, cloud.scene)
+    seen = cloud.xyz[cloud.seen]
+    # Else tracks far from the cameras are a dot in a corner.
+    set_scene(figure, eye_of(view, rig, np.median(seen, axis=0), cloud.scene, seen), cloud.scene)
+    return figure
+
+
+def _colour_bar(colour: Colour) -> dict[str, Any]:
+    return {
+        "title": {"text": TITLES[colour], "side": "top"},
+        "thickness": 14,
+        "len": 0.8,
+        "tickfont": {"size": 13},
+        "nticks": 6,
+        "orientation": "h",
+        "x": 0.5,
+        "xanchor": "center",
+        "y": 0.0,
+        "yanchor": "top",
+        **({"tickformat": "d"} if colour == "frame" else {}),
     }
-    about = np.column_stack([frames, points["error_px"], points[["x", "y", "z"]]])
-    x, y, z = ("", "", "") if scene.is_world else (" (right)", " (down)", " (depth)")
-    outside = outside_volume(points)
-    for some, symbol, name in (
-        (shown[~outside[shown]], "circle", "Points"),
-        (shown[outside[shown]], "circle-open", "Outside the volume of the bars"),
-    ):
-        if not len(some):
-            continue
+
+
+def _add_points(
+    figure: go.Figure, cloud: PointCloud, values: FloatArray, scale: Mapping[str, Any]
+) -> None:
+    """The points inside and outside the volume of the bars, with one colour bar."""
+    table, shown = cloud.points, cloud.shown
+    about = np.column_stack([table["frame"], table["error_px"], table[["x", "y", "z"]]])
+    x, y, z = ("", "", "") if cloud.scene.is_world else (" (right)", " (down)", " (depth)")
+    outside = cloud.outside[shown]
+    kinds = (
+        (shown[~outside], "circle", "Points"),
+        (shown[outside], "circle-open", "Outside the volume of the bars"),
+    )
+    for number, (some, symbol, name) in enumerate(kind for kind in kinds if len(kind[0])):
         figure.add_scatter3d(
-            **upright(xyz[some]),
+            **upright(cloud.xyz[some]),
             mode="markers",
             marker={
-                **marker,
+                **scale,
+                "size": 4 if len(shown) <= 200 else 2,
                 "color": values[some],
                 "symbol": symbol,
-                "showscale": not any(trace.mode == "markers" for trace in figure.data),
+                "showscale": number == 0,
             },
             customdata=about[some],
             hovertemplate=(
@@ -116,44 +163,37 @@ def plot_points(
             ),
             name=f"{name} (n = {len(some)})",
         )
-    if len(of_frame):
+
+
+def _mark_frame(figure: go.Figure, cloud: PointCloud, frame: int | None) -> None:
+    rows = np.flatnonzero(cloud.seen & (cloud.points["frame"] == frame))[:MAXIMUM_MARKED]
+    if len(rows):
+        size = 8 if len(rows) <= 20 else 4
         figure.add_scatter3d(
-            **upright(xyz[of_frame]),
+            **upright(cloud.xyz[rows]),
             mode="markers",
             name=f"Frame {frame}",
             hoverinfo="name",
-            marker={
-                "symbol": "diamond",
-                "color": MARK_COLOUR,
-                "size": 8 if len(of_frame) <= 20 else 4,
-            },
+            marker={"symbol": "diamond", "color": MARK_COLOUR, "size": size},
         )
-    add_cameras(figure, rig, depth, scene)
-    # Else tracks far from the cameras are a dot in a corner.
-    set_scene(figure, eye_of(view, rig, target, scene, xyz[seen]), scene)
-    return figure
 
 
 def _add_tracks(
-    figure: go.Figure,
-    xyz: FloatArray,
-    values: FloatArray,
-    tracks: Sequence[IntArray],
-    scale: Mapping[str, Any],
+    figure: go.Figure, cloud: PointCloud, values: FloatArray, scale: Mapping[str, Any]
 ) -> None:
     """All tracks in one trace, with gaps between them; evenly thinned."""
-    drawn = drawn_tracks(tracks)
+    drawn = drawn_tracks([track[cloud.seen[track]] for track in cloud.tracks])
     if not drawn:
         return
     rows = np.concatenate([part for track in drawn for part in (track, track[-1:])])
-    path = xyz[rows]
+    path = cloud.xyz[rows]
     path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
     figure.add_scatter3d(
         **upright(path),
         mode="lines",
         line={**scale, "color": values[rows], "width": 3},
         hoverinfo="skip",
-        name=f"Tracks (n = {len(tracks)})",
+        name=f"Tracks (n = {len(cloud.tracks)})",
     )
 
 
@@ -169,18 +209,17 @@ def describe_points(
     points: pd.DataFrame, tracks: Sequence[IntArray] = (), world: Pose | None = None
 ) -> str:
     """The figure in words."""
-    xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
-    finite = np.isfinite(xyz).all(axis=1)
-    shown = in_view(xyz)
+    cloud = PointCloud(points, Scene(), tracks)  # in the axes of the table
+    finite, shown = np.isfinite(cloud.xyz).all(axis=1), cloud.seen
     if not shown.any():
         return "No pair meets in front of both cameras."
-    x, y, z = (xyz[shown, k] for k in range(3))
+    x, y, z = cloud.xyz[shown].T
     text = (
         f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x "
         f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, "
         f"{'depth ' if world is None else ''}z from {z.min():.2f} to {z.max():.2f} m"
     )
-    if outside := int((outside_volume(points) & shown).sum()):
+    if outside := int((cloud.outside & shown).sum()):
         text += f"; {outside} of them outside the volume of the bars, with open symbols"
     if tracks:
         text += f"; lines connect them to {count(len(tracks), 'track')}"
@@ -193,13 +232,6 @@ def describe_points(
     if behind := int((~finite).sum()):
         text += f"; {count(behind, 'pair')} without a point (behind a camera)"
     return text + "."
-
-
-def outside_volume(points: pd.DataFrame) -> BoolArray:
-    """(n,): the column `outside_volume`; false without it."""
-    if "outside_volume" not in points:
-        return np.zeros(len(points), dtype=bool)
-    return points["outside_volume"].to_numpy(dtype=bool)
 
 
 def in_view(xyz: FloatArray) -> BoolArray:

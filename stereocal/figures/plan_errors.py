@@ -25,7 +25,8 @@ NO_BASELINE = "No other baseline could be tried: the cameras would lose their co
 def plot_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> go.Figure:
     """Errors in the volume, from above and from the side, with bars as they may be placed."""
     result, frames = found.fit.result, found.plan.frames
-    shown = replace(result, points_m=result.points_m[:frames], outlying=result.outlying[:frames])
+    few = {name: getattr(result, name)[:frames] for name in ("points_m", "outlying", "frame_of")}
+    shown = replace(result, **few)
     return plot_accuracy(_maps(found), shown, quantity)
 
 

@@ -11,7 +11,7 @@ from stereocal.field.planning.forecast import PlanForecast
 from stereocal.field.planning.in_words import answer
 from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.forecast_table import plan_table
-from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
+from stereocal.figures.html import html_figure, html_page, html_section, html_table, paragraphs
 from stereocal.figures.plan_errors import (
     describe_plan_baselines,
     describe_plan_depths,
@@ -30,22 +30,14 @@ def plan_report(found: PlanForecast) -> str:
     plan = found.plan
     title = f"Forecast of the plan {plan.name}"
     advice = "".join(f"<li>{escape(text)}</li>" for text in found.advice.sentences)
-    words = describe_plan_map(found), describe_plan_depths([found]), describe_plan_baselines(found)
     sections = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="answer">{escape(answer(found))}</p>',
         html_section("What would help most", f"<ul>{advice}</ul>"),
-        html_section(
-            "Errors by place",
-            html_plot(plot_plan_map(found), words[0], "plot") + paragraphs(words[0]),
-        ),
-        html_section(
-            "Errors by depth",
-            html_plot(plot_plan_depths([found]), words[1], "plot") + paragraphs(words[1]),
-        ),
-        html_section(
-            "Errors by baseline",
-            html_plot(plot_plan_baselines(found), words[2], "plot") + paragraphs(words[2]),
+        html_figure("Errors by place", plot_plan_map(found), describe_plan_map(found)),
+        html_figure("Errors by depth", plot_plan_depths([found]), describe_plan_depths([found])),
+        html_figure(
+            "Errors by baseline", plot_plan_baselines(found), describe_plan_baselines(found)
         ),
         html_section("What the files will do", html_table(plan_table(found))),
         html_section("How it was computed", paragraphs(how_computed(found))),

@@ -15,18 +15,20 @@ import pandas as pd
 import plotly
 import scipy
 
-from stereocal.calibration.methods import (
-    ALL_METHODS,
-    METHOD_NAMES,
-    CalibrationSettings,
-    Method,
-)
+from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, CalibrationSettings, Method
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.frame_view import PAPERS, telling_frame, views_of
-from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
+from stereocal.figures.html import (
+    html_figure,
+    html_page,
+    html_plot,
+    html_section,
+    html_table,
+    paragraphs,
+)
 from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
@@ -180,8 +182,7 @@ def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> Ite
     if len(by_dataset) < 2:
         return []
     words = describe_comparison(by_dataset)
-    figure = html_plot(plot_comparison(by_dataset), words, "plot")
-    return [html_section("The data sets compared", f"{figure}\n{paragraphs(words)}")]
+    return [html_figure("The data sets compared", plot_comparison(by_dataset), words)]
 
 
 def _why_two_sets(calibration: Calibration | None) -> Iterable[str]:

@@ -19,16 +19,15 @@ from stereocal.figures.space import NARROW, VIEWS, WIDE, add_cameras, eye_of, se
 from stereocal.figures.style import (
     METHOD_COLOURS,
     METHOD_NAMES,
-    TARGET_COLOURS,
-    TARGET_SYMBOLS,
     count,
     evenly_drawn,
     finish,
+    marks_of,
     n_drawn,
 )
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.rig import Rig
 
@@ -180,25 +179,25 @@ def _add_bars(figure: go.Figure, scene: RigScene, method: Method) -> None:
 
 def _add_targets(figure: go.Figure, scene: RigScene) -> None:
     rows = scene.dataset.correspondences
+    is_bar = rows.rigid_object is None
     alone = np.setdiff1d(np.arange(len(rows)), rows.bars)
     of_bar = dict.fromkeys(
-        alone[evenly_drawn(len(alone))].tolist(), "no bar: the other target is missing"
+        alone[evenly_drawn(len(alone))].tolist(),
+        "no bar: the other target is missing" if is_bar else "end of no known distance",
     )
     for k, text in scene.hover.items():
         of_bar.update(dict.fromkeys(rows.bars[k].tolist(), text))
     drawn = np.zeros(len(rows), dtype=np.bool_)
     drawn[list(of_bar)] = True
-    for number, target in enumerate(TARGETS):
-        of_target = np.flatnonzero(
-            drawn & (rows.target == number) & np.isfinite(scene.points[:, 0])
-        )
+    for target, of, colour, symbol in marks_of(rows):
+        of_target = np.flatnonzero(drawn & of & np.isfinite(scene.points[:, 0]))
         points = scene.points[of_target]
         figure.add_scatter3d(
             **upright(points),
             mode="markers",
             marker={
-                "color": TARGET_COLOURS[target],
-                "symbol": TARGET_SYMBOLS[target],
+                "color": colour,
+                "symbol": symbol,
                 "size": 2.5 if len(rows.frames) <= 100 else 1.5,
             },
             text=[of_bar[row] for row in of_target.tolist()],

@@ -15,13 +15,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import Method
-from stereocal.figures.style import (
-    METHOD_COLOURS,
-    METHOD_NAMES,
-    METHOD_SYMBOLS,
-    NEUTRAL,
-    finish,
-)
+from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, finish, marker_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
@@ -35,6 +29,7 @@ ROWS: Mapping[Method, str] = {
 }
 SHOWN_PERCENT = (-2.0, 4.0)
 """Length errors outside are not drawn, but counted."""
+THICK = {"color": NEUTRAL, "line": {"width": 3, "color": NEUTRAL}}
 REACH_PX = 12.0
 """Half the side of the picture of epipolar lines."""
 
@@ -105,12 +100,7 @@ def plot_story_lengths(story: Story) -> go.Figure:
             mode="markers",
             name=name,
             showlegend=False,
-            marker={
-                "color": METHOD_COLOURS[method],
-                "symbol": METHOD_SYMBOLS[method],
-                "size": 5,
-                "opacity": 0.7,
-            },
+            marker=marker_of(method, 5, opacity=0.7),
             hovertemplate="%{x:.2f} %<extra></extra>",
         )
         figure.add_annotation(
@@ -137,7 +127,7 @@ def plot_story_lengths(story: Story) -> go.Figure:
 def describe_story_lengths(story: Story) -> str:
     """The figure in words."""
     parts = [
-        f"{name.lower()} {rounded(100 * story.sets[method].length_error)} %"
+        f"{name[0].lower()}{name[1:]} {rounded(100 * story.sets[method].length_error)} %"
         for method, name in ROWS.items()
     ]
     errors = np.array([story.sets[method].length_errors for method in ROWS])
@@ -169,12 +159,7 @@ def plot_story_lines(story: Story) -> go.Figure:
         mode="markers",
         name="Measured point",
         showlegend=False,
-        marker={
-            "symbol": "cross-thin",
-            "size": 16,
-            "color": NEUTRAL,
-            "line": {"width": 3, "color": NEUTRAL},
-        },
+        marker={"symbol": "cross-thin", "size": 16} | THICK,
         hoverinfo="name",
     )
     # The lines rise to the right: there is room for their names below.

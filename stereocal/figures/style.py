@@ -15,6 +15,7 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
 from stereocal.calibration.methods import Method
 from stereocal.rig.compiled import BoolArray
+from stereocal.rig.dataset import TARGETS, Correspondences
 
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",
@@ -39,6 +40,8 @@ FILLS: Mapping[str, str] = {
 """Colours of the area below a curve; the area of wrong pairs is hatched."""
 TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}
 TARGET_SYMBOLS: Mapping[str, str] = {"A": "circle", "B": "diamond"}
+OBJECT = "of the object"
+"""Stands for the name of a target where an object has more than two."""
 MOST_DRAWN = 2000
 """Frames or bars in one figure: the points of 20,000 were 5 MB for the browser."""
 NEUTRAL = "#7F7F7F"
@@ -91,6 +94,12 @@ def finish(figure: go.Figure, height: int) -> go.Figure:
     return figure
 
 
+def marker_of(method: Method, size: float, **more: Any) -> dict[str, Any]:
+    """The symbol of a method."""
+    own = {"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method], "size": size}
+    return own | more
+
+
 def sentence_only(text: str, height: int = 160) -> go.Figure:
     """An empty figure with a message."""
     figure = finish(go.Figure(), height)
@@ -100,6 +109,12 @@ def sentence_only(text: str, height: int = 160) -> go.Figure:
         text=text, x=0.5, y=0.5, xref="paper", yref="paper", showarrow=False, font={"size": 15}
     )
     return figure
+
+
+def note(text: str, number: str, font: Mapping[str, Any]) -> dict[str, Any]:
+    """A text in or beside the panel whose axes have this number."""
+    refs = {"xref": f"x{number} domain", "yref": f"y{number} domain"}
+    return {"text": text, "showarrow": False, "font": font, **refs}
 
 
 def count(n: int, what: str) -> str:
@@ -117,3 +132,15 @@ def evenly_drawn(n: int) -> BoolArray:
 def n_drawn(n: int) -> str:
     """`n = 25`, for a legend; and how many are drawn, if fewer."""
     return f"n = {n}" + (f", {MOST_DRAWN} drawn" if n > MOST_DRAWN else "")
+
+
+def marks_of(rows: Correspondences) -> list[tuple[str, BoolArray, str, str]]:
+    """How targets are drawn: name, rows (n,), colour and symbol of A and of B, or of all those of
+    an object."""
+    if rows.rigid_object is not None:
+        every = np.ones(len(rows), dtype=np.bool_)
+        return [(OBJECT, every, TARGET_COLOURS["A"], TARGET_SYMBOLS["A"])]
+    return [
+        (name, rows.target == number, TARGET_COLOURS[name], TARGET_SYMBOLS[name])
+        for number, name in enumerate(TARGETS)
+    ]

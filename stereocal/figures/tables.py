@@ -127,11 +127,12 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
     rows = dataset.correspondences
     frames = rows.frames
     primary, secondary = dataset.primary, dataset.secondary
-    single = len(frames) - len(rows.bars)
+    of_object = rows.rigid_object is not None
+    single = 0 if of_object else len(frames) - len(rows.bars)
     lines = {
         "Frames": f"{len(frames)} (numbers {frames[0]} to {frames[-1]})",
         "Pairs of points": f"{len(rows)}",
-        "Frames with both targets": f"{len(rows.bars)}"
+        "Known distances" if of_object else "Frames with both targets": f"{len(rows.bars)}"
         + (f" ({single} with one target serve the 2D method only)" if single else ""),
         "Primary image": f"{primary.image_size[0]} × {primary.image_size[1]} px, focal length "
         f"{primary.K[0, 0]:.1f} px",
@@ -147,8 +148,9 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
 
 def _distances(dataset: Dataset) -> str:
     own = dataset.bar_distances_m
+    by_frame = ", by frame" if dataset.correspondences.rigid_object is None else ""
     if len(own) and np.ptp(own) > 0:
-        return f"{own.min():g} to {own.max():g} m, by frame"
+        return f"{own.min():g} to {own.max():g} m{by_frame}"
     return f"{own[0] if len(own) else dataset.target_distance_m:g} m"
 
 
@@ -253,13 +255,9 @@ def _answer_of(summaries: Mapping[Method, MethodSummary]) -> str:
 
 
 def _recommended(found: Mapping[Method, Estimate], best: Method, made_for_it: Method) -> Method:
-    if made_for_it in found and _overlap(found[made_for_it], found[best]):
-        return made_for_it
-    return best
-
-
-def _overlap(a: Estimate, b: Estimate) -> bool:
-    return a.low <= b.high and b.low <= a.high
+    own, least = found.get(made_for_it), found[best]
+    overlap = own is not None and own.low <= least.high and least.low <= own.high
+    return made_for_it if overlap else best
 
 
 def _name(method: Method) -> str:

@@ -43,7 +43,7 @@ def plot_traces(calibration: Calibration) -> go.Figure:
             row=row,
             col=1,
             title_text=f"{method.upper()} cost ({COST_UNITS[method]})",
-            type="log" if _spans_a_decade(costs) else "linear",
+            type="log" if costs.min() > 0 and costs.max() > 10 * costs.min() else "linear",
         )
     figure.update_yaxes(
         row=3, col=1, type="log", title_text="Step Δ (rad)", exponentformat="power", dtick=1
@@ -78,10 +78,6 @@ def drawn_moves(moves: int) -> IntArray:
 def _traces(calibration: Calibration) -> dict[Method, Trace]:
     found = ((method, calibration.methods[method].trace) for method in SEARCHES)
     return {method: trace for method, trace in found if trace is not None and len(trace.cost)}
-
-
-def _spans_a_decade(costs: FloatArray) -> bool:
-    return bool(costs.min() > 0 and costs.max() > 10 * costs.min())
 
 
 def _move_title(traces: dict[Method, Trace]) -> str:

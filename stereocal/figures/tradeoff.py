@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import ALL_METHODS, Method
-from stereocal.figures.style import (
-    METHOD_COLOURS,
-    METHOD_NAMES,
-    METHOD_SYMBOLS,
-    NEUTRAL,
-    finish,
-)
+from stereocal.figures.style import METHOD_NAMES, NEUTRAL, finish, marker_of
 from stereocal.verdict.in_words import digits
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 HEIGHT = 520
 NAMES = {"fixed": "Nominal lenses", "freed": "Lenses freed"}
+HOVER = "<br>2D cost %{x:.4~r} px<br>3D cost %{y:.4~r} mm<extra></extra>"
 DASHES = {"fixed": "dot", "freed": "solid"}
 
 
@@ -36,15 +31,14 @@ def plot_trade_off(
         chosen: the point to mark.
     """
     figure = finish(go.Figure(), HEIGHT)
-    for name, points in (("fixed", curves.fixed), ("freed", curves.freed)):
+    for name, points in _curves(curves):
         figure.add_scatter(
             x=[point.cost_2d_px for point in points],
             y=[1000 * point.cost_3d_m for point in points],
             mode="lines",
             name=NAMES[name],
             line={"color": NEUTRAL, "dash": DASHES[name], "width": 2},
-            hovertemplate=f"{NAMES[name]}<br>2D cost %{{x:.4~r}} px<br>3D cost %{{y:.4~r}} mm"
-            "<extra></extra>",
+            hovertemplate=NAMES[name] + HOVER,
         )
     for method in (method for method in ALL_METHODS if method in costs):
         px, metres = costs[method]
@@ -53,13 +47,8 @@ def plot_trade_off(
             y=[1000 * metres],
             mode="markers",
             name=METHOD_NAMES[method],
-            marker={
-                "color": METHOD_COLOURS[method],
-                "symbol": METHOD_SYMBOLS[method],
-                "size": 13,
-            },
-            hovertemplate=f"{METHOD_NAMES[method]}<br>2D cost %{{x:.4~r}} px<br>"
-            "3D cost %{y:.4~r} mm<extra></extra>",
+            marker=marker_of(method, 13),
+            hovertemplate=METHOD_NAMES[method] + HOVER,
         )
     if chosen is not None:
         figure.add_scatter(
@@ -67,12 +56,7 @@ def plot_trade_off(
             y=[1000 * chosen.cost_3d_m],
             mode="markers",
             name="The slider's point",
-            marker={
-                "symbol": "circle-open",
-                "size": 20,
-                "color": METHOD_COLOURS["refined"],
-                "line": {"width": 3},
-            },
+            marker=marker_of("refined", 20, symbol="circle-open", line={"width": 3}),
             hoverinfo="skip",
         )
     along_x, along_y = _axes(curves, costs)
@@ -84,7 +68,7 @@ def plot_trade_off(
 def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> str:
     """The figure in words."""
     parts = []
-    for name, points in (("fixed", curves.fixed), ("freed", curves.freed)):
+    for name, points in _curves(curves):
         first, last = points[0], points[-1]
         parts.append(
             f"{NAMES[name].lower()}, from matching alone to measuring alone, the 2D cost goes from "
@@ -96,6 +80,10 @@ def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, flo
         for method, (px, metres) in costs.items()
     ]
     return f"Trade-off: {'; '.join(parts)}. The sets: {'; '.join(sets)}."
+
+
+def _curves(curves: TradeOff) -> tuple[tuple[str, Sequence[TradeOffPoint]], ...]:
+    return ("fixed", curves.fixed), ("freed", curves.freed)
 
 
 def _axes(

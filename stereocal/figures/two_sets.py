@@ -63,32 +63,27 @@ def plot_image(
             layout["images"] += photograph_behind(photograph, box, f"x{number}", f"y{number}")
         axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
         traces += [{**axes, **trace} for trace in _lines(view, camera, 2 if at == 0 else 3)]
-        left, top, right, bottom = box
-        axis = {
-            **AXIS,
-            "showgrid": False,
-            "nticks": 4,
-            "constrain": "domain",
-            "mirror": True,
-            "showticklabels": at == 0,
-            "ticks": "outside" if at == 0 else "",
-        }
         title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
-        layout[f"xaxis{number}"] = {
-            **axis,
-            "domain": domain[0],
-            "anchor": f"y{number}",
-            "range": [left, right],
-            "title": {**AXIS["title"], "text": title},
-        }
-        layout[f"yaxis{number}"] = {
-            **axis,
-            "domain": domain[1],
-            "anchor": f"x{number}",
-            "range": [bottom, top],
-            "scaleanchor": f"x{number}",
-        }
+        layout |= _panel_axes(number, box, domain, title)
     return go.Figure(traces, layout)
+
+
+def _panel_axes(
+    number: str,
+    box: tuple[float, float, float, float],
+    domain: tuple[tuple[float, float], tuple[float, float]],
+    title: str,
+) -> dict[str, Any]:
+    """Equal axes of the image, whose number is empty, or of a close-up."""
+    left, top, right, bottom = box
+    axis = {**AXIS, "showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True}
+    axis |= {"showticklabels": not number, "ticks": "" if number else "outside"}
+    x = {"domain": domain[0], "anchor": f"y{number}", "range": [left, right]}
+    y = {"domain": domain[1], "anchor": f"x{number}", "range": [bottom, top]}
+    return {
+        f"xaxis{number}": {**axis, **x, "title": {**AXIS["title"], "text": title}},
+        f"yaxis{number}": {**axis, **y, "scaleanchor": f"x{number}"},
+    }
 
 
 def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
@@ -96,21 +91,15 @@ def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for target, letter in enumerate(view.letters):
         u, v = view.line(camera, target).T
-        line = {"color": METHOD_COLOURS[view.method], "width": width}
-        name = f"epipolar line of {letter}"
-        found.append(
-            {
-                "type": "scatter",
-                "x": u,
-                "y": v,
-                "mode": "lines",
-                "line": line,
-                "name": name,
-                "hoverinfo": "name",
-            }
-        )
+        line = {
+            "mode": "lines",
+            "line": {"color": METHOD_COLOURS[view.method], "width": width},
+            "name": f"epipolar line of {letter}",
+            "hoverinfo": "name",
+        }
         at = view.pixels[camera][target]
-        found.append(
+        found += [
+            {"type": "scatter", "x": u, "y": v, **line},
             {
                 "type": "scatter",
                 "x": at[:1],
@@ -120,15 +109,15 @@ def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
                 "textposition": "top right",
                 "textfont": {"size": 16},
                 "marker": {
-                    "color": TARGET_COLOURS[letter],
+                    "color": TARGET_COLOURS.get(letter, TARGET_COLOURS["AB"[target]]),
                     "size": 9,
-                    "symbol": TARGET_SYMBOLS[letter],
+                    "symbol": TARGET_SYMBOLS.get(letter, TARGET_SYMBOLS["AB"[target]]),
                     "line": {"color": "white", "width": 1},
                 },
                 "hovertemplate": f"{letter} (%{{x:.2f}}, %{{y:.2f}})<br>"
                 f"{view.distances_px[target, camera]:.2f} px from its line<extra></extra>",
-            }
-        )
+            },
+        ]
     return found
 
 

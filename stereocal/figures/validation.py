@@ -19,6 +19,7 @@ from stereocal.figures.style import (
     METHOD_NAMES,
     NEUTRAL,
     WRONG_COLOUR,
+    note,
 )
 from stereocal.figures.validation_panels import COLUMNS, HEADINGS, UNITS, Panel, panels_of
 from stereocal.verdict.in_words import digits
@@ -105,11 +106,7 @@ def _axes(panel: Panel, columns: int, heights: tuple[int, int, int]) -> dict[str
     top = 1 - panel.row * (height + above) / inside
     title = f"<b>{METHOD_NAMES[panel.method]}</b><br>Density per decade"
     return {
-        f"xaxis{panel.axis}": {
-            **AXIS,
-            "domain": [left, left + width],
-            "anchor": f"y{panel.axis}",
-        },
+        f"xaxis{panel.axis}": {**AXIS, "domain": [left, left + width], "anchor": f"y{panel.axis}"},
         f"yaxis{panel.axis}": {
             **AXIS,
             "domain": [max(top - height / inside, 0.0), top],
@@ -164,19 +161,8 @@ def foot_of(panels: Sequence[Panel], span: tuple[float, float]) -> list[str]:
 
 def _title(panel: Panel) -> dict[str, Any]:
     heading = [f"<b>{HEADINGS[panel.quantity]}</b>"] if panel.row == 0 else []
-    return {
-        "text": "<br>".join([*heading, *panel.title]),
-        "xref": f"x{panel.axis} domain",
-        "x": 0,
-        "xanchor": "left",
-        "yref": f"y{panel.axis} domain",
-        "y": 1,
-        "yanchor": "bottom",
-        "yshift": 3,
-        "align": "left",
-        "showarrow": False,
-        "font": {"size": 12},
-    }
+    above = {"x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "yshift": 3, "align": "left"}
+    return note("<br>".join([*heading, *panel.title]), panel.axis, {"size": 12}) | above
 
 
 def _frame(panel: Panel) -> dict[str, Any]:
@@ -269,20 +255,12 @@ def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
     filled = {"mode": "lines", "fill": "tozeroy"}
     keys: list[dict[str, Any]] = []
     if set(columns) - {"reconstruction"}:
+        correct = {"fillcolor": FILLS["correct"], "line": {"color": CORRECT_COLOUR}}
+        hatched = {"fillpattern": HATCH, "fillcolor": WRONG_COLOUR}
+        wrong = {**hatched, "line": {"color": WRONG_COLOUR, "dash": "dot"}}
         keys += [
-            {
-                **filled,
-                "name": "Correct pairs",
-                "fillcolor": FILLS["correct"],
-                "line": {"color": CORRECT_COLOUR},
-            },
-            {
-                **filled,
-                "name": "Wrong pairs",
-                "fillpattern": HATCH,
-                "fillcolor": WRONG_COLOUR,
-                "line": {"color": WRONG_COLOUR, "dash": "dot"},
-            },
+            {**filled, "name": "Correct pairs", **correct},
+            {**filled, "name": "Wrong pairs", **wrong},
         ]
     lines = "Dashed: threshold"
     if "reconstruction" in columns:

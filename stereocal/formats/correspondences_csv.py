@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem
-from stereocal.rig.compiled import IntArray
+from stereocal.errors import RefusedRowsError, RowProblem, naming
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
+from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
     EMPTY,
@@ -28,10 +30,13 @@ KNOWN_POINT = ("x_m", "y_m", "z_m")
 SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
 OPTIONAL = ("distance_m", *KNOWN_POINT, *SIGMAS)
 SOURCE, TIME = "source", "time_frame"
+OBJECT = ("x_object_m", "y_object_m", "z_object_m")
+"""Where the target is on a rigid object, in the object's own frame."""
 NUMBERS = (
     *(Column(name, is_whole=True) for name in ("frame", TIME)),
     *(Column(name) for name in PIXELS),
     *(Column(name, may_be_empty=True, is_positive=name not in KNOWN_POINT) for name in OPTIONAL),
+    *(Column(name) for name in OBJECT),
 )
 TEMPLATE = (
     "frame,target,u_primary,v_primary,u_secondary,v_secondary\n"
@@ -67,19 +72,22 @@ def read_table(content: bytes, source: str) -> Table:
     if TIME not in raw:
         values[TIME] = values["frame"]
     words = {name: raw[name].str.strip() for name in ("target", SOURCE)}
-    target = words["target"].str.upper().map({name: i for i, name in enumerate(TARGETS)})
+    own = _object(words["target"], values, reasons, source) if OBJECT[0] in raw else None
+    names = TARGETS if own is None else own.names
+    targets = words["target"].str.upper() if own is None else words["target"]
+    target = targets.map({name: i for i, name in enumerate(names)})
     origin = (
         words[SOURCE].str.lower().map({"": UNKNOWN_SOURCE} | {n: i for i, n in enumerate(SOURCES)})
     )
     for name, found, allowed in (
-        ("target", target, "A or B"),
+        ("target", target, " or ".join(names[:2])),
         (SOURCE, origin, f"{', '.join(SOURCES)} or empty"),
     ):
         bad = np.flatnonzero(found.isna())
         for row, cell in zip(bad.tolist(), words[name].iloc[bad].tolist(), strict=True):
             reasons.setdefault(row, f'{name} is "{cell[:40]}"; it must be {allowed}')
     codes = np.column_stack([target.fillna(0), origin.fillna(0)]).astype(np.int64)
-    reasons.update(_contradictions(values, codes[:, 0], raw.index.to_numpy(), reasons))
+    reasons.update(_contradictions(values, codes[:, 0], raw.index.to_numpy(), reasons, names))
     sound = np.ones(len(raw), dtype=bool)
     sound[list(reasons)] = False
     numbers = np.column_stack([values[name] for name in (*PIXELS, *OPTIONAL)])[sound]
@@ -96,12 +104,27 @@ def read_table(content: bytes, source: str) -> Table:
             source=codes[sound, 1],
             line=raw.index.to_numpy(dtype=np.int64)[sound],
             time_frame=values[TIME][sound].astype(np.int64),
+            rigid_object=own,
         ),
         rows.problems,
     )
 
 
-def _contradictions(values: Values, target: IntArray, lines: IntArray, bad: Reasons) -> Reasons:
+def _object(targets: pd.Series[str], values: Values, reasons: Reasons, source: str) -> RigidObject:
+    """The object of the columns `OBJECT`; adds rows that contradict an earlier one."""
+    places = np.column_stack([values[name] for name in OBJECT])
+    found: dict[str, FloatArray] = {}
+    for row, name in enumerate(targets.tolist()):
+        if row not in reasons and (found.setdefault(name, places[row]) != places[row]).any():
+            reasons[row] = f"target {name[:40]} is at two places on the object"
+    names = sorted(found, key=lambda name: (len(name), name))
+    with naming(source):
+        return RigidObject(tuple(names), np.array([found[name] for name in names]).reshape(-1, 3))
+
+
+def _contradictions(
+    values: Values, target: IntArray, lines: IntArray, bad: Reasons, names: Sequence[str]
+) -> Reasons:
     """Valid rows that contradict an earlier row of the same frame."""
     rows = pd.DataFrame(
         {"frame": values["frame"], "target": target, "own": values["distance_m"], "line": lines}
@@ -117,7 +140,7 @@ def _contradictions(values: Values, target: IntArray, lines: IntArray, bad: Reas
         found.index.tolist(), found.to_numpy().tolist(), strict=True
     ):
         if line != first:
-            problem = f"has target {TARGETS[int(which)]} already, in line {first:.0f}"
+            problem = f"has target {names[int(which)]} already, in line {first:.0f}"
         else:
             problem = f"has two different distances, {other:g} and {own:g} m"
         reasons[row] = f"frame {frame:.0f} {problem}"
@@ -135,10 +158,12 @@ def write_table(rows: Correspondences) -> bytes:
     if known.keys() & set(KNOWN_POINT):
         known = {name: optional[name] for name in OPTIONAL if name in known or name in KNOWN_POINT}
     times = [TIME] * rows.has_times
+    own = rows.rigid_object
     with_source = bool((rows.source != UNKNOWN_SOURCE).any())
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*REQUIRED, *known, *[SOURCE] * with_source, *times])
+    placed = OBJECT if own is not None else ()
+    writer.writerow([*REQUIRED, *known, *[SOURCE] * with_source, *times, *placed])
     recorded = rows.recorded_secondary
     for i in range(len(rows)):
         numbers = [*rows.primary[i], *recorded[i], *(column[i] for column in known.values())]
@@ -147,5 +172,7 @@ def write_table(rows: Correspondences) -> bytes:
             code = rows.source[i]
             cells.append("" if code == UNKNOWN_SOURCE else SOURCES[code])
         cells += [str(int(rows.time_frame[i])) for _ in times]
-        writer.writerow([int(rows.frame[i]), TARGETS[rows.target[i]], *cells])
+        if own is not None:
+            cells += [repr(float(x)) for x in own.points[rows.target[i]]]
+        writer.writerow([int(rows.frame[i]), rows.names[rows.target[i]], *cells])
     return out.getvalue().encode()

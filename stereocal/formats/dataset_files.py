@@ -6,29 +6,36 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
 
-from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.errors import RefusedRowsError, StereocalError, disk_errors, naming
+from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.description import (
+    DATASET_FORMAT,
+    DESCRIPTION,
+    LARGEST_DESCRIPTION,
+    RECORDING_FORMAT,
+    camera_named,
+    find_description,
+    length,
+    name_of,
+    optional_length,
+)
 from stereocal.formats.lens_model import LensModel
+from stereocal.formats.recording_files import pack_recording, parse_recording
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences, Dataset
-from stereocal.system.json_text import read_json
+from stereocal.rig.recording import Recording
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph
 from stereocal.system.zip_files import open_zip, unzip
 
-DATASET_FORMAT = "stereocal-dataset/1"
-DESCRIPTION = "dataset.json"
 TABLE = "correspondences.csv"
 FREE = "free"
 """`baseline_sigma_m` of a baseline that is not measured, but found from the lengths."""
-LONGEST_NAME = 200
-LARGEST_DESCRIPTION = 4_000_000
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 NAMED = frozenset((".ini", ".conf", ".mat"))
 """Read if small, for a helpful error message where `dataset.json` names them as cameras."""
@@ -56,17 +63,30 @@ class Survey:
         return with_baseline_found(Dataset(correspondences=correspondences, **vars(self)))
 
 
-def read_dataset(path: str | Path, lens_model: LensModel | None = None) -> Dataset:
+def read_dataset(
+    path: str | Path, lens_model: LensModel | None = None, pair: str | None = None
+) -> Dataset:
     """Read a data set from a folder or a zip.
 
     Args:
         lens_model: meaning of four distortion coefficients if a camera file does not state it.
+        pair: such as `left-right`, of a data set with more than two cameras.
 
     Raises:
         StereocalError: the data set or any of its rows is invalid.
     """
     files, photographs = read_texts(Path(path))
-    return parse_dataset(files, str(path), photographs, lens_model)
+    return parse_dataset(files, str(path), photographs, lens_model, pair)
+
+
+def read_recording(path: str | Path, lens_model: LensModel | None = None) -> Recording:
+    """Read a data set of any number of cameras (format 2) from a folder or a zip.
+
+    Raises:
+        StereocalError: as `read_dataset`.
+    """
+    files, photographs = read_texts(Path(path))
+    return parse_recording(files, str(path), photographs, lens_model)
 
 
 def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey:
@@ -79,13 +99,28 @@ def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey
     return parse_survey(files, str(path), lens_model)
 
 
+def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recording:
+    """The cameras and lengths of a data set of either format, without its points.
+
+    Raises:
+        StereocalError: as `read_dataset`.
+    """
+    files, _ = read_texts(Path(path))
+    if find_description(files, str(path))[1]["format"] == RECORDING_FORMAT:
+        return parse_recording(files, str(path), False, lens_model, with_points=False)
+    none = np.empty((0, 2))
+    empty = Correspondences.from_arrays(none[:, 0], "", none, none)
+    survey = parse_survey(files, str(path), lens_model)
+    return Recording.of_pair(Dataset(correspondences=empty, **vars(survey)))
+
+
 def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """The text files in a folder or a zip by name, and whether there are photographs too.
 
     Raises:
         StereocalError: there is no such folder or zip, or it cannot be read.
     """
-    try:
+    with disk_errors(f"{path} cannot be read"):
         if path.is_dir():
             known = _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
             found = [file for file in known if file.suffix.lower() in TEXTS or _is_small(file)]
@@ -100,8 +135,6 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
             with open_zip(path, path.name) as opened:
                 photographs = any(map(is_photograph, opened.names))
             return unzip(path, path.name, lambda name: not is_photograph(name)), photographs
-    except OSError as error:
-        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
     raise StereocalError(f"{path}: there is no such folder or file.")
 
 
@@ -110,17 +143,24 @@ def parse_dataset(
     source: str,
     photographs: bool = False,
     lens_model: LensModel | None = None,
+    pair: str | None = None,
 ) -> Dataset:
     """The data set from files by name, which may all be in one subfolder.
 
     Args:
         photographs: whether there are photographs too, in which targets can be detected.
+        pair: as for `read_dataset`.
 
     Raises:
         StereocalError: as `read_dataset`.
     """
+    folder, description = find_description(files, source)
+    if description["format"] == RECORDING_FORMAT:
+        recording = parse_recording(files, source, photographs, lens_model)
+        return _pair_of(recording, pair, source)
+    if pair is not None:
+        raise StereocalError(f"{source}: it has two cameras, and no pair {pair[:60]!r} to choose.")
     survey = parse_survey(files, source, lens_model)
-    folder, _ = find_description(files, source)
     if folder + TABLE not in files:
         if photographs or any(map(is_photograph, files)):
             raise StereocalError(
@@ -138,6 +178,18 @@ def parse_dataset(
         ) from error
     except StereocalError as error:
         raise StereocalError(str(error), source) from error
+
+
+def _pair_of(recording: Recording, pair: str | None, source: str) -> Dataset:
+    """The data set of a pair of cameras, of the two if there are no more."""
+    with naming(source):
+        if pair is None and len(recording.cameras) > 2:
+            raise StereocalError(
+                f"it has {len(recording.cameras)} cameras: choose two with --pair. "
+                f"{recording.describe_pairs()}"
+            )
+        chosen = recording.pair_named(pair) if pair else recording.pairs[0]
+        return with_baseline_found(recording.pair(*chosen))
 
 
 def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:
@@ -166,64 +218,32 @@ def parse_survey(
     if not isinstance(named, dict) or not set(CAMERAS) <= named.keys():
         raise StereocalError(f'{where}: "cameras" must name a primary and a secondary camera file.')
 
-    def camera(which: str) -> Camera:
-        name = named[which]
-        if not isinstance(name, str) or folder + name not in files:
-            raise StereocalError(f"{source}: the {which}'s camera file {name!r} is missing.")
-        return read_camera(files[folder + name], f"{source}: {name}", lens_model)
-
+    cameras = {
+        which: camera_named(named[which], which, files, folder, source, lens_model)
+        for which in CAMERAS
+    }
     return Survey(
-        name=_shown(str(description.get("name") or Path(source).stem)),
-        primary=camera("primary"),
-        secondary=camera("secondary"),
-        baseline_m=_length(description, "baseline_m", where),
-        target_distance_m=_length(description, "target_distance_m", where),
+        name=name_of(description, source),
+        **cameras,
+        baseline_m=length(description, "baseline_m", where),
+        target_distance_m=length(description, "target_distance_m", where),
         baseline_sigma_m=np.inf
         if description.get("baseline_sigma_m") == FREE
-        else _optional(description, "baseline_sigma_m", where),
-        target_distance_sigma_m=_optional(description, "target_distance_sigma_m", where),
+        else optional_length(description, "baseline_sigma_m", where),
+        target_distance_sigma_m=optional_length(description, "target_distance_sigma_m", where),
         notes=str(description.get("notes", "")),
     )
 
 
-def _shown(name: str) -> str:
-    """A name that can be displayed: not too long, valid UTF-8."""
-    return name[:LONGEST_NAME].encode("utf-8", "replace").decode()
-
-
-def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, Any]]:
-    """The folder of `dataset.json` (with its slash, or empty), and its content.
-
-    Raises:
-        StereocalError: there is none or several, or it is invalid.
-    """
-    found = [
-        name
-        for name in files
-        if PurePosixPath(name).name == DESCRIPTION and not name.startswith("__MACOSX/")
-    ]
-    if not found:
-        held = ", ".join(sorted(files)[:5]) or "nothing"
-        raise StereocalError(f"{source}: there is no {DESCRIPTION} in it (it contains: {held}).")
-    if len(found) > 1:
-        raise StereocalError(
-            f"{source}: it contains {len(found)} data sets ({', '.join(sorted(found)[:3])}); "
-            "use one at a time."
-        )
-    if len(files[found[0]]) > LARGEST_DESCRIPTION:
-        raise StereocalError(
-            f"{source}: {len(files[found[0]])} bytes are too many for a {DESCRIPTION}."
-        )
-    description = read_json(files[found[0]], f"{source}: {DESCRIPTION}")
-    if not isinstance(description, dict) or description.get("format") != DATASET_FORMAT:
-        raise StereocalError(
-            f'{source}: {DESCRIPTION} must be an object with "format": "{DATASET_FORMAT}".'
-        )
-    return found[0][: -len(DESCRIPTION)], description
-
-
 def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
     """The files of a data set by name, read back exactly by `parse_dataset`."""
+    if dataset.correspondences.rigid_object is not None:
+        return pack_recording(Recording.of_pair(dataset))
+    return pack_pair(dataset)
+
+
+def pack_pair(dataset: Dataset) -> dict[str, bytes]:
+    """The same in format 1; the table says where targets are on an object."""
     description = {
         "format": DATASET_FORMAT,
         "name": dataset.name,
@@ -255,22 +275,3 @@ def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:
         for file in sorted(folder.glob(pattern))
         if wanted(file.name) and file.is_file()
     )
-
-
-def _length(description: Mapping[str, Any], key: str, where: str) -> float:
-    value = _optional(description, key, where)
-    if value is None:
-        raise StereocalError(f"{where}: {key} is missing.")
-    return value
-
-
-def _optional(description: Mapping[str, Any], key: str, where: str) -> float | None:
-    value = description.get(key)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise StereocalError(f"{where}: {key} is {value!r}; it must be a number, in metres.")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise StereocalError(f"{where}: {key} is far too large; state it in metres.") from error

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, disk_errors
 from stereocal.evaluation.compiled_run import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, Run
 from stereocal.evaluation.summary import MethodSummary, summarise
@@ -98,10 +98,8 @@ def validation_figures(
 
 def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
     """The result of `validation_figures` for a data set, from a `summary.json`."""
-    try:
+    with disk_errors(f"{path} cannot be read"):
         packed = path.read_bytes()
-    except OSError as error:
-        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
     content = read_json(packed, str(path))
     try:
         known = {entry["sha256"]: entry["methods"] for entry in content["datasets"]}

@@ -25,11 +25,12 @@ TARGET = "target"
 """Column of a table of bars."""
 
 
-def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
+def read_input(path: Path, lens_model: LensModel | None = None, pair: str | None = None) -> Dataset:
     """The data set of a folder or zip with `dataset.json`, or of a project's zip.
 
     Args:
         lens_model: as for `read_dataset`; a project already holds it.
+        pair: as for `read_dataset`.
     """
     if path.suffix == STORED_PROJECT:
         raise StereocalError(
@@ -45,8 +46,8 @@ def read_input(path: Path, lens_model: LensModel | None = None) -> Dataset:
                     f"{path}: the project is incomplete: open it on the dashboard, and give what "
                     "the Data page asks for."
                 )
-            return parse_dataset(files, str(path), lens_model="brown")
-    return read_dataset(path, lens_model)
+            return parse_dataset(files, str(path), lens_model="brown", pair=pair)
+    return read_dataset(path, lens_model, pair)
 
 
 def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:

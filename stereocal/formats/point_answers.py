@@ -2,7 +2,8 @@
 
 layout = layout_of(content, "xypts.csv")              # as proposed, or to be chosen by hand
 answers = first_answers(layout, 0, image_height=1024)   # to be checked and changed
-table = read_points(content, answered(layout, answers), answers.camera, answers.image_height)
+layout = answered(layout, answers, content, "xypts.csv")
+table = read_points(content, layout, answers.camera, answers.image_height)
 """
 
 from __future__ import annotations

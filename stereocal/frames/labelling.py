@@ -118,7 +118,7 @@ def _labelled(
     rays = [_rays(cameras[i], [both[i] for both in corners.values()]) for i in range(2)]
     focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
     labels = compare_labels(rays[0], rays[1], focal, np.random.default_rng(seed))
-    decided = dict(zip(corners, _decide(list(corners), labels), strict=True))
+    decided = dict(zip(corners, decide_labels(list(corners), labels), strict=True))
     pairs, reports = [], []
     for frame in sorted(primary.keys() | secondary.keys()):
         if frame not in corners:
@@ -143,7 +143,9 @@ def _rays(camera: Camera, targets: list[tuple[Corner, Corner]]) -> FloatArray:
     return camera.undistort(centres).reshape(-1, 2, 2)
 
 
-def _decide(frames: list[int], labels: EpipolarLabels | None) -> list[tuple[bool, FrameLabels]]:
+def decide_labels(
+    frames: list[int], labels: EpipolarLabels | None
+) -> list[tuple[bool, FrameLabels]]:
     """For each frame, whether to exchange the secondary's targets, and the report."""
     if labels is None:
         why = "A and B are in the order along the bar and could not be checked: "

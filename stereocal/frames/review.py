@@ -12,13 +12,18 @@ from typing import Any
 
 import numpy.typing as npt
 
+from stereocal.detection.balls import find_balls
 from stereocal.detection.detect import corner_near
+from stereocal.detection.tags import find_tags
+from stereocal.detection.target import BAR, Balls, Bar2x2, Tags, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import Centre, Frame, name_in
+from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import TARGETS
 
 SAME_POSITION_PX = 1.0
 """Two targets of a photograph are farther apart: the smallest board is 20 px across."""
+SPOT_REACH_PX = 12.0
 SAME_TARGET_PX = 30.0
 """A centre this close to a target moves it, even if the other target is still missing."""
 
@@ -46,21 +51,31 @@ class Review:
         raise StereocalError(f"There is no frame {number} any more; choose another.")
 
 
-def centre_at(image: npt.NDArray[Any], point: tuple[float, float], raw: bool) -> Centre:
-    """The centre for a click: the fitted corner near it, or the click itself.
+def centre_at(
+    image: npt.NDArray[Any],
+    point: tuple[float, float],
+    raw: bool,
+    target: Target = BAR,
+    camera: Camera | None = None,
+) -> Centre:
+    """The centre for a click: the fitted target near it, or the click itself.
 
     Args:
-        image: (h, w), grey.
+        image: (h, w), grey; (h, w, 3), blue, green, red, for balls.
         point: the click (u, v), px.
         raw: use the click itself, with unknown standard error.
+        target: what is on the bar.
+        camera: its lens; used for balls and tags.
     """
-    height, width = image.shape
+    height, width = image.shape[:2]
     u, v = point
     # "not <=" rejects NaN too.
     if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
         raise StereocalError("The click is outside the photograph.")
     if raw:
         return Centre(u, v, None, "manual")
+    if not isinstance(target, Bar2x2):
+        return _spot_at(image, point, target, camera)
     corner = corner_near(image, point)
     if corner is None:
         raise StereocalError(
@@ -68,6 +83,27 @@ def centre_at(image: npt.NDArray[Any], point: tuple[float, float], raw: bool) ->
             "keep the raw click."
         )
     return Centre(float(corner.centre[0]), float(corner.centre[1]), corner.sigma_px, "corrected")
+
+
+def _spot_at(
+    image: npt.NDArray[Any],
+    point: tuple[float, float],
+    target: Balls | Tags,
+    camera: Camera | None,
+) -> Centre:
+    """The centre of the ball or tag near a click."""
+    if isinstance(target, Tags):
+        what, found = "tag", find_tags(image, target, camera)
+    else:
+        what, found = "ball", find_balls(image, target, camera)
+    every = [spot for own in (found.spots, *found.candidates) for spot in own if spot]
+    near = min(every, key=lambda spot: math.dist((spot.u, spot.v), point), default=None)
+    if near is None or math.dist((near.u, near.v), point) > max(SPOT_REACH_PX, near.radius_px):
+        raise StereocalError(
+            f"There is no {what} near ({point[0]:.1f}, {point[1]:.1f}). Click on one, or keep the "
+            "raw click."
+        )
+    return Centre(near.u, near.v, near.sigma_px, "corrected")
 
 
 def target_meant(frame: Frame, camera: int, centre: Centre) -> int:

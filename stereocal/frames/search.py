@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
 
+from stereocal.detection.balls import find_balls
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
+from stereocal.detection.sighting import Sighting
+from stereocal.detection.target import BAR, Balls, Bar2x2, Target
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.inspection import inspect_photographs, wrong_sizes
 from stereocal.frames.labelling import FrameLabels, LabelledPair, label_targets
+from stereocal.frames.named import frames_of
 from stereocal.frames.pairing import Pair
-from stereocal.frames.series import detect_series
+from stereocal.frames.series import detect_series, search_series, sight_in_file
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph_files import Photographs
-from stereocal.system.records import pack, unpack
+from stereocal.system.records import of_plain, pack
 from stereocal.system.tasks import Pieces, Progress
 
 STAGES = ("photographs checked", "photographs searched for targets")
@@ -26,14 +33,18 @@ NOTHING: CentrePair = (None, None)
 UNREADABLE = (0, 0)
 
 
-def pack_detection(found: Detection) -> bytes | None:
+def pack_detection(found: Detection | Sighting) -> bytes | None:
     """A detection; None for an unreadable photograph, so that it is tried again next time."""
-    return None if found.reason == "unreadable" else pack(found)
+    again = found.unreadable if isinstance(found, Sighting) else found.reason == "unreadable"
+    return None if again else pack(found)
 
 
-def unpack_detection(content: bytes) -> Detection:
+def unpack_detection(content: bytes) -> Detection | Sighting:
     """The exact detection of `pack_detection`; ValueError if the content is damaged."""
-    return unpack(content, Detection)
+    data = json.loads(content)
+    if not isinstance(data, dict):
+        raise ValueError(content)
+    return of_plain(data, Sighting) if "spots" in data else of_plain(data, Detection)
 
 
 def detect_frames(
@@ -44,7 +55,8 @@ def detect_frames(
     begin: Callable[[str], None],
     progress: Progress,
     cancelled: Callable[[], bool] = lambda: False,
-    pieces: Pieces[Detection] | None = None,
+    pieces: Pieces[Any] | None = None,
+    target: Target = BAR,
 ) -> list[Frame] | None:
     """Check the photographs, find the targets, and label A and B.
 
@@ -53,6 +65,7 @@ def detect_frames(
         cameras: primary and secondary; the photographs must have their image size.
         begin: called with each stage of `STAGES` when it begins.
         pieces: as for `detect_series`.
+        target: what is on the bar.
 
     Returns:
         A frame for each pair, in order; None if cancelled. An unusable photograph affects its own
@@ -69,13 +82,30 @@ def detect_frames(
     problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
     begin(STAGES[1])
     sound = [name for name in there if name not in problems]
-    seen = detect_series(
-        {name: there[name] for name in sound}, executor, progress, cancelled, pieces
-    )
+    searched = {name: there[name] for name in sound}
+    if not isinstance(target, Bar2x2):
+        camera_of = {name: cameras[i] for i in (1, 0) for name in _names(pairs, i)}
+        spots = search_series(
+            searched,
+            lambda name: partial(sight_in_file, target, camera_of[name]),
+            executor,
+            progress,
+            cancelled,
+            pieces,
+        )
+        if spots is None:
+            return None
+        spots |= {name: Sighting((None, None), why, True) for name, why in problems.items()}
+        return frames_of(pairs, spots, cameras, target)
+    seen = detect_series(searched, executor, progress, cancelled, pieces)
     if seen is None:
         return None
     seen |= {name: refusal(UNREADABLE, "unreadable", why) for name, why in problems.items()}
     return _agree(pairs, seen, cameras)
+
+
+def _names(pairs: Sequence[Pair], camera: int) -> list[str]:
+    return [(pair.primary, pair.secondary)[camera] for pair in pairs]
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
@@ -110,6 +140,7 @@ def compile_detection() -> None:
     for left in (60, 190):
         photograph[85:155, left : left + 70] = board
     detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
+    find_balls(cv2.cvtColor(photograph, cv2.COLOR_GRAY2BGR), Balls(("#ff0000", "#0000ff")))
 
 
 def _agree(

@@ -26,7 +26,7 @@ from stereocal.intrinsics.board_corners import (
     find_chessboard,
     refine,
 )
-from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import FileContent, GreyImage, read_photograph
 from stereocal.system.photograph_files import Photographs
@@ -221,15 +221,33 @@ def _check_size(
     photographs: Photographs, found: Mapping[str, BoardView | Refused], pattern: BoardPattern
 ) -> None:
     """Raise an error if the board has another size than stated."""
-    if pattern.dictionary is not None:
-        return
     views = [name for name, result in found.items() if isinstance(result, BoardView)]
     seen = views or [name for name, result in found.items() if result.image_size]
+    if pattern.dictionary is not None:
+        if not views:
+            _refuse_exchanged(photographs, seen[:2], pattern)
+        return
     for name in seen[:2]:
         if other := _other_size(photographs[name], pattern, larger=bool(views)):
             raise StereocalError(
                 f"There is no board with {pattern} inner corners, but {name} shows one with "
                 f"{other}: count where four squares meet, not the squares."
+            )
+
+
+def _refuse_exchanged(
+    photographs: Photographs, names: Sequence[str], pattern: BoardPattern
+) -> None:
+    """Raise an error if photographs show the ChArUco board with columns and rows exchanged.
+
+    Its markers are numbered row by row. (A chessboard is the same board then.)
+    """
+    other = replace(pattern, columns=pattern.rows, rows=pattern.columns)
+    for name in names:
+        if isinstance(find_board(read_photograph(photographs[name]), other, name), BoardView):
+            raise StereocalError(
+                f"There is no ChArUco board with {pattern} inner corners, but {name} shows one "
+                f"with {other}: exchange columns and rows."
             )
 
 

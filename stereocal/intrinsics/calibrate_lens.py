@@ -27,10 +27,11 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, BoardView
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import LENS_UNKNOWNS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.described import check_described, described
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
@@ -55,24 +56,34 @@ SIGMA_TAIL = 15.8655
 class LensSettings:
     """Settings of the lens calibration."""
 
-    subset: int = 20
-    """Photographs per draw; with no more than these, two thirds of them (see `_draw_size`)."""
-    repeats: int = 50
-    seed: int = 0
-    fix_k3: bool = False
-    """Hold k3 at 0: more stable for long lenses, which distort little."""
-    zero_tangential: bool = False
-    """Hold p1 and p2 at 0: the optical axis is perpendicular to the sensor."""
+    subset: int = described(
+        20,
+        "Photographs of a draw",
+        "With no more boards than this, two thirds of them. Paper: 20 of 50.",
+        between=(MINIMUM_VIEWS, 1000),
+    )
+    repeats: int = described(
+        50, "Draws", "The result is their median. Paper: 50.", between=(2, 10_000)
+    )
+    seed: int = described(
+        0,
+        "Seed",
+        "Source of the random numbers: the same seed gives the same file.",
+        between=(0, 2**63 - 1),
+    )
+    fix_k3: bool = described(
+        False,
+        "Hold k3 at 0",
+        "Steadier for long lenses, which distort little. Paper: not held.",
+    )
+    zero_tangential: bool = described(
+        False,
+        "Hold p1 and p2 at 0",
+        "If the lens is known to be perpendicular to the sensor. Paper: not held.",
+    )
 
     def __post_init__(self) -> None:
-        if self.subset < MINIMUM_VIEWS:
-            raise StereocalError(
-                f"Each draw must take at least {MINIMUM_VIEWS} photographs, not {self.subset}."
-            )
-        if not 2 <= self.repeats <= 10_000:
-            raise StereocalError(f"The number of draws is {self.repeats}: it must be 2 to 10000.")
-        if self.seed < 0:
-            raise StereocalError(f"The seed is {self.seed}: it must be 0 or more.")
+        check_described(self)
 
     @property
     def free(self) -> FloatArray:

@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration, LensSettings
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import read_arrays, shaped
 from stereocal.system.records import of_plain, pack, unpack

@@ -20,13 +20,13 @@ from stereocal.errors import StereocalError
 from stereocal.matching.blocks import TableBlock
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import POINT, sample_pixels
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.pairs import POINT
+from stereocal.matching.point_table import SIGMA, PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
 from stereocal.matching.threshold import FramePixels, sample_of
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import TARGETS, Correspondences
+from stereocal.rig.dataset import Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -232,20 +232,20 @@ def apply_sets(
 
 def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[FramePixels]:
     """Pixels of a sample of the frames common to both tables, to choose a threshold from."""
-    both = [
-        {int(str(frame)): rows for frame, rows in table.groupby("frame")}
-        for table in (primary, secondary)
-    ]
-    common = sorted(both[0].keys() & both[1].keys())
-    if not common:
-        return []
-    wanted = sample_of(common, len(primary) / len(both[0]))
-    return [sample_pixels(both[0][f], both[1][f]) for f in common if f in wanted]
+    names = [*POINT, *([SIGMA] if SIGMA in primary and SIGMA in secondary else [])]
+    common = np.intersect1d(primary["frame"], secondary["frame"])
+    wanted = sorted(sample_of(common, len(primary) / max(primary["frame"].nunique(), 1)))
+    sides = []
+    for table in (primary, secondary):
+        rows = table[table["frame"].isin(wanted)].sort_values("frame", kind="stable")
+        ends = np.searchsorted(rows["frame"], wanted[1:])
+        sides.append(np.split(rows[names].to_numpy(dtype=np.float64), ends))
+    return list(zip(*sides, strict=True)) if wanted else []
 
 
 def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The bar's points as two tables; `target` is passed through and not used for matching."""
-    targets = np.array(TARGETS)[rows.target]
+    targets = np.array(rows.names)[rows.target]
     order = np.lexsort([rows.target, rows.frame])
     first, second = (
         pd.DataFrame(

@@ -205,37 +205,47 @@ def purpose_warning(rig: RigParameters, purpose: str) -> str | None:
 
 LARGEST_RELATIVE_DIFFERENCE = 0.05
 LARGEST_ANGLE = np.radians(5.0)
+WRONG_LENGTH = (
+    " A measured length or a lens is wrong: see what disagrees (One set or two, or the notes of "
+    "calibrate), and calibrate again; or match and measure with one set."
+)
 
 
 def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
     """Reject two parameter files that cannot be of the same rig.
 
-    The sets of one rig differ by less than 1 % and 2 degrees.
+    The sets of one rig differ by less than 1 % and 2 degrees; those of one recording differ by more
+    where a measured length or a lens is wrong.
     """
+    same = bool(one.inputs.get("sha256")) and one.inputs.get("sha256") == other.inputs.get("sha256")
+    what, remedy = (
+        ("of one recording, but do not fit each other", WRONG_LENGTH)
+        if same
+        else ("of different rigs", "")
+    )
     for which in CAMERAS:
         a, b = getattr(one, which), getattr(other, which)
         if a.image_size != b.image_size:
             raise StereocalError(
-                "The two parameter files are of different rigs: the images of the "
-                f"{which} camera have {a.image_size[0]}x{a.image_size[1]} px in one and "
+                f"The two parameter files are {what}: the images of the {which} camera have "
+                f"{a.image_size[0]}x{a.image_size[1]} px in one and "
                 f"{b.image_size[0]}x{b.image_size[1]} px in the other."
             )
         if abs(a.K[0, 0] / b.K[0, 0] - 1) > LARGEST_RELATIVE_DIFFERENCE:
             raise StereocalError(
-                f"The two parameter files are of different rigs: the focal length of the {which} "
-                f"camera is {a.K[0, 0]:.1f} px in one and {b.K[0, 0]:.1f} px in the other."
+                f"The two parameter files are {what}: the focal length of the {which} "
+                f"camera is {a.K[0, 0]:.1f} px in one and {b.K[0, 0]:.1f} px in the other.{remedy}"
             )
     a, b = one.pose.baseline, other.pose.baseline
     if abs(a / b - 1) > LARGEST_RELATIVE_DIFFERENCE:
         raise StereocalError(
-            f"The two parameter files are of different rigs: the baseline is {rounded(a, 4)} m "
-            "in one "
-            f"and {rounded(b, 4)} m in the other."
+            f"The two parameter files are {what}: the baseline is {rounded(a, 4)} m in one and "
+            f"{rounded(b, 4)} m in the other.{remedy}"
         )
     turn = np.arccos(np.clip((np.trace(one.pose.R @ other.pose.R.T) - 1) / 2, -1, 1))
     swing = np.arccos(np.clip(one.pose.T @ other.pose.T / (a * b), -1, 1))
     if max(turn, swing) > LARGEST_ANGLE:
         raise StereocalError(
-            "The two parameter files are of different rigs: the poses of the cameras differ by "
-            f"{np.degrees(max(turn, swing)):.1f} degrees."
+            f"The two parameter files are {what}: the poses of the cameras differ by "
+            f"{np.degrees(max(turn, swing)):.1f} degrees.{remedy}"
         )

@@ -122,14 +122,16 @@ def point_covariances(
         return own
     whole = np.array(covariance, dtype=np.float64)
     size = len(whole) if whole.ndim == 2 else 0
-    if whole.shape not in ((POSE, POSE), (SHARED, SHARED)) or not np.allclose(
-        whole, whole.T, rtol=1e-6, atol=0.0
-    ):
+    square = whole.shape in ((POSE, POSE), (SHARED, SHARED))
+    # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
+    scale = np.sqrt(np.abs(np.diag(whole))) if square else np.empty(0)
+    if not square or (np.abs(whole - whole.T) > 1e-6 * np.outer(scale, scale)).any():
         raise StereocalError(
             "The covariance of the pose must be a symmetric 6x6 table, in the order yaw, "
             "pitch, roll, delta, epsilon, baseline."
         )
     J = jacobian[:, :, :size]
+    whole = (whole + whole.T) / 2
     return np.asarray(own + J @ whole @ J.transpose(0, 2, 1))
 
 

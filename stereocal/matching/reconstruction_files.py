@@ -73,7 +73,10 @@ class ReconstructionReport:
         """What the standard errors rest on."""
         if self.noise is None:
             return "No standard errors: the noise of the points is unknown. State it in pixels."
-        words = f"The standard errors are for points known to {self.noise.in_words}"
+        words = (
+            "The standard errors contain those of pose and lenses, which neighbouring points "
+            f"share; the points are known to {self.noise.in_words}"
+        )
         if self.noise.source != "calibration":
             return f"{words}.{self.noise.disagreement}"
         return (

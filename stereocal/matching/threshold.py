@@ -42,7 +42,8 @@ from stereocal.matching.point_noise import (
     pair_errors,
     stated_noise,
 )
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 
@@ -134,7 +135,7 @@ def _percent(share: float) -> str:
     return f"{percent:.1f} %" if percent < 9.95 or percent > 90 else f"{percent:.0f} %"
 
 
-def sample_of(frames: Sequence[int], points_per_frame: float) -> set[int]:
+def sample_of(frames: Sequence[int] | IntArray, points_per_frame: float) -> set[int]:
     """Evenly spaced frames to choose a threshold from."""
     wanted = max(SAMPLE_FRAMES, int(np.ceil(SAMPLE_POINTS / max(points_per_frame, 1e-9))))
     at = np.linspace(0, len(frames) - 1, min(wanted, len(frames))).round().astype(int)
@@ -202,13 +203,14 @@ def _sample(
     near, far = check_depths(depths_m)
     scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
     sides: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+    rays = zip(*(_undistorted(rig, which, frames) for which in CAMERAS), strict=True)
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
-    for number, (primary, secondary) in enumerate(frames):
+    for number, ((primary, secondary), own) in enumerate(zip(frames, rays, strict=True)):
         first, second, found, _, _ = pairs_within(
             rig.pose.R,
             rig.pose.T,
-            rig.primary.undistort(primary[:, :2]),
-            rig.secondary.undistort(secondary[:, :2]),
+            own[0],
+            own[1],
             scale,
             np.inf,
             near,
@@ -240,6 +242,15 @@ def _sample(
     kept = kept.where(kept.off_px <= limit)
     states = all(np.isfinite(np.concatenate(side)[:, 2:]).any() for side in sides)
     return _Sample(kept, limit, points.sum(axis=0), thinning, states and len(kept) > 0)
+
+
+def _undistorted(
+    rig: RigParameters, which: CameraName, frames: Sequence[FramePixels]
+) -> list[FloatArray]:
+    """(n, 2) rays of the points of each frame, undistorted all at once."""
+    sides = [frame[CAMERAS.index(which)][:, :2] for frame in frames]
+    rays = getattr(rig, which).undistort(np.concatenate([np.empty((0, 2)), *sides]))
+    return np.split(rays, np.cumsum([len(side) for side in sides])[:-1]) if sides else []
 
 
 def _fits(

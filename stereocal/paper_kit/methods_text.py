@@ -20,7 +20,7 @@ from stereocal.refined.unknowns import (
     DEFAULT_FOCAL,
 )
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import SOURCES, Dataset
+from stereocal.rig.dataset import SOURCES, Correspondences, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.one_or_two_sets import sure
@@ -49,9 +49,23 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs)]) + "\n"
 
 
+def _object(rows: Correspondences) -> str:
+    """What was moved, up to the distance of its targets."""
+    own = rows.rigid_object
+    if own is None:
+        return "A bar with two targets"
+    if own.board is not None:
+        kind = "chessboard" if own.board.dictionary is None else "ChArUco board"
+        return f"A {kind} of {own.board} inner corners, the farthest"
+    return f"A rigid object with {len(own.names)} targets, the farthest"
+
+
 def _recording(answer: Answer) -> Iterator[str]:
     dataset = answer.calibration.dataset
     rows = dataset.correspondences
+    distances = f"{count(len(rows.bars), 'bar')} with both targets"
+    if rows.rigid_object is not None:
+        distances = count(len(rows.bars), "known distance")
     yield (
         f"The stereo system was calibrated with stereocal {__version__} [@{PROGRAM}], "
         f"which implements and extends the procedure of Beschi et al. [@{PAPER}]."
@@ -61,10 +75,10 @@ def _recording(answer: Answer) -> Iterator[str]:
         f"{_camera(dataset.secondary)}."
     )
     yield (
-        f"A bar with two targets {rounded(dataset.target_distance_m, 6)} m apart"
+        f"{_object(rows)} {rounded(dataset.target_distance_m, 6)} m apart"
         f"{_known(dataset.target_distance_sigma_m)} was recorded in "
         f"{count(len(rows.frames), 'frame')}, which gave {count(len(rows), 'pair')} of image "
-        f"points and {count(len(rows.bars), 'bar')} with both targets."
+        f"points and {distances}."
     )
     yield (
         f"The measured baseline was {rounded(dataset.baseline_m, 6)} "

@@ -12,7 +12,7 @@ from typing import Any
 from llvmlite import binding
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, disk_errors
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.paper_kit.digests import (
@@ -138,12 +138,10 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
 
 def read_archive(path: Path) -> ReproducibleResult:
     """The result in an archive, in the paper kit that holds it, or in a project's zip."""
-    try:
+    with disk_errors(f"{path} cannot be read"):
         files = unzip(path, path.name, lambda member: "/" not in member)
         if ARCHIVE in files:
             files = unzip(files[ARCHIVE], f"{path.name}, {ARCHIVE}", lambda name: "/" not in name)
-    except OSError as error:
-        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
     if STATEMENT not in files:
         raise StereocalError(
             f"{path}: there is no {STATEMENT} in it. Take a paper kit or its archive.zip, or a "

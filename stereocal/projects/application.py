@@ -13,17 +13,7 @@ from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.world_tables import check_world
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, apply_sets
 from stereocal.matching.blocks import TableBlock
-from stereocal.projects.files import (
-    StoredFile,
-    file_named,
-    files_of,
-    forget_files,
-    keep_file,
-    keep_result,
-    loaded,
-    replace_files,
-    result_of,
-)
+from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.point_files import ASKING, ProjectPoints
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.parameters import RigParameters
@@ -40,7 +30,7 @@ EARLIER = "image_sizes"
 
 
 class ProjectApplication(ProjectPoints):
-    """The Apply page's data of one project. Every change is on disk when its method returns."""
+    """The Apply page's data of one project."""
 
     # Parameter files
 
@@ -52,8 +42,8 @@ class ProjectApplication(ProjectPoints):
         """
         parameters_in(content, label)
         with self.database.transaction():
-            self._name(SETS, use, content, label, label)
-            forget_files(self.database, ASKING, [use])
+            self.database.give(SETS, use, label, content)
+            self.database.forget_files(ASKING, [use])
 
     def offer_set(self, use: Use, files: Mapping[str, bytes]) -> None:
         """Store a parameter file, or keep another program's files until questions are answered."""
@@ -68,8 +58,10 @@ class ProjectApplication(ProjectPoints):
 
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
         """Name and content of a parameter file."""
-        found = file_named(self.database, SETS, use)
-        return None if found is None else (found[0], parameters_in(found[1].read_bytes(), found[0]))
+        found = self.database.file(SETS, use)
+        if found is None:
+            return None
+        return found.label, parameters_in(found.read_bytes(), found.label)
 
     # World frame
 
@@ -80,17 +72,17 @@ class ProjectApplication(ProjectPoints):
             StereocalError: it is neither a world frame nor a table for one; nothing has changed.
         """
         check_world(content, label)
-        with self.database.transaction():
-            self._name(WORLD, WORLD, content, label, label)
+        self.database.give(WORLD, WORLD, label, content)
 
     def forget_world(self) -> None:
         """Go back to the primary camera's frame."""
-        self.database.free(lambda _database: forget_files(self.database, WORLD))
+        with self.database.freeing():
+            self.database.forget_files(WORLD)
 
     @property
-    def world_file(self) -> tuple[str, StoredFile] | None:
-        """Label and content of that file; None if not given."""
-        return file_named(self.database, WORLD, WORLD)
+    def world_file(self) -> StoredFile | None:
+        """That file; None if not given."""
+        return self.database.file(WORLD, WORLD)
 
     # Results
 
@@ -101,8 +93,8 @@ class ProjectApplication(ProjectPoints):
         None also for a result that an earlier version stored in another form.
         """
         with self.database.reading():
-            packed = result_of(self.database, APPLIED)
-            files = files_of(self.database, APPLIED)
+            packed = self.database.result(APPLIED)
+            files = self.database.files(APPLIED)
         if packed is None:
             return None
         try:
@@ -117,12 +109,9 @@ class ProjectApplication(ProjectPoints):
 
     def forget_result(self) -> None:
         """Delete the last result, so that it can be computed again."""
-
-        def forget(_database: object) -> None:
-            forget_files(self.database, APPLIED)
-            keep_result(self.database, APPLIED, None)
-
-        self.database.free(forget)
+        with self.database.freeing():
+            self.database.forget_files(APPLIED)
+            self.database.keep_result(APPLIED, None)
 
     def run(
         self,
@@ -147,16 +136,14 @@ class ProjectApplication(ProjectPoints):
             outcome = apply_sets(work, tables, folder, begin, progress, cancelled, executor, pieces)
             if outcome is None:
                 return False
-            files = {
-                name: keep_file(self.database, folder / name, name) for name in (PAIRS, POINTS)
-            }
+            files = {name: self.database.keep_file(folder / name, name) for name in (PAIRS, POINTS)}
             for name in names:
                 if name in self._own:
-                    keep_file(self.database, self._own[name], name)
+                    self.database.keep_file(self._own[name], name)
         files |= {name: self.table(name) for name in names}
         with self.database.transaction():
-            replace_files(self.database, APPLIED, files)
-            keep_result(self.database, APPLIED, pack(outcome))
+            self.database.replace_files(APPLIED, files)
+            self.database.keep_result(APPLIED, pack(outcome))
         return True
 
 

@@ -15,6 +15,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -25,12 +26,12 @@ from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
 from stereocal.projects.check import CHECK
 from stereocal.projects.data_folder import new_database
-from stereocal.projects.database import Database
-from stereocal.projects.files import StoredFile, keep_file, keep_result, keep_values, name_files
+from stereocal.projects.files import Store, StoredFile
 from stereocal.projects.home import check_size
 from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
+from stereocal.projects.recording import RECORDING, RIG_FILES, ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
@@ -43,7 +44,20 @@ FOLDERS = {
     CALIBRATED: "calibrated",
     FURTHER: "datasets",
     BAR: "photographs",
-    **{part: part for part in (*BOARDS, POINT_FILES, TABLES, ASKING, SETS, APPLIED, CHECK)},
+    **{
+        part: part
+        for part in (
+            *BOARDS,
+            POINT_FILES,
+            TABLES,
+            ASKING,
+            SETS,
+            APPLIED,
+            CHECK,
+            RECORDING,
+            RIG_FILES,
+        )
+    },
 }
 """Where the files of each part are in the zip."""
 RESULTS = {
@@ -68,9 +82,6 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
 
     Args:
         result: the files of the last result by name, as for a paper's archive; None: none.
-
-    Raises:
-        StereocalError: the zip cannot be written, or the project cannot be read.
     """
     database = project.database
     with (
@@ -147,7 +158,7 @@ def unpack_project(
         StereocalError: not a zip, no project in it, or an invalid one; nothing is imported.
     """
 
-    def fill(database: Database) -> None:
+    def fill(database: Store) -> None:
         with open_zip(source, name) as opened:
             check_size(sum(map(opened.size, opened.names)))
             _fill(Project(database), opened, name, look_through)
@@ -163,24 +174,26 @@ def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | No
             tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
             database.transaction() as db,
         ):
-            for part, names in ((INPUT, VALUES), (BAR, ("pairs", "found_by")), (SETTING, None)):
+            of_bar = ("pairs", "found_by", "boards_found")
+            for part, names in ((INPUT, VALUES), (BAR, of_bar), (SETTING, None)):
                 values = dict(manifest["values"].get(part, {}))
                 kept = {key: values[key] for key in (names or values) if key in values}
-                keep_values(database, part, kept)
+                database.keep_values(part, kept)
             for item in manifest["files"]:
                 part, name, path = item["part"], str(item["name"]), str(item["path"])
                 file = _unpacked(opened, path, Path(folder))
                 kind = guarded_kind(part, file)
                 if look is not None and kind:
                     look(kind, file, path)
-                stored = {name: keep_file(database, file, path)}
-                name_files(database, _known(part), stored, item["about"])
+                stored = replace(database.keep_file(file, path), about=item["about"])
+                database.name_files(_known(part), {name: stored})
             for kind, file_name in RESULTS.items():
                 if f"results/{file_name}" in opened.names:
-                    keep_result(database, kind, opened.read(f"results/{file_name}"))
+                    database.keep_result(kind, opened.read(f"results/{file_name}"))
             edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
             db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
-            _ = project.dataset
+            recording = ProjectRecording(project)
+            _ = project.dataset, recording.read(), recording.rig
     except DAMAGED as error:
         if isinstance(error, StereocalError):
             raise

@@ -85,9 +85,6 @@ def unpack_calibration(
 
     Args:
         dataset_of: returns the data set of the `inputs`.
-
-    Raises:
-        StereocalError: the content is damaged, or its data have been removed.
     """
     try:
         data = json.loads(content)

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.formats.evaluation_files import validation_figures
-from stereocal.projects.files import about_files
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.point_files import POINT_FILES
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import figures_of
 
@@ -28,7 +29,21 @@ class Card:
 
 def card_of(project: Project) -> Card:
     """The summary of a project."""
+    recording = ProjectRecording(project)
+    if recording.is_given:
+        return _of_recording(recording)
     return Card(_data_of(project), _result_of(project))
+
+
+def _of_recording(recording: ProjectRecording) -> Card:
+    """Of three cameras and more."""
+    data, rig = f"{recording.camera_count} cameras", recording.rig
+    if rig is None:
+        return Card(data, "not calibrated")
+    figures = rig.about["figures"]
+    length = figures["length_error_p95"]
+    lengths = "" if length is None else f", 95 % of lengths within {percent(length)} %"
+    return Card(data, f"One rig: {rounded(figures['reprojection_px'])} px{lengths}")
 
 
 def title_of(project: Project) -> str:
@@ -42,8 +57,8 @@ def _unnamed(project: Project) -> str:
     table = labels.get("correspondences", TABLE_LABEL)
     if table != TABLE_LABEL:
         return Path(table).stem
-    points = about_files(project.database, POINT_FILES).values()
-    files = [str(label) for label in (*points, *labels.values()) if label != TABLE_LABEL]
+    points = [file.label for file in project.database.files(POINT_FILES).values()]
+    files = [label for label in (*points, *labels.values()) if label != TABLE_LABEL]
     return _photographs_of(project) or (files[0] if files else "Nothing yet")
 
 

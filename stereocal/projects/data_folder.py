@@ -10,14 +10,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from stereocal.errors import StereocalError
-from stereocal.projects.database import Database, create
-from stereocal.projects.journal_mode import SUFFIXES, remove_database
+from stereocal.errors import StereocalError, disk_errors
+from stereocal.projects.database import BESIDE, WAITING, create, remove_database
+from stereocal.projects.files import Store
 from stereocal.system.atomic_files import flush_folder, make_folder
 
 SUFFIX = ".sqlite"
-WAITING = ".new-"
-"""Prefix of a project's file until it is complete."""
 _ID = re.compile(r"[0-9a-f]{32}")
 
 
@@ -39,40 +37,43 @@ def is_id(name: str) -> bool:
 
 def private_folder(path: Path) -> Path:
     """Create a folder, if missing, that only the server's own user may read."""
-    try:
+    with disk_errors(f"The folder {path.name} cannot be made"):
         make_folder(path)
         if path.stat().st_mode & 0o777 != 0o700:
             path.chmod(0o700)
-    except OSError as error:
-        raise StereocalError(
-            f"The folder {path.name} cannot be made: {error.strerror or error}."
-        ) from error
     return path
+
+
+def store_of(home: Path, project_id: str) -> Store:
+    """The store of a project, which need not exist."""
+    if not is_id(project_id):
+        raise StereocalError("The address does not name a project.")
+    return Store(home / "projects" / f"{project_id}{SUFFIX}")
 
 
 def new_database(
     home: Path,
-    fill: Callable[[Database], object],
-    make: Callable[[Path], Database] | None = None,
-) -> Database:
+    fill: Callable[[Store], object],
+    make: Callable[[Path], object] = create,
+) -> Store:
     """A new project's file under an unguessable id; it appears once it is complete.
 
     Args:
         fill: writes the first content.
-        make: creates the database, if not an empty one.
+        make: creates the database.
     """
     folder = private_folder(home / "projects")
     name = secrets.token_hex(16)
     waiting, target = folder / f"{WAITING}{name}{SUFFIX}", folder / f"{name}{SUFFIX}"
     try:
-        fill((make or create)(waiting))
-        if any(waiting.with_name(waiting.name + suffix).exists() for suffix in SUFFIXES[1:]):
-            raise StereocalError("The project's file is still open.")
-        waiting.rename(target)
-        flush_folder(folder)
-    except OSError as error:
-        raise StereocalError(f"The project cannot be stored: {error.strerror or error}.") from error
+        with disk_errors("The project cannot be stored"):
+            make(waiting)
+            fill(Store(waiting))
+            if any(waiting.with_name(waiting.name + suffix).exists() for suffix in BESIDE):
+                raise StereocalError("The project's file is still open.")
+            waiting.rename(target)
+            flush_folder(folder)
     finally:
         with suppress(OSError):
             remove_database(waiting)
-    return Database(target)
+    return Store(target)

@@ -8,28 +8,28 @@ from __future__ import annotations
 
 import hashlib
 import os
+import secrets
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal
 from urllib.parse import quote
 
 from stereocal.errors import StereocalError
-from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.sqlite_errors import (
     FULL_DISK,
-    LOCK_TIMEOUT_S,
     DamagedError,
     DiskFullError,
     result_code,
-    retry_while_locked,
     translated_errors,
 )
 
-T = TypeVar("T")
+LOCK_TIMEOUT_S = 120.0
+"""Ten times what another tab needs to store 900 MB."""
 VERSION = 2
 SCHEMA = """
 CREATE TABLE value (part TEXT, name TEXT, json TEXT NOT NULL, PRIMARY KEY (part, name));
@@ -61,6 +61,11 @@ MIGRATIONS = {
 VACUUMED = 2000
 """Pages freed in one step, 8 MB: an almost full disk has room for the log of a step."""
 REMOVED = ".removed"
+NOT_THERE = "There is no project at this address, or it was removed."
+WAITING = ".new-"
+"""Prefix of a project's file until it is complete."""
+BESIDE = ("-wal", "-shm", "-journal")
+"""Suffixes of SQLite's files beside a database."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +75,8 @@ class Database:
     path: Path
 
     @contextmanager
-    def transaction(self, durable: bool = True) -> Iterator[sqlite3.Connection]:
+    def transaction(self) -> Iterator[sqlite3.Connection]:
         """A transaction; inside another one of the same thread, a savepoint of that.
-
-        Args:
-            durable: False does not wait for the disk: a power cut, but no kill, may lose it.
 
         Raises:
             StereocalError: the project was removed, is damaged, or the disk is full.
@@ -85,8 +87,8 @@ class Database:
                 yield outer
             return
         with self._connected() as db:
-            db.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
-            retry_while_locked(lambda: db.execute("BEGIN IMMEDIATE"))
+            db.execute("PRAGMA synchronous = FULL")
+            db.execute("BEGIN IMMEDIATE")
             _OPEN.writing[self.path] = db
             try:
                 if self.marker.exists():
@@ -96,7 +98,7 @@ class Database:
                     )
                 yield db
                 _check_in_transaction(db)
-                retry_while_locked(lambda: db.execute("COMMIT"))
+                db.execute("COMMIT")
             except BaseException:
                 with suppress(sqlite3.Error):
                     db.rollback()
@@ -114,7 +116,7 @@ class Database:
             return
         with self._connected() as db:
             db.execute("BEGIN")
-            retry_while_locked(lambda: db.execute("SELECT 1 FROM value LIMIT 1").fetchall())
+            db.execute("SELECT 1 FROM value LIMIT 1").fetchall()
             _OPEN.reading[self.path] = db
             try:
                 yield db
@@ -126,10 +128,11 @@ class Database:
         with self.reading() as db:
             return db.execute(query, values).fetchall()
 
-    def free(self, remove: Callable[[sqlite3.Connection], object]) -> None:
-        """Delete something and return its space to the disk."""
+    @contextmanager
+    def freeing(self) -> Iterator[sqlite3.Connection]:
+        """A transaction that deletes, and returns the space to the disk."""
         with self.transaction() as db:
-            remove(db)
+            yield db
         if self.path not in _OPEN.writing:
             with suppress(StereocalError):  # the project reuses free pages
                 self._shrink()
@@ -140,13 +143,11 @@ class Database:
             with suppress(sqlite3.Error):
                 # Eight times as fast as steps, but all pages that move are written to the log.
                 db.execute("PRAGMA auto_vacuum = FULL")
-                retry_while_locked(lambda: db.execute(f"PRAGMA user_version = {VERSION}"))
+                db.execute(f"PRAGMA user_version = {VERSION}")
             db.execute("PRAGMA auto_vacuum = INCREMENTAL")
             before = -1
             while before != (before := db.execute("PRAGMA freelist_count").fetchone()[0]):
-                retry_while_locked(
-                    lambda: db.execute(f"PRAGMA incremental_vacuum({VACUUMED})").fetchall()
-                )
+                db.execute(f"PRAGMA incremental_vacuum({VACUUMED})").fetchall()
 
     @property
     def marker(self) -> Path:
@@ -167,24 +168,23 @@ class Database:
     def _connected(self) -> Iterator[sqlite3.Connection]:
         with translated_errors():
             if not self.path.exists():
-                raise StereocalError("There is no project at this address, or it was removed.")
+                raise StereocalError(NOT_THERE)
             db = connect(self.path)
             try:
-                retry_while_locked(lambda: _begin(db, self.path))
+                _begin(db, self.path)
                 yield db
             finally:
                 db.close()
 
 
-def create(path: Path) -> Database:
-    """A new, empty database."""
+def create(path: Path) -> None:
+    """Create an empty database."""
     with translated_errors():
         path.touch(0o600)
         with closing(connect(path)) as db:
             db.execute("PRAGMA auto_vacuum = INCREMENTAL")
             db.executescript(f"BEGIN; {SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;")
     set_journal(path)
-    return Database(path)
 
 
 def set_journal(path: Path) -> None:
@@ -199,21 +199,52 @@ def connect(path: Path) -> sqlite3.Connection:
     A write-ahead log needs a small file that connections share. If a full disk has no space for
     it, this connection locks all others out. In a read-only folder the file is opened as immutable.
     """
-    db = sqlite3.connect(_address(path, "mode=rw"), LOCK_TIMEOUT_S, isolation_level=None, uri=True)
+
+    def opened(options: str) -> sqlite3.Connection:
+        address = f"file:{quote(str(path.absolute()))}?{options}"
+        return sqlite3.connect(address, LOCK_TIMEOUT_S, isolation_level=None, uri=True)
+
+    db = opened("mode=rw")
     try:
         db.execute("PRAGMA schema_version").fetchone()
     except sqlite3.Error as error:
         if result_code(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
             return db  # reported by its first use
         db.close()
-        only = "mode=rw" if os.access(path.parent, os.W_OK) else "immutable=1"
-        db = sqlite3.connect(_address(path, only), LOCK_TIMEOUT_S, isolation_level=None, uri=True)
+        db = opened("mode=rw" if os.access(path.parent, os.W_OK) else "immutable=1")
         db.execute("PRAGMA locking_mode = EXCLUSIVE")
     return db
 
 
-def _address(path: Path, options: str) -> str:
-    return f"file:{quote(str(path.absolute()))}?{options}"
+def remove_database(path: Path) -> None:
+    """Delete a database and SQLite's files beside it.
+
+    Raises:
+        OSError: it cannot be deleted.
+    """
+    for suffix in ("", *BESIDE):
+        path.with_name(path.name + suffix).unlink(missing_ok=True)
+
+
+@cache
+def journal_of(folder: Path) -> Literal["wal", "delete"]:
+    """The journal of the databases in a folder: a write-ahead log where one can be kept.
+
+    A log needs shared memory, which many network file systems and some local ones lack. So a real
+    write tells, once per folder and process.
+    """
+    path = folder / f"{WAITING}{secrets.token_hex(16)}"
+    try:
+        with closing(sqlite3.connect(path)) as first, closing(sqlite3.connect(path)) as second:
+            set_to = first.execute("PRAGMA journal_mode = WAL").fetchone()
+            first.execute("CREATE TABLE probe (value)")
+            second.execute("SELECT value FROM probe")
+        return "wal" if set_to == ("wal",) else "delete"
+    except sqlite3.Error:
+        return "delete"
+    finally:
+        with suppress(OSError):
+            remove_database(path)
 
 
 def _begin(db: sqlite3.Connection, path: Path) -> None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.projects.database import Database
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.projects.sqlite_errors import DamagedError
@@ -28,6 +28,11 @@ LARGEST = 990_000_000
 PIECE = 4_000_000
 BOUND = 16_000_000
 """Larger contents are written piece by piece: a bound value is in memory three times."""
+FREE = (
+    "DELETE FROM file WHERE sha256 = ?1 AND NOT EXISTS "
+    "(SELECT 1 FROM named WHERE named.sha256 = ?1)"
+)
+"""Deletes a content without a name."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +41,18 @@ class StoredFile:
 
     sha256: str
     database: Database = field(compare=False, repr=False)
+    about: Any = field(default=None, compare=False)
+    """What was stored with its name: its label, or more."""
 
     @property
     def name(self) -> str:
         """The digest of the content."""
         return self.sha256
+
+    @property
+    def label(self) -> str:
+        """Its name in messages."""
+        return str(self.about)
 
     def read_bytes(self) -> bytes:
         """The content."""
@@ -64,42 +76,143 @@ class StoredFile:
 
     def copy_to(self, path: Path) -> Path:
         """Write the content to a file that the caller deletes, for libraries that read files."""
-        try:
-            with path.open("wb") as file:
-                for piece in self.pieces():
-                    file.write(piece)
-        except OSError as error:
-            raise StereocalError(
-                f"A temporary file cannot be written: {error.strerror or error}."
-            ) from error
+        with disk_errors("A temporary file cannot be written"), path.open("wb") as file:
+            for piece in self.pieces():
+                file.write(piece)
         return path
 
 
-def keep_file(database: Database, content: bytes | Path, name: str) -> StoredFile:
-    """Store a content. The caller names it by `name_files`.
+@dataclass(frozen=True)
+class Store(Database):
+    """The files, values and results of one project."""
 
-    Args:
-        content: bytes, or a path for a large file.
-        name: for messages.
+    def keep_file(self, content: bytes | Path, label: str) -> StoredFile:
+        """Store a content. The caller names it by `name_files`.
 
-    Raises:
-        StereocalError: it is too large for a project, or the disk is full.
-    """
-    size = len(content) if isinstance(content, bytes) else content.stat().st_size
-    if size > LARGEST:
-        raise StereocalError(
-            f"{name}: a file of a project may have {LARGEST / MB:g} MB, and this one has "
-            f"{size / MB:.1f} MB."
+        Args:
+            content: bytes, or a path for a large file.
+            label: for messages, and to be stored with its name.
+        """
+        size = len(content) if isinstance(content, bytes) else content.stat().st_size
+        if size > LARGEST:
+            raise StereocalError(
+                f"{label}: a file of a project may have {LARGEST / MB:g} MB, and this one has "
+                f"{size / MB:.1f} MB."
+            )
+        sha256 = _digest(content)
+        with self.transaction() as db:
+            known = db.execute(
+                "UPDATE file SET stored = ? WHERE sha256 = ? RETURNING rowid", [time.time(), sha256]
+            ).fetchall()
+            if not known:
+                self._check_quota(size)
+                _insert(db, sha256, content, size)
+        return StoredFile(sha256, self, label)
+
+    def files(self, part: str) -> dict[str, StoredFile]:
+        """The files of a part by name, in the order in which they were added."""
+        found = self.rows(
+            "SELECT name, sha256, about FROM named WHERE part = ? ORDER BY rowid", part
         )
-    sha256 = _digest(content)
-    with database.transaction() as db:
-        known = db.execute(
-            "UPDATE file SET stored = ? WHERE sha256 = ? RETURNING rowid", [time.time(), sha256]
-        ).fetchall()
-        if not known:
-            check_quota(database, size)
-            _insert(db, sha256, content, size)
-    return StoredFile(sha256, database)
+        return {name: StoredFile(sha256, self, loaded(about)) for name, sha256, about in found}
+
+    def file(self, part: str, name: str) -> StoredFile | None:
+        """The file of a name; None if there is none."""
+        return self.files(part).get(name)
+
+    def name_files(self, part: str, files: Mapping[str, StoredFile]) -> None:
+        """Name stored files; an existing name gets the new file."""
+        with self.transaction() as db:
+            for name, file in files.items():
+                if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
+                    raise StereocalError(f"{name} has gone from the project; give it again.")
+                before = db.execute(
+                    "SELECT sha256 FROM named WHERE part = ? AND name = ?", [part, name]
+                ).fetchall()
+                db.execute(
+                    "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
+                    "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
+                    [part, name, file.sha256, json.dumps(file.about, allow_nan=False)],
+                )
+                db.executemany(FREE, before)
+
+    def give(self, part: str, name: str, label: str, content: bytes) -> StoredFile:
+        """Store a content and name it."""
+        with self.transaction():
+            file = self.keep_file(content, label)
+            self.name_files(part, {name: file})
+        return file
+
+    def replace_files(self, part: str, files: Mapping[str, StoredFile]) -> None:
+        """Make these files, and no others, a part of the project."""
+        with self.transaction():
+            self.name_files(part, files)
+            self.forget_files(part, self.files(part).keys() - files.keys())
+
+    def forget_files(self, part: str, names: Collection[str] | None = None) -> None:
+        """Remove the names of a part, all or some, and contents that no other name uses."""
+        with self.transaction() as db:
+            for name, file in self.files(part).items():
+                if names is None or name in names:
+                    db.execute("DELETE FROM named WHERE part = ? AND name = ?", [part, name])
+                    db.execute(FREE, [file.sha256])
+
+    def free_unnamed(self, before: float) -> None:
+        """Delete contents without a name.
+
+        Args:
+            before: seconds since 1970; later ones stay: an upload in progress may name them.
+        """
+        where = "FROM file WHERE stored < ? AND sha256 NOT IN (SELECT sha256 FROM named)"
+        if self.rows(f"SELECT 1 {where} LIMIT 1", before):
+            with self.freeing() as db:
+                db.execute(f"DELETE {where}", [before])
+
+    def _check_quota(self, coming: int) -> None:
+        """Check the size with `coming` bytes more against the server's limit."""
+        limit = ServerSettings.from_environment().project_mb * MB
+        if math.isfinite(limit) and (size := self.size) + coming > limit:
+            raise StereocalError(
+                f"A project may take {limit / MB:g} MB on this server. This one has "
+                f"{size / MB:.1f} MB, and {coming / MB:.1f} MB would be added: remove photographs, "
+                "board photographs or further data sets that are not needed, or begin another "
+                "project."
+            )
+
+    def values(self, part: str) -> dict[str, Any]:
+        """The values of a part by name."""
+        found = self.rows("SELECT name, json FROM value WHERE part = ?", part)
+        return {str(name): loaded(text) for name, text in found}
+
+    def keep_values(self, part: str, values: Mapping[str, Any]) -> None:
+        """Store values; existing names are replaced."""
+        rows = [(part, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
+        with self.transaction() as db:
+            db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
+
+    def result(self, kind: str) -> bytes | None:
+        """The stored result of a kind; None without one."""
+        found = self.rows("SELECT content FROM result WHERE kind = ?", kind)
+        if found and not isinstance(found[0][0], bytes):
+            raise DamagedError("A result in the project's file is damaged.")
+        return found[0][0] if found else None
+
+    def result_digest(self, kind: str) -> str | None:
+        """SHA-256 of the stored result of a kind; None without one."""
+        found = self.rows("SELECT sha256 FROM result WHERE kind = ?", kind)
+        return str(found[0][0]) if found else None
+
+    def keep_result(self, kind: str, content: bytes | None) -> str:
+        """Replace a result; None deletes it. Returns its SHA-256, if any."""
+        digest = "" if content is None else hashlib.sha256(content).hexdigest()
+        with self.transaction() as db:
+            if content is None:
+                db.execute("DELETE FROM result WHERE kind = ?", [kind])
+            else:
+                db.execute(
+                    "INSERT OR REPLACE INTO result VALUES (?, ?, ?)", [kind, content, digest]
+                )
+        return digest
 
 
 def _digest(content: bytes | Path) -> str:
@@ -126,148 +239,9 @@ def _insert(db: sqlite3.Connection, sha256: str, content: bytes | Path, size: in
                 blob.write(piece)
 
 
-def files_of(database: Database, part: str) -> dict[str, StoredFile]:
-    """The files of a part by name, in the order in which they were added."""
-    found = database.rows("SELECT name, sha256 FROM named WHERE part = ? ORDER BY rowid", part)
-    return {str(name): StoredFile(str(sha256), database) for name, sha256 in found}
-
-
-def about_files(database: Database, part: str) -> dict[str, Any]:
-    """The descriptions of the files of a part, by name."""
-    found = database.rows("SELECT name, about FROM named WHERE part = ? ORDER BY rowid", part)
-    return {str(name): loaded(about) for name, about in found}
-
-
-def file_named(database: Database, part: str, name: str) -> tuple[str, StoredFile] | None:
-    """Label and file of a name; None if there is none."""
-    found = database.rows("SELECT about, sha256 FROM named WHERE part = ? AND name = ?", part, name)
-    return (str(loaded(found[0][0])), StoredFile(str(found[0][1]), database)) if found else None
-
-
-def name_files(
-    database: Database, part: str, files: Mapping[str, StoredFile], about: Any = None
-) -> None:
-    """Name stored files; an existing name gets the new file."""
-    with database.transaction() as db:
-        for name, file in files.items():
-            if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
-                raise StereocalError(f"{name} has gone from the project; give it again.")
-            before = db.execute(
-                "SELECT sha256 FROM named WHERE part = ? AND name = ?", [part, name]
-            ).fetchone()
-            db.execute(
-                "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
-                "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
-                [part, name, file.sha256, json.dumps(about, allow_nan=False)],
-            )
-            if before is not None:
-                free_content(db, before[0])
-
-
-def replace_files(database: Database, part: str, files: Mapping[str, StoredFile]) -> None:
-    """Make these files, and no others, a part of the project."""
-    with database.transaction():
-        name_files(database, part, files)
-        forget_files(database, part, set(files_of(database, part)) - set(files))
-
-
-def forget_files(database: Database, part: str, names: Collection[str] | None = None) -> None:
-    """Remove the names of a part, all or some, and contents that no other name uses."""
-    with database.transaction() as db:
-        found = db.execute("SELECT name, sha256 FROM named WHERE part = ?", [part]).fetchall()
-        for name, sha256 in found:
-            if names is None or name in names:
-                db.execute("DELETE FROM named WHERE part = ? AND name = ?", [part, name])
-                free_content(db, sha256)
-
-
-def free_content(db: sqlite3.Connection, sha256: str) -> None:
-    """Delete a content without a name."""
-    db.execute(
-        "DELETE FROM file WHERE sha256 = ?1 AND NOT EXISTS "
-        "(SELECT 1 FROM named WHERE named.sha256 = ?1)",
-        [sha256],
-    )
-
-
-def free_unnamed(database: Database, before: float) -> int:
-    """Delete contents without a name.
-
-    Args:
-        before: seconds since 1970; later ones stay, because an upload in progress may name them.
-
-    Returns:
-        The number of contents.
-    """
-    where = "WHERE stored < ? AND sha256 NOT IN (SELECT sha256 FROM named)"
-    count = int(database.rows(f"SELECT count(*) FROM file {where}", before)[0][0])
-    if count:
-        database.free(lambda db: db.execute(f"DELETE FROM file {where}", [before]))
-    return count
-
-
-def check_quota(database: Database, coming: int) -> None:
-    """Check a project's size against the server's limit.
-
-    Args:
-        coming: bytes to be stored.
-
-    Raises:
-        StereocalError: the project would be too large.
-    """
-    limit = ServerSettings.from_environment().project_mb * MB
-    if math.isinf(limit):
-        return
-    size = database.size
-    if size + coming > limit:
-        raise StereocalError(
-            f"A project may take {limit / MB:g} MB on this server. This one has {size / MB:.1f} "
-            f"MB, and {coming / MB:.1f} MB would be added: remove photographs, board photographs "
-            "or further data sets that are not needed, or begin another project."
-        )
-
-
 def loaded(text: str) -> Any:
     """A JSON value of a project."""
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
         raise DamagedError("Something in the project's file is damaged.") from error
-
-
-def values_of(database: Database, part: str) -> dict[str, Any]:
-    """The values of a part by name."""
-    found = database.rows("SELECT name, json FROM value WHERE part = ?", part)
-    return {str(name): loaded(text) for name, text in found}
-
-
-def keep_values(database: Database, part: str, values: Mapping[str, Any]) -> None:
-    """Store values; existing names are replaced."""
-    rows = [(part, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
-    with database.transaction() as db:
-        db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
-
-
-def result_of(database: Database, kind: str) -> bytes | None:
-    """The stored result of a kind; None without one."""
-    found = database.rows("SELECT content FROM result WHERE kind = ?", kind)
-    if found and not isinstance(found[0][0], bytes):
-        raise DamagedError("A result in the project's file is damaged.")
-    return found[0][0] if found else None
-
-
-def result_digest(database: Database, kind: str) -> str | None:
-    """SHA-256 of the stored result of a kind; None without one."""
-    found = database.rows("SELECT sha256 FROM result WHERE kind = ?", kind)
-    return str(found[0][0]) if found else None
-
-
-def keep_result(database: Database, kind: str, content: bytes | None) -> str:
-    """Replace a result; None deletes it. Returns its SHA-256, if any."""
-    digest = "" if content is None else hashlib.sha256(content).hexdigest()
-    with database.transaction() as db:
-        if content is None:
-            db.execute("DELETE FROM result WHERE kind = ?", [kind])
-        else:
-            db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", [kind, content, digest])
-    return digest

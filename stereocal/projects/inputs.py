@@ -56,9 +56,6 @@ class Inputs:
         """A camera with the stated uncertainty instead of its file's.
 
         The standard errors of the distortion stay as in the file, or are 0.
-
-        Raises:
-            StereocalError: a negative number.
         """
         if which not in self.lens_known:
             return camera

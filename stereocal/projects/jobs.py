@@ -1,8 +1,8 @@
 """Jobs of a project on disk: their state, progress and checkpoints.
 
-There is at most one job of a kind: a row while it runs, and after it failed. The row names the
-server that runs it; if that server has ended, the job was interrupted. Its checkpoints are rows
-too, so the same job can resume from them. Jobs are not exported or copied with a project.
+There is at most one job of a kind: a row while it runs, and after it failed. The row names a lock
+that its process holds; if nobody holds it, the job was interrupted. Its checkpoints are rows too,
+so the same job can resume from them. Jobs are not exported or copied with a project.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ import hashlib
 import json
 import sqlite3
 import time
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
@@ -26,7 +25,8 @@ import scipy
 import stereocal
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.projects.database import Database
-from stereocal.projects.servers import is_alive, is_this, this_server
+from stereocal.projects.job_locks import is_locked, lock, release
+from stereocal.system.records import of_plain
 
 T = TypeVar("T")
 WRITE_EVERY_S = 1.0
@@ -34,8 +34,6 @@ WRITE_EVERY_S = 1.0
 WRITE_BYTES = 4_000_000
 """Checkpoints of more bytes are written at once."""
 State = Literal["running", "interrupted", "failed"]
-_HERE: set[str] = set()
-"""The runs of jobs in this process."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +45,6 @@ class Record:
     """What is counted, in order."""
     digest: str
     """Of the work and the software."""
-    work: Mapping[str, Any]
-    """Digests of the inputs, and settings."""
-    begun: float
-    """Seconds since 1970."""
-    run: str = ""
-    """Id of this run of the work."""
     at: int = 0
     """Number of the stage."""
     done: int = 0
@@ -119,9 +111,10 @@ class Checkpoints(Generic[T]):
 class RunningJob:
     """A job that this process runs, created by `begin`; used by the thread that runs it."""
 
-    def __init__(self, database: Database, record: Record) -> None:
+    def __init__(self, database: Database, record: Record, held: str) -> None:
         self.database = database
         self.record = record
+        self._held = held
         self._waiting: list[tuple[str, str, str, bytes]] = []
         self._written = 0.0
         self._goes_on = True
@@ -157,7 +150,7 @@ class RunningJob:
         """Write progress and checkpoints; on a full disk the job continues."""
         self._written = time.monotonic()
         try:
-            with self.database.transaction(durable=False) as db:
+            with self.database.transaction() as db:
                 self._goes_on = self._note(db)
         except StereocalError:  # a removed project ends the job, a full disk does not
             self._goes_on = self.database.path.exists() and not self.database.marker.exists()
@@ -177,15 +170,19 @@ class RunningJob:
     def end(self) -> None:
         """Delete a job that has finished or was cancelled."""
         with suppress(StereocalError):  # else it is shown as interrupted
-            self.database.free(lambda db: _delete(db, self.record.kind))
-        _HERE.discard(self.record.run)  # last: earlier, pages would show it as interrupted
+            _delete(self.database, self.record.kind)
+        self.leave()  # last: earlier, pages would show it as interrupted
 
     def fail(self, sentence: str) -> None:
         """Store why the job failed; its checkpoints stay."""
         self.write()
         with suppress(StereocalError), self.database.transaction() as db:
             db.execute("UPDATE job SET sentence = ? WHERE kind = ?", [sentence, self.record.kind])
-        _HERE.discard(self.record.run)
+        self.leave()
+
+    def leave(self) -> None:
+        """Release its lock."""
+        release(_home(self.database), self._held)
 
 
 def begin(
@@ -195,55 +192,47 @@ def begin(
 
     Checkpoints of the same work are used; those of other work are deleted.
     """
-    server = this_server(_home(database))
-    record = Record(kind, tuple(stages), digest_of(kind, work), work, time.time(), uuid.uuid4().hex)
-    text = json.dumps({name: asdict(record)[name] for name in ("stages", "work", "begun", "run")})
-    with database.transaction() as db:
-        found = find(database, kind)
-        if found is not None and found[0] == "running":
-            return None
-        if found is not None and found[1].digest != record.digest:
-            _delete(db, kind)
-        db.execute(
-            "INSERT INTO job (kind, digest, record, server) VALUES (?, ?, ?, ?) ON CONFLICT DO "
-            "UPDATE SET record = excluded.record, server = excluded.server, at = 0, done = 0, "
-            "total = 0, sentence = '', cancel = 0",
-            [kind, record.digest, text, server],
-        )
-    _HERE.add(record.run)
-    return RunningJob(database, record)
+    home = _home(database)
+    record = Record(kind, tuple(stages), digest_of(kind, work))
+    text = json.dumps({"stages": record.stages})
+    held = lock(home)
+    try:
+        with database.transaction() as db:
+            found = find(database, kind)
+            if found is not None and found[0] == "running":
+                release(home, held)
+                return None
+            if found is not None and found[1].digest != record.digest:
+                _delete(database, kind)
+            db.execute(
+                "INSERT INTO job (kind, digest, record, server) VALUES (?, ?, ?, ?) ON CONFLICT DO "
+                "UPDATE SET record = excluded.record, server = excluded.server, at = 0, done = 0, "
+                "total = 0, sentence = '', cancel = 0",
+                [kind, record.digest, text, held],
+            )
+    except BaseException:
+        release(home, held)
+        raise
+    return RunningJob(database, record, held)
 
 
 def find(database: Database, kind: str) -> tuple[State, Record] | None:
     """State and record of a project's job of this kind; None without one."""
-    rows = database.rows(
-        "SELECT digest, record, server, at, done, total, sentence FROM job WHERE kind = ?", kind
-    )
+    names = ("digest", "at", "done", "total", "sentence")
+    rows = database.rows(f"SELECT {', '.join(names)}, record, server FROM job WHERE kind = ?", kind)
     if not rows:
         return None
-    digest, text, server, at, done, total, sentence = rows[0]
+    *values, text, held = rows[0]
     try:
-        content = json.loads(text)
-        stages = tuple(str(stage) for stage in content["stages"])
-        record = Record(
-            kind,
-            stages,
-            digest,
-            content["work"],
-            float(content["begun"]),
-            str(content["run"]),
-            min(max(at, 0), len(stages) - 1),
-            done,
-            max(total, done),
-            sentence,
-        )
+        stored = json.loads(text) | dict(zip(names, values, strict=True))
+        record = of_plain({**stored, "kind": kind}, Record)
     except DAMAGED:
         return None  # it could not be resumed
-    if sentence:
+    at, total = min(max(record.at, 0), len(record.stages) - 1), max(record.total, record.done)
+    record = replace(record, at=at, total=total)
+    if record.sentence:
         return "failed", record
-    home = _home(database)
-    alive = record.run in _HERE if is_this(home, server) else is_alive(home, server)
-    return "running" if alive else "interrupted", record
+    return "running" if is_locked(_home(database), held) else "interrupted", record
 
 
 def interrupted(database: Database) -> list[Record]:
@@ -257,7 +246,7 @@ def discard(database: Database, kind: str) -> None:
     """Delete a job that is not running, with its checkpoints."""
     found = find(database, kind)
     if found is None or found[0] != "running":
-        database.free(lambda db: _delete(db, kind))
+        _delete(database, kind)
 
 
 def ask_to_stop(database: Database, kind: str) -> None:
@@ -266,8 +255,9 @@ def ask_to_stop(database: Database, kind: str) -> None:
         db.execute("UPDATE job SET cancel = 1 WHERE kind = ?", [kind])
 
 
-def _delete(db: sqlite3.Connection, kind: str) -> None:
-    db.execute("DELETE FROM job WHERE kind = ?", [kind])
+def _delete(database: Database, kind: str) -> None:
+    with database.freeing() as db:
+        db.execute("DELETE FROM job WHERE kind = ?", [kind])
 
 
 def _home(database: Database) -> Path:

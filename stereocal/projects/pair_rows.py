@@ -19,11 +19,7 @@ class PairRow:
 
 
 def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
-    """Check a table of pairs.
-
-    Raises:
-        StereocalError: two rows share a frame or a photograph, or a photograph is unknown.
-    """
+    """Check a table of pairs."""
     frames: set[int] = set()
     taken: set[str] = set()
     for row in rows:

@@ -8,53 +8,34 @@ from dataclasses import asdict
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
+from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import Table, write_table
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.frames.search import keep_corrections
-from stereocal.projects.files import (
-    StoredFile,
-    files_of,
-    forget_files,
-    keep_file,
-    keep_result,
-    keep_values,
-    name_files,
-    replace_files,
-    result_of,
-    values_of,
-)
+from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.pair_rows import PairRow, check_rows, with_new
-from stereocal.projects.project import Project
+from stereocal.projects.project import ProjectPart
 from stereocal.projects.sqlite_errors import DamagedError, DiskFullError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.dataset import Dataset
 from stereocal.system.records import of_plain
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
+BOARDS_LABEL = "corners found in the photographs"
 
 
-class ProjectPhotographs:
-    """The photographs of one project, and the targets found in them.
-
-    Every change is on disk when its method returns.
-    """
-
-    def __init__(self, project: Project) -> None:
-        self.project = project
-        self.database = project.database
+class ProjectPhotographs(ProjectPart):
+    """The photographs of one project, and the targets found in them."""
 
     # Photographs and their pairs
-
-    def keep(self, name: str, content: bytes) -> StoredFile:
-        """Store a photograph; `add` or `give` makes it the project's."""
-        return keep_file(self.database, content, name)
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
         """Files by their uploaded names."""
-        return files_of(self.database, BAR)
+        return self.database.files(BAR)
 
     @property
     def proposal(self) -> Pairing:
@@ -80,7 +61,7 @@ class ProjectPhotographs:
             if rows is not None:
                 check_rows(rows, self.photographs)
             kept = None if rows is None else [asdict(row) for row in rows]
-            keep_values(self.database, BAR, {"pairs": kept})
+            self.database.keep_values(BAR, {"pairs": kept})
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
         """Add stored photographs; a repeated name is replaced.
@@ -90,29 +71,26 @@ class ProjectPhotographs:
         """
         with self.database.transaction():
             before = self.photographs
-            name_files(self.database, BAR, found)
+            self.database.name_files(BAR, found)
             if self._value("pairs") is not None:
                 self.keep_rows(with_new(self.rows, list(self.photographs)))
             replaced = {name for name in found if before.get(name, found[name]) != found[name]}
             frames = self.frames or []
             left = [frame for frame in frames if not replaced.intersection(frame.files)]
             if self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
-                keep_result(self.database, "frames", pack_frames(left))
+                self.database.keep_result("frames", pack_frames(left))
             elif len(left) < len(frames):
                 self._keep_frames(left)
 
     def clear(self) -> None:
         """Delete all photographs and the targets found in them."""
-        self.database.free(lambda _db: self._forget())
+        self._replace({})
 
-    def _forget(self) -> None:
-        forget_files(self.database, BAR)
-        keep_values(self.database, BAR, {"pairs": None, "found_by": ""})
-        self._forget_found()
-
-    def _forget_found(self) -> None:
-        with self.database.transaction() as db:
-            keep_result(self.database, "frames", None)
+    def _replace(self, found: Mapping[str, StoredFile]) -> None:
+        with self.database.freeing() as db:
+            self.database.replace_files(BAR, found)
+            self.database.keep_values(BAR, {"pairs": None, "found_by": ""})
+            self.database.keep_result("frames", None)
             db.execute("DELETE FROM edit")
 
     def give(
@@ -155,9 +133,7 @@ class ProjectPhotographs:
                 # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error
             if not again:
-                replace_files(self.database, BAR, found)
-                keep_values(self.database, BAR, {"pairs": None, "found_by": ""})
-                self._forget_found()
+                self._replace(found)
         return again
 
     # What was found
@@ -165,7 +141,7 @@ class ProjectPhotographs:
     @property
     def frames(self) -> list[Frame] | None:
         """The targets found and corrected in the present photographs, or None."""
-        content = result_of(self.database, "frames")
+        content = self.database.result("frames")
         return (unpack_frames(content) or None) if content is not None else None
 
     @property
@@ -183,8 +159,8 @@ class ProjectPhotographs:
             search: a digest of the search.
 
         Raises:
-            StereocalError: as `keep_frames`; or photographs have changed meanwhile, and nothing
-                is stored.
+            StereocalError: the points do not fit the project's cameras: the frames are stored, but
+                no table; or photographs have changed meanwhile, and nothing is stored.
         """
         refused = None
         with self.database.transaction():
@@ -197,23 +173,17 @@ class ProjectPhotographs:
             before: Sequence[Frame] = ()
             with suppress(StereocalError):  # damaged frames are replaced
                 before = self.frames or ()
-            keep_values(self.database, BAR, {"found_by": search})
+            self.database.keep_values(BAR, {"found_by": search})
             refused = self._keep_frames(keep_corrections(found, before))
         if refused is not None:
             raise refused
 
-    def keep_frames(self, frames: Sequence[Frame]) -> None:
-        """Store found or corrected frames, and their table of points.
-
-        Raises:
-            StereocalError: the points do not fit the project's cameras: the frames are stored, but
-                no table.
-        """
-        if (refused := self.keep_corrected(frames)) is not None:
-            raise refused
-
     def keep_corrected(self, frames: Sequence[Frame]) -> StereocalError | None:
-        """As `keep_frames`, but keeps `put_back` and `left_out`, and returns the error."""
+        """Store corrected frames and their table of points.
+
+        Returns:
+            Why the points do not fit the project's cameras: then there is no table.
+        """
         with self.database.transaction():
             inputs = self.project.inputs
             refused = self._keep_frames(frames)
@@ -222,9 +192,44 @@ class ProjectPhotographs:
                 self.project.leave_out(frame)
         return refused
 
+    @property
+    def boards_found(self) -> str:
+        """What the last `keep_boards` stored, in words; empty if that is not in use."""
+        label = self.project.inputs.labels.get("correspondences")
+        return str(self._value("boards_found") or "") if label == BOARDS_LABEL else ""
+
+    def keep_boards(
+        self, found: Dataset, sentence: str, lenses: str | None, search: str = ""
+    ) -> None:
+        """Store the corners of a board as the table of points.
+
+        A baseline that was not measured is free: the squares give the scale.
+
+        Args:
+            sentence: what was found, in words.
+            lenses: the label of the data set's lenses, which replace those of the project; None
+                to keep those.
+            search: a digest of the search.
+        """
+        rows = found.correspondences
+        files: dict[Slot, tuple[str, bytes]] = {
+            "correspondences": (BOARDS_LABEL, write_table(rows))
+        }
+        read: dict[Slot, Camera | Table] = {"correspondences": Table(rows, [])}
+        if lenses is not None:
+            for which, camera in zip(CAMERAS, (found.primary, found.secondary), strict=True):
+                files[which], read[which] = (lenses, write_camera(camera)), camera
+        with self.database.transaction():
+            values: dict[str, Any] = {"target_distance_m": found.target_distance_m}
+            if self.project.inputs.baseline_m is None:
+                values["baseline_free"] = True
+            self.project.give(files, read=read, **values)
+            self.database.keep_values(BAR, {"boards_found": sentence, "found_by": search})
+            self.database.keep_result("frames", None)
+
     def _keep_frames(self, frames: Sequence[Frame]) -> StereocalError | None:
         with self.database.transaction():
-            keep_result(self.database, "frames", pack_frames(frames))
+            self.database.keep_result("frames", pack_frames(frames))
             try:
                 table, read = _table(frames)
                 self.project.give(table, read=read)
@@ -236,7 +241,7 @@ class ProjectPhotographs:
         return None
 
     def _value(self, name: str) -> Any:
-        return values_of(self.database, BAR).get(name)
+        return self.database.values(BAR).get(name)
 
 
 def _table(

@@ -6,9 +6,9 @@ import hashlib
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import pandas as pd
 
@@ -20,16 +20,8 @@ from stereocal.matching.application import Points
 from stereocal.matching.pairs import POINT
 from stereocal.matching.parquet import PARQUET
 from stereocal.matching.point_table import PointTable
-from stereocal.projects.files import (
-    StoredFile,
-    about_files,
-    file_named,
-    files_of,
-    forget_files,
-    keep_file,
-    name_files,
-)
-from stereocal.projects.project import Project
+from stereocal.projects.files import StoredFile
+from stereocal.projects.project import Project, ProjectPart
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.camera import CameraName
 from stereocal.system.records import of_plain, plain
@@ -54,20 +46,19 @@ class PointFile:
     """None if the file itself is `frame,u,v`."""
 
 
-class ProjectPoints:
-    """The point files of one project. Every change is on disk when its method returns."""
+class ProjectPoints(ProjectPart):
+    """The point files of one project."""
 
     def __init__(self, project: Project) -> None:
-        self.project = project
-        self.database = project.database
+        super().__init__(project)
         self._own: dict[str, bytes] = {}
         """Tables of the project's own points, stored with a result computed from them."""
 
     def point_file(self, side: CameraName) -> PointFile | None:
         """The file in use."""
-        found = about_files(self.database, TABLES).get(side)
+        found = self.database.file(TABLES, side)
         try:
-            return None if found is None else _checked(of_plain(found, PointFile))
+            return None if found is None else _checked(of_plain(found.about, PointFile))
         except DAMAGED as error:
             raise DamagedError("The list of point files is damaged; give them again.") from error
 
@@ -76,7 +67,7 @@ class ProjectPoints:
         file = self.point_file(side)
         if file is None:
             return None
-        stored = files_of(self.database, TABLES)[side]
+        stored = self.database.files(TABLES)[side]
         return Points(stored.name + file.suffix, file.label, file.rows, file.frames)
 
     @contextmanager
@@ -101,8 +92,8 @@ class ProjectPoints:
 
     def asking(self, side: Asked) -> tuple[str, bytes] | None:
         """Name and content of a file with open questions."""
-        found = file_named(self.database, ASKING, side)
-        return None if found is None else (found[0], found[1].read_bytes())
+        found = self.database.file(ASKING, side)
+        return None if found is None else (found.label, found.read_bytes())
 
     def offer_points(self, side: CameraName, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered.
@@ -113,14 +104,19 @@ class ProjectPoints:
         parquet = Path(label).suffix.lower() in PARQUET
         content = content if parquet else point_text(content, label)
         if parquet or layout_of(content, label).program == OURS:
-            self._keep_points(side, label, content, content, ".parquet" if parquet else ".csv")
+            suffix = ".parquet" if parquet else ".csv"
+            with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+                path = Path(folder) / f"table{suffix}"
+                path.write_bytes(content)
+                contents = PointTable(path, POINT, label).check()
+            file = PointFile(label, suffix, contents.rows, len(contents.frames))
+            self._keep_points(side, content, content, file)
             return
         self.ask(side, label, content)
 
     def ask(self, side: Asked, label: str, content: bytes) -> None:
         """Keep a file until the user has answered how to read it."""
-        with self.database.transaction():
-            self._name(ASKING, side, content, label, label)
+        self.database.give(ASKING, side, label, content)
 
     def answer(self, side: CameraName, answers: Answers) -> None:
         """Read the file with open questions as answered, and use it."""
@@ -131,8 +127,8 @@ class ProjectPoints:
         table = self.preview(side, answers, None)
         if table.empty:
             raise StereocalError(f"{label}: there is no point of {answers.camera} in the file.")
-        written = table.to_csv(index=False, lineterminator="\n").encode()
-        self._keep_points(side, label, content, written, ".csv", answers)
+        file = PointFile(label, ".csv", len(table), int(table["frame"].nunique()), answers)
+        self._keep_points(side, content, written(table), file)
 
     def preview(self, side: CameraName, answers: Answers, first_rows: int | None) -> pd.DataFrame:
         """The points of the file with open questions, as they would be read."""
@@ -148,47 +144,32 @@ class ProjectPoints:
         with self.database.transaction():
             file = self.point_file(side)
             if file is not None and file.answers is not None:
-                given = files_of(self.database, POINT_FILES)[side]
-                name_files(self.database, ASKING, {side: given}, file.label)
+                given = self.database.files(POINT_FILES)[side]
+                self.database.name_files(ASKING, {side: given})
 
     def forget_question(self, side: Asked) -> None:
         """Delete the file with open questions."""
-        self.database.free(lambda _db: forget_files(self.database, ASKING, [side]))
+        with self.database.freeing():
+            self.database.forget_files(ASKING, [side])
 
     def own_points(self, table: pd.DataFrame, label: str) -> Points:
         """Points of the project itself, used like those of a file."""
-        content = table.to_csv(index=False, lineterminator="\n").encode()
+        content = written(table)
         name = f"{hashlib.sha256(content).hexdigest()}.csv"
         self._own[name] = content
         return Points(name, label, len(table), int(table["frame"].nunique()))
 
-    def _keep_points(
-        self,
-        side: CameraName,
-        label: str,
-        given: bytes,
-        table: bytes,
-        suffix: str,
-        answers: Answers | None = None,
-    ) -> None:
-        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-            path = Path(folder) / f"table{suffix}"
-            path.write_bytes(table)
-            contents = PointTable(path, POINT, label).check()
-        file = PointFile(
-            label,
-            suffix,
-            contents.rows,
-            len(contents.frames),
-            answers,
-        )
+    def _keep_points(self, side: CameraName, given: bytes, table: bytes, file: PointFile) -> None:
         with self.database.transaction():
-            self._name(POINT_FILES, side, given, label, label)
-            self._name(TABLES, side, table, label, plain(file))
-            forget_files(self.database, ASKING, [side])
+            self.database.give(POINT_FILES, side, file.label, given)
+            stored = self.database.keep_file(table, file.label)
+            self.database.name_files(TABLES, {side: replace(stored, about=plain(file))})
+            self.database.forget_files(ASKING, [side])
 
-    def _name(self, part: str, name: str, content: bytes, label: str, about: Any) -> None:
-        name_files(self.database, part, {name: keep_file(self.database, content, label)}, about)
+
+def written(table: pd.DataFrame) -> bytes:
+    """A table of points as CSV."""
+    return table.to_csv(index=False, lineterminator="\n").encode()
 
 
 def _checked(file: PointFile) -> PointFile:

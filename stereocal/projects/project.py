@@ -19,22 +19,9 @@ from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation
 from stereocal.projects import parsed_files
 from stereocal.projects.calibration_files import as_stored, pack_calibration
-from stereocal.projects.data_folder import SUFFIX, is_id, new_database
-from stereocal.projects.database import Database
-from stereocal.projects.files import (
-    StoredFile,
-    about_files,
-    files_of,
-    forget_files,
-    keep_file,
-    keep_result,
-    keep_values,
-    name_files,
-    replace_files,
-    result_digest,
-    result_of,
-    values_of,
-)
+from stereocal.projects.data_folder import new_database, store_of
+from stereocal.projects.database import NOT_THERE
+from stereocal.projects.files import Store, StoredFile
 from stereocal.projects.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.refined.results import Calibration
@@ -58,7 +45,7 @@ class Project:
         StereocalError: on `open`, an invalid id, or no such project.
     """
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Store) -> None:
         self.database = database
 
     @property
@@ -74,11 +61,9 @@ class Project:
     @classmethod
     def open(cls, home: Path, project_id: str) -> Project:
         """The project of this id."""
-        if not is_id(project_id):
-            raise StereocalError("The address does not name a project.")
-        project = cls(Database(home / "projects" / f"{project_id}{SUFFIX}"))
+        project = cls(store_of(home, project_id))
         if project.database.marker.exists():
-            raise StereocalError("There is no project at this address, or it was removed.")
+            raise StereocalError(NOT_THERE)
         with project.database.reading():
             return project
 
@@ -88,14 +73,14 @@ class Project:
     def inputs(self) -> Inputs:
         """The inputs so far."""
         with self.database.reading():
-            values = values_of(self.database, INPUT)
-            files, labels = files_of(self.database, INPUT), about_files(self.database, INPUT)
+            values = self.database.values(INPUT)
+            files = self.database.files(INPUT)
         try:
             return checked_inputs(
                 {
                     **{name: values[name] for name in VALUES if name in values},
                     "files": {slot: file.sha256 for slot, file in files.items()},
-                    "labels": labels,
+                    "labels": {slot: file.label for slot, file in files.items()},
                 }
             )
         except DAMAGED as error:
@@ -118,32 +103,31 @@ class Project:
             StereocalError: the resulting inputs are invalid; the project is unchanged.
         """
         objects = read or {}
-        stored = {
+        stored: dict[str, StoredFile] = {
             slot: self._stored(slot, *file, objects.get(slot)) for slot, file in files.items()
         }
         with self.database.transaction():
             before = self.inputs
-            forget_files(self.database, INPUT, [slot for slot in drop if slot not in files])
-            for slot, file in stored.items():
-                name_files(self.database, INPUT, {slot: file.file}, file.label)
+            self.database.forget_files(INPUT, [slot for slot in drop if slot not in files])
+            self.database.name_files(INPUT, stored)
             # A new camera file replaces the stated uncertainty of its lens.
             known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
             kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
             kept["planned"] = [name for name in before.planned if name not in values]
             if "correspondences" in files or "correspondences" in drop:
                 kept |= {name: [] for name in OF_TABLE}
-            keep_values(self.database, INPUT, kept | values)
+            self.database.keep_values(INPUT, kept | values)
             self._check_inputs(self.inputs)
 
     def _stored(
         self, slot: Slot, label: str, content: bytes, read: Camera | Table | None
-    ) -> parsed_files.LabelledFile:
+    ) -> StoredFile:
         """Read and store a file, before the transaction that others wait for."""
         if read is None:
             is_table = slot == "correspondences"
             read = read_table(content, label) if is_table else read_camera(content, label, "brown")
-        file = parsed_files.LabelledFile(keep_file(self.database, content, label), label)
-        file.keep(read)
+        file = self.database.keep_file(content, label)
+        parsed_files.keep(file, read)
         return file
 
     def _check_inputs(self, inputs: Inputs) -> None:
@@ -167,17 +151,17 @@ class Project:
         """Exchange A and B of a frame in the secondary image of the table, or undo that."""
         with self.database.transaction():
             exchanged = sorted({*self.inputs.exchanged} ^ {frame})
-            keep_values(self.database, INPUT, {"exchanged": exchanged})
+            self.database.keep_values(INPUT, {"exchanged": exchanged})
 
     def put_back(self, frames: Sequence[int]) -> None:
         """Keep exactly these of the frames that contradict the others."""
-        keep_values(self.database, INPUT, {"put_back": sorted(frames)})
+        self.database.keep_values(INPUT, {"put_back": sorted(frames)})
 
     def leave_out(self, frame: int) -> None:
         """Leave a frame out."""
         inputs = self.inputs
         given = {"put_back": {*inputs.put_back} - {frame}, "left_out": {*inputs.left_out, frame}}
-        keep_values(self.database, INPUT, {name: sorted(frames) for name, frames in given.items()})
+        self.database.keep_values(INPUT, {name: sorted(frames) for name, frames in given.items()})
 
     def take_in(self, frame: int) -> None:
         """Use a frame that the user or the screening left out."""
@@ -185,15 +169,15 @@ class Project:
         given: dict[str, list[int]] = {"left_out": sorted({*inputs.left_out} - {frame})}
         if frame not in inputs.left_out:
             given["put_back"] = sorted({*inputs.put_back, frame})
-        keep_values(self.database, INPUT, given)
+        self.database.keep_values(INPUT, given)
 
     def take_planned(self) -> None:
         """Take the planned lengths as measured."""
-        keep_values(self.database, INPUT, {"planned": []})
+        self.database.keep_values(INPUT, {"planned": []})
 
     def rename(self, name: str) -> None:
         """Rename the project; later calibrations use the name."""
-        keep_values(self.database, INPUT, {"name": name})
+        self.database.keep_values(INPUT, {"name": name})
 
     @property
     def dataset(self) -> Dataset | None:
@@ -213,7 +197,7 @@ class Project:
         if "correspondences" not in inputs.files:
             return None
         file = self._file(inputs, "correspondences")
-        return file.label, file.file.read_bytes()
+        return file.label, file.read_bytes()
 
     @property
     def cameras(self) -> tuple[Camera | None, Camera | None]:
@@ -221,7 +205,7 @@ class Project:
         inputs = self.inputs
         return self._camera(inputs, "primary"), self._camera(inputs, "secondary")
 
-    def _file(self, inputs: Inputs, slot: Slot) -> parsed_files.LabelledFile:
+    def _file(self, inputs: Inputs, slot: Slot) -> StoredFile:
         return parsed_files.file_of(inputs, slot, self.database)
 
     def _camera(self, inputs: Inputs, slot: Slot) -> Camera | None:
@@ -232,11 +216,11 @@ class Project:
     @property
     def settings(self) -> dict[str, Any]:
         """Values of forms by name."""
-        return values_of(self.database, SETTING)
+        return self.database.values(SETTING)
 
     def keep_settings(self, values: Mapping[str, Any]) -> None:
         """Store values of forms."""
-        keep_values(self.database, SETTING, values)
+        self.database.keep_values(SETTING, values)
 
     def keep_calibration(self, calibration: Calibration, inputs: Inputs) -> None:
         """Replace the last result by one computed from `inputs`, which may have changed since.
@@ -246,13 +230,11 @@ class Project:
         """
         calibration = as_stored(calibration)
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
-        files: dict[str, StoredFile] = {
-            slot: StoredFile(digest, self.database) for slot, digest in inputs.files.items()
-        }
+        files: dict[str, StoredFile] = {slot: self._file(inputs, slot) for slot in inputs.files}
         with self.database.transaction():
-            replace_files(self.database, CALIBRATED, files)
-            digest = keep_result(self.database, "calibration", content)
-            keep_result(self.database, "recommended", None)
+            self.database.replace_files(CALIBRATED, files)
+            digest = self.database.keep_result("calibration", content)
+            self.database.keep_result("recommended", None)
         parsed_files.CALIBRATIONS.keep(digest, calibration)
 
     @property
@@ -267,17 +249,17 @@ class Project:
         It tells whether a result is current. The object does not: the same content is another one
         once the cache of `calibration` has dropped it.
         """
-        return result_digest(self.database, "calibration")
+        return self.database.result_digest("calibration")
 
     def keep_recommended(self, match_with: Method, measure_with: Method) -> None:
         """Store which sets the last result recommends."""
         content = json.dumps([match_with, measure_with]).encode()
-        keep_result(self.database, "recommended", content)
+        self.database.keep_result("recommended", content)
 
     @property
     def recommended(self) -> tuple[Method, Method] | None:
         """The sets to match and to measure with; None before the last result is validated."""
-        content = result_of(self.database, "recommended")
+        content = self.database.result("recommended")
         try:
             match, measure = (METHOD_OF[name] for name in json.loads(content or b"[]"))
         except DAMAGED:  # a calibration stores it again
@@ -292,9 +274,9 @@ class Project:
         """
         content = pack_evaluation(evaluation)
         with self.database.transaction():
-            digest = keep_result(self.database, "evaluation", content)
+            digest = self.database.keep_result("evaluation", content)
             if of_calibration:
-                keep_result(self.database, "calibration_evaluation", content)
+                self.database.keep_result("calibration_evaluation", content)
         parsed_files.EVALUATIONS.keep(digest, evaluation)
 
     @property
@@ -323,21 +305,29 @@ class Project:
         """
         dataset = parse_zip(content, label)
         with self.database.transaction():
-            at = len(files_of(self.database, FURTHER))
-            file = keep_file(self.database, content, label)
-            name_files(self.database, FURTHER, {f"{at:06d}": file}, label)
-        parsed_files.FURTHER.keep(parsed_files.LabelledFile(file, label).key, dataset)
+            at = len(self.database.files(FURTHER))
+            file = self.database.keep_file(content, label)
+            self.database.name_files(FURTHER, {f"{at:06d}": file})
+        parsed_files.keep(file, dataset)
 
     def drop_datasets(self) -> None:
         """Delete the further data sets."""
-        self.database.free(lambda _db: forget_files(self.database, FURTHER))
+        with self.database.freeing():
+            self.database.forget_files(FURTHER)
 
     @property
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
-        with self.database.reading():
-            files, labels = files_of(self.database, FURTHER), about_files(self.database, FURTHER)
-        return [
-            parsed_files.further_of(parsed_files.LabelledFile(file, str(labels[name])))
-            for name, file in files.items()
-        ]
+        return [parsed_files.further_of(file) for file in self.database.files(FURTHER).values()]
+
+
+class ProjectPart:
+    """What one page stores in a project. Every change is on disk when its method returns."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.database = project.database
+
+    def keep(self, name: str, content: bytes) -> StoredFile:
+        """Store a photograph; `add` or `give` makes it the project's."""
+        return self.database.keep_file(content, name)

@@ -16,9 +16,6 @@ def read_review(store: ProjectPhotographs) -> Review:
     """The frames of a project, and the edits that can be undone.
 
     Edits of a frame that was removed or searched again are left out, and damaged ones.
-
-    Raises:
-        StereocalError: the targets have not been found yet, or the frames are damaged.
     """
     with store.database.reading():
         frames = store.frames

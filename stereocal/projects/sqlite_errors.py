@@ -1,19 +1,13 @@
-"""Error messages for SQLite's errors, and retries while the file is locked."""
+"""Error messages for SQLite's errors."""
 
 from __future__ import annotations
 
 import sqlite3
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
 from stereocal.errors import StereocalError
 
-T = TypeVar("T")
-LOCK_TIMEOUT_S = 120.0
-"""Ten times what another tab needs to store 900 MB."""
-RETRY_EVERY_S = 0.02
 FULL_DISK = (
     "The disk is full. Nothing was changed. Make room on it: delete other files, or delete removed "
     "projects for good on the Start page. Then try again."
@@ -31,18 +25,6 @@ class DamagedError(StereocalError):
 
 class DiskFullError(StereocalError):
     """The disk is full."""
-
-
-def retry_while_locked(call: Callable[[], T]) -> T:
-    """The result of a call, repeated while another tab or server has locked the file."""
-    until = time.monotonic() + LOCK_TIMEOUT_S
-    while True:
-        try:
-            return call()
-        except sqlite3.OperationalError as error:
-            if result_code(error) not in BUSY or time.monotonic() > until:
-                raise
-        time.sleep(RETRY_EVERY_S)
 
 
 @contextmanager

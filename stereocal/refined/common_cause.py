@@ -26,7 +26,7 @@ def common_cause(fit: RefinedResult, out: BoolArray) -> str:
     first = out & ~np.append(False, out[:-1])
     if np.count_nonzero(first) < MINIMUM_CASES:
         return ""
-    depth = fit.points_m[:, :, 2].mean(axis=1)
+    depth = fit.middles_m[:, 2]
     properties = (
         (_from_centre(fit), "farther from the centre of the images", "a wrong lens distortion"),
         (depth, "farther away", "a wrong lens or baseline"),

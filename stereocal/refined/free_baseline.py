@@ -22,6 +22,13 @@ def with_baseline_found(dataset: Dataset) -> Dataset:
     """The data set with a free baseline set to the refined method's value; others unchanged."""
     if not dataset.baseline_is_free:
         return dataset
+    return replace(dataset, baseline_m=refine(with_rough_baseline(dataset)).pose.baseline)
+
+
+def with_rough_baseline(dataset: Dataset) -> Dataset:
+    """The data set with a free baseline set to one to start from; others unchanged."""
+    if not dataset.baseline_is_free:
+        return dataset
     bars = dataset.correspondences.bars
     if len(bars) < FEWEST_BARS:
         raise StereocalError(
@@ -42,8 +49,7 @@ def with_baseline_found(dataset: Dataset) -> Dataset:
             "The baseline is free, but no bar lies in front of both cameras: check that points "
             "and camera files are not exchanged."
         )
-    rough = replace(dataset, baseline_m=float(np.nanmedian(ratios)))
-    return replace(dataset, baseline_m=refine(rough).pose.baseline)
+    return replace(dataset, baseline_m=float(np.nanmedian(ratios)))
 
 
 def note_on_free_baseline(dataset: Dataset) -> str:

@@ -15,7 +15,7 @@ from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Innovations:
-    """Of each frame; NaN without a bar."""
+    """Of each frame, or part of one; NaN without a bar."""
 
     frames: IntArray
     """(f,)."""
@@ -36,7 +36,7 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
         rows: mask (n,) of the rows of the data set; they need not be those that were fitted.
     """
     solve = Solve(result.dataset, result.pose, result.settings, rows)
-    weight, n = 1.0 / result.sigma_px.value, len(solve.frames)
+    weight, n = 1.0 / result.sigma_px.value, len(solve.points)
     found, H = np.empty((n, 2)), np.empty((SHARED, SHARED))
     sum_normal_equations(
         result.q,
@@ -56,7 +56,8 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
     length_innovations(
         result.q, result.lenses, solve.pixels, solve.distances, weight, solve.points, found
     )
-    return Innovations(solve.frames, found[:, 0], found[:, 1], solve.points.reshape(n, 2, 3), H)
+    frames = solve.frames[solve.frame_of]
+    return Innovations(frames, found[:, 0], found[:, 1], solve.points.reshape(n, 2, 3), H)
 
 
 def length_freedom(result: RefinedResult, bars: Innovations) -> float:

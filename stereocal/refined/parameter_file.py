@@ -60,8 +60,9 @@ def refined_parameters(
         else {**uncertainties_of(result, inputs), **forecast.uncertainties},
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
         noise_px=float(result.sigma_px.value),
-        volume=Volume.of_bars(result.points_m[~result.outlying]),
+        volume=Volume.of_bars(result.used_points_m),
         time_offset=result.time_offset if result.settings.time_offset else None,
+        camera_names=result.dataset.camera_names,
     )
 
 
@@ -69,6 +70,24 @@ def covariance_entry(covariance: FloatArray) -> dict[str, Any]:
     """The entry of a file on the covariance (25, 25) of the shared unknowns."""
     kept = SHARED if covariance[TIME:].any() else TIME
     return {"of": list(COVARIANCE_OF[:kept]), "matrix": covariance[:kept, :kept].tolist()}
+
+
+def information_entry(result: RefinedResult) -> dict[str, Any]:
+    """The entry of a file on what its images tell, without priors, for fusing pairs.
+
+    `matrix` is half the second derivative of their cost at the values of the file, `gradient` half
+    the first; `lenses` are the stated ones, fx, fy, cx, cy, k1, k2, p1, p2 of each camera.
+    """
+    H, g = result.images_alone
+    dataset = result.dataset
+    return {
+        "of": list(COVARIANCE_OF),
+        "matrix": H.tolist(),
+        "gradient": g.tolist(),
+        "bar_factor": result.bar_factor,
+        "frames": int((~result.outlying).sum()),
+        "lenses": [dataset.primary.lens_values.tolist(), dataset.secondary.lens_values.tolist()],
+    }
 
 
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:
@@ -87,6 +106,7 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
         },
         "covariance": covariance_entry(result.covariance),
+        "information": information_entry(result),
         "design_effect": result.design_effect,
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}

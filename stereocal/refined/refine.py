@@ -22,7 +22,8 @@ from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BAR, DRIFT, TIME
 from stereocal.refined.design_effect import clusters_in, design_effect
-from stereocal.refined.solve import Noise, Solve, lenses_of
+from stereocal.refined.robust import Noise
+from stereocal.refined.solve import Solve, lenses_of
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
@@ -76,11 +77,14 @@ class RefinedResult:
     chi_squares: FloatArray
     """(f,): chi-square of each frame; infinite behind a camera."""
     degrees_of_freedom: IntArray
-    """(f,): 3 for a frame with a bar, 1 for a single target."""
+    """(f,): 3 for a frame with a bar, 1 for a single target; the sum of the parts of an object."""
     outlying: BoolArray
     """(f,): true for the frames that were left out."""
+    frame_of: IntArray
+    """(u,): index into `frames` of each part of a frame (`Correspondences.parts`), ascending."""
     points_m: FloatArray
-    """(f, 2, 3): adjusted 3D points of A and B in the primary's frame; NaN if not seen."""
+    """(u, 2, 3): adjusted 3D points of A and B in the primary's frame, of an object those of each
+    part; NaN if not seen."""
     cost: float
     """Sum of the chi-squares of the frames used and of the priors."""
     steps: int
@@ -123,6 +127,15 @@ class RefinedResult:
         return design_effect(solve, self.q, np.flatnonzero(~self.outlying), self.clusters)
 
     @cached_property
+    def images_alone(self) -> tuple[FloatArray, FloatArray]:
+        """Normal equations of images and lengths at `q`, without priors: H (25, 25) and the
+        gradient (25,), of all unknowns, free or fixed. Frames that follow each other count less."""
+        solve = Solve(self.dataset, self.pose, self.settings, self.rows)
+        solve.sigma_px, solve.scatter = self.sigma_px.value, self.scatter_m.value
+        H, g, _ = solve.equations(self.q, [np.flatnonzero(~self.outlying)])
+        return H[0] / self.design_effect, g[0] / self.design_effect
+
+    @cached_property
     def p_covariance(self) -> FloatArray:
         """(k, k): covariance of the free parameters, priors included.
 
@@ -147,6 +160,17 @@ class RefinedResult:
         """(n,): mask of the rows of the frames that were not left out."""
         used = np.isin(self.dataset.correspondences.frame, self.frames[~self.outlying])
         return np.asarray(used if self.rows is None else used & self.rows)
+
+    @property
+    def used_points_m(self) -> FloatArray:
+        """(v, 2, 3): the points of the frames that were not left out."""
+        return self.points_m[~self.outlying[self.frame_of]]
+
+    @property
+    def middles_m(self) -> FloatArray:
+        """(f, 3): the middle of the bar of each frame, of an object of its longest distance."""
+        first = np.searchsorted(self.frame_of, np.arange(len(self.frames)))
+        return np.asarray(self.points_m[first].mean(axis=1))
 
     @property
     def outlying_frames(self) -> dict[int, float]:
@@ -344,6 +368,7 @@ def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResu
         chi_squares=solve.chi_squares,
         degrees_of_freedom=solve.degrees_of_freedom,
         outlying=solve.outlying,
+        frame_of=solve.frame_of,
         points_m=np.where(seen, solve.points.reshape(-1, 2, 3), np.nan),
         cost=float(solve.cost),
         steps=solve.steps,

@@ -112,4 +112,5 @@ class Calibration:
             noise_px=self.noise_px,
             volume=self._volume(found.pose),
             time_offset=self.screening.shift,
+            camera_names=self.dataset.camera_names,
         )

@@ -210,7 +210,7 @@ def _fitting(fit: RefinedResult, dataset: Dataset) -> IntArray:
     chi_squares = solve.chi_squares_for(
         fit.unknowns, fit.p, fit.sigma_px.value, fit.scatter_m.value
     )
-    return solve.frames[chi_squares <= solve.limit]
+    return np.asarray(solve.frames[chi_squares <= solve.limit])
 
 
 def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:

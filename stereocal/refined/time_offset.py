@@ -211,9 +211,9 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
         solve.distances,
         1 / solve.sigma_px,
         1 / solve.scatter,
-        np.where(fit.outlying, 0.0, np.inf),
+        np.where(fit.outlying[fit.frame_of], 0.0, np.inf),
         solve.points,
-        solve.chi_squares,
+        np.empty(len(solve.points)),
         solve.H,
         g,
     )

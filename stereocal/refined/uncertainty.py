@@ -88,13 +88,6 @@ def length_sigmas(
     return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
 
 
-def length_jacobian(
-    result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
-) -> FloatArray:
-    """(n, 25): derivatives of reconstructed distances by the shared unknowns of `bar_fit`."""
-    return length_errors(result.q, result.lenses, result.sigma_px.value, first_m, second_m)[1]
-
-
 def length_errors(
     q: FloatArray,
     lenses: FloatArray,
@@ -138,7 +131,7 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
     """
     if size < 2:
         raise StereocalError(f"The accuracy map needs at least 2 points per side, not {size}.")
-    ends = result.points_m[~result.outlying].reshape(-1, 3)
+    ends = result.used_points_m.reshape(-1, 3)
     ends = ends[np.isfinite(ends).all(axis=1)]
     axis = 0 if plane == "above" else 1
     at = 0.0 if plane == "above" else float(np.median(ends[:, 0]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -129,15 +129,20 @@ class RefineSettings:
         return settings_of(_exchanged(dict(data), "inf", np.inf), cls)
 
 
+Block = tuple[list[tuple[str, float, list[int]]], FloatArray | None]
+"""Parameters with a common prior: of each its name, standard deviation and places in q, and their
+correlation; None if independent."""
+
+
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The free parameters p of a solve and the 25 shared unknowns q = origin + M p."""
+    """The free parameters p of a solve and the shared unknowns q = origin + M p: 25 of a pair."""
 
     names: tuple[str, ...]
     origin: FloatArray
-    """(25,): the initial angles, and the stated values of the others."""
+    """(Q,): the initial pose, and the stated values of the others."""
     M: FloatArray
-    """(25, k)."""
+    """(Q, k)."""
     sigma: FloatArray
     """(k,): standard deviations of the priors of p; infinite without a prior."""
     precision: FloatArray
@@ -195,9 +200,9 @@ def unknowns_of(
         raise StereocalError(
             "Nothing fixes the scale: give the baseline or the bar a finite uncertainty."
         )
-    blocks: list[tuple[list[tuple[str, float, FloatArray]], FloatArray | None]] = [
-        ([(name, np.inf, _unit(i)) for i, name in enumerate(ANGLES)], None),
-        ([("baseline", baseline, _unit(BASELINE)), ("bar", bar, _unit(BAR))], None),
+    blocks: list[Block] = [
+        ([(name, np.inf, [i]) for i, name in enumerate(ANGLES)], None),
+        ([("baseline", baseline, [BASELINE]), ("bar", bar, [BAR])], None),
     ]
     priors = (
         lens_prior(dataset.primary, settings.primary),
@@ -206,15 +211,32 @@ def unknowns_of(
     for number, prior in enumerate(priors):
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
-        blocks.append(_lens_columns(number, prior, origin))
+        blocks.append(lens_block(CAMERAS[number], prior, _places(number)))
     late, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
-    blocks.append(([("time offset", late, _unit(TIME)), ("time drift", drift, _unit(DRIFT))], None))
-    names, sigmas, along = [], [], []
-    precision = np.zeros((SHARED, SHARED))
+    blocks.append(([("time offset", late, [TIME]), ("time drift", drift, [DRIFT])], None))
+    focal_lengths = [place for number in range(2) for place in _places(number)[:2]]
+    return free_parameters(blocks, origin, focal_lengths)
+
+
+def free_parameters(
+    blocks: Sequence[Block], origin: FloatArray, focal_lengths: Sequence[int]
+) -> Unknowns:
+    """The free parameters among some shared unknowns.
+
+    Args:
+        blocks: all that may be free.
+        origin: (Q,): the shared unknowns where the free parameters are 0.
+        focal_lengths: places in q whose free parameters are fractions of their origin.
+    """
+    unit = np.ones(len(origin))
+    unit[list(focal_lengths)] = origin[list(focal_lengths)]
+    names: list[str] = []
+    sigmas, along = [], []
+    precision = np.zeros((len(origin), len(origin)))
     for columns, correlation in blocks:
         free = [i for i, (_, sigma, _) in enumerate(columns) if sigma > FIXED]
         names += [columns[i][0] for i in free]
-        along += [columns[i][2] for i in free]
+        along += [_along(columns[i][2], unit) for i in free]
         own = np.array([columns[i][1] for i in free])
         sigmas.append(own)
         among = np.eye(len(free)) if correlation is None else correlation[np.ix_(free, free)]
@@ -229,20 +251,23 @@ def unknowns_of(
     )
 
 
-def _lens_columns(
-    number: int, prior: LensPrior, origin: FloatArray
-) -> tuple[list[tuple[str, float, FloatArray]], FloatArray | None]:
-    """Of each free parameter of a lens its name, sigma and column of M; and their correlation."""
-    name, at = CAMERAS[number], _places(number)
-    along_x, along_y = origin[at[0]] * _unit(at[0]), origin[at[1]] * _unit(at[1])
+def lens_block(name: str, prior: LensPrior, places: list[int]) -> Block:
+    """The free parameters of a lens.
+
+    Args:
+        places: (8,): of `LENS_UNKNOWNS` in q.
+    """
     if prior.apart:
-        columns = [(f"{name} fx", prior.focal, along_x), (f"{name} fy", prior.focal, along_y)]
+        columns = [
+            (f"{name} fx", prior.focal, [places[0]]),
+            (f"{name} fy", prior.focal, [places[1]]),
+        ]
     else:
-        columns = [(f"{name} focal", prior.focal, along_x + along_y)]
+        columns = [(f"{name} focal", prior.focal, places[:2])]
     sigmas = (prior.centre_px, prior.centre_px, *prior.distortion)
     columns += [
-        (f"{name} {key}", sigma, _unit(place))
-        for key, sigma, place in zip(LENS_UNKNOWNS[2:], sigmas, at[2:], strict=True)
+        (f"{name} {key}", sigma, [place])
+        for key, sigma, place in zip(LENS_UNKNOWNS[2:], sigmas, places[2:], strict=True)
     ]
     whole = prior.correlation if prior.apart else None
     return columns, None if whole is None else np.array(whole)
@@ -326,7 +351,12 @@ def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
 
 def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
     """The stated primary (0) or secondary (1) with the lens values of q instead of its own."""
-    fx, fy, cx, cy, *distortion = q[_places(number)].tolist()
+    return with_lens(stated, q[_places(number)])
+
+
+def with_lens(stated: Camera, lens: FloatArray) -> Camera:
+    """The stated camera with the fx, fy, cx, cy, k1, k2, p1, p2 of a lens, (8,)."""
+    fx, fy, cx, cy, *distortion = lens.tolist()
     K = stated.K.copy()
     K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx, cy
     whole = stated.distortion.copy()
@@ -379,10 +409,11 @@ def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray
     return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
 
 
-def _unit(at: int) -> FloatArray:
-    unit = np.zeros(SHARED)
-    unit[at] = 1.0
-    return unit
+def _along(places: list[int], unit: FloatArray) -> FloatArray:
+    """A column of M."""
+    found = np.zeros(len(unit))
+    found[places] = unit[places]
+    return found
 
 
 def _first(*values: float | None) -> float:

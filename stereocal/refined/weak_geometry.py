@@ -31,7 +31,7 @@ def geometry_warning(fit: RefinedResult) -> str:
     if not fit.sigma_px.value < MAXIMUM_NOISE_PX:
         return ""
     largest = float(np.max(np.sqrt(np.diag(fit.covariance)[: EPSILON + 1])))
-    ends = fit.points_m[~fit.outlying]
+    ends = fit.used_points_m
     points = ends.reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
     flat = len(points) > 3 and _thickness(points) < FLATNESS

@@ -16,6 +16,7 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.system.numbers import rounded
 
@@ -32,7 +33,7 @@ with a smaller one the fit cannot be computed in double precision."""
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
-    """Image points of the targets A and B in both cameras, one row per frame and target.
+    """Image points of the targets in both cameras, one row per frame and target.
 
     All arrays have n rows. Pixels are raw (distorted); (0, 0) is the centre of the top-left pixel.
 
@@ -42,7 +43,7 @@ class Correspondences:
 
     frame: IntArray
     target: IntArray
-    """0 for A, 1 for B."""
+    """0 for A, 1 for B; of an object, index into its names."""
     primary: FloatArray
     """(n, 2)."""
     secondary: FloatArray
@@ -65,6 +66,8 @@ class Correspondences:
     motion: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     """(n, 3): velocity of the secondary point in pixels per frame, and the variance of its position
     over that of a recorded one; NaN if unknown."""
+    rigid_object: RigidObject | None = None
+    """What carries the targets; None for a bar of A and B."""
 
     def __post_init__(self) -> None:
         n = len(self.frame)
@@ -90,8 +93,8 @@ class Correspondences:
                 )
         if not (np.isfinite(self.primary).all() and np.isfinite(self.secondary).all()):
             raise StereocalError("An image point is not a finite number.")
-        if not np.isin(self.target, (0, 1)).all():
-            raise StereocalError("A target is neither A (0) nor B (1).")
+        if not np.isin(self.target, range(len(self.names))).all():
+            raise StereocalError(f"A target is none of {', '.join(self.names[:8])}.")
         if not np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all():
             raise StereocalError(f"A source is invalid: it must be {', '.join(SOURCES)} or empty.")
         if (self.sigma_primary_px <= 0).any() or (self.sigma_secondary_px <= 0).any():
@@ -133,18 +136,19 @@ class Correspondences:
         sigma_secondary_px: npt.ArrayLike | None = None,
         source: Iterable[str] | None = None,
         time_frame: npt.ArrayLike | None = None,
+        rigid_object: RigidObject | None = None,
     ) -> Correspondences:
         """Correspondences from plain arrays of n rows.
 
         Args:
-            target: "A" or "B".
+            target: "A" or "B", or a name of the object.
             source: a word of `SOURCES`, or "" if unknown.
 
         Raises:
             StereocalError: as for the class, or an unknown source.
         """
         frames = np.array(frame, dtype=np.int64)
-        n = len(frames)
+        n, names = len(frames), TARGETS if rigid_object is None else rigid_object.names
 
         def optional(values: npt.ArrayLike | None, *shape: int) -> FloatArray:
             return np.full((n, *shape), np.nan) if values is None else np.array(values, float)
@@ -152,7 +156,7 @@ class Correspondences:
         words = [""] * n if source is None else list(source)
         return cls(
             frame=frames,
-            target=np.array([TARGETS.index(name) for name in target], dtype=np.int64),
+            target=np.array([names.index(name) for name in target], dtype=np.int64),
             primary=np.array(primary, dtype=np.float64),
             secondary=np.array(secondary, dtype=np.float64),
             distance_m=optional(distance_m),
@@ -162,10 +166,16 @@ class Correspondences:
             source=np.array([source_code(word) for word in words], dtype=np.int64),
             line=np.zeros(n, dtype=np.int64),
             time_frame=np.array(frames if time_frame is None else time_frame, dtype=np.int64),
+            rigid_object=rigid_object,
         )
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the targets."""
+        return TARGETS if self.rigid_object is None else self.rigid_object.names
 
     @property
     def has_sigmas(self) -> bool:
@@ -191,12 +201,46 @@ class Correspondences:
 
     @cached_property
     def bars(self) -> IntArray:
-        """(m, 2): the rows of A and of B of each frame that has both, ascending by frame."""
+        """(m, 2): the rows of the ends of each known distance, ascending by frame.
+
+        These are A and B of each frame that has both; of an object the pairs of its targets with
+        the longest distances (`RigidObject.pairs_among`).
+        """
+        if self.rigid_object is not None:
+            pair = np.flatnonzero(np.bincount(self.parts[0]) == 2)
+            order = np.lexsort([self.parts[1], self.parts[0]])
+            first = np.searchsorted(self.parts[0][order], pair)
+            return np.column_stack([order[first], order[first + 1]])
         rows = [
             {int(f): i for i, f in enumerate(self.frame) if self.target[i] == t} for t in (0, 1)
         ]
         both = sorted(rows[0].keys() & rows[1].keys())
         return np.array([(rows[0][f], rows[1][f]) for f in both], dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def parts(self) -> tuple[IntArray, IntArray]:
+        """(n,) each: of each row the part of its frame that is fitted by itself, and its place.
+
+        A part is a pair of targets with a known distance, places 0 and 1, or a single target. Parts
+        are numbered from 0, ascending by frame; a bar is one part.
+        """
+        if self.rigid_object is None:
+            return np.searchsorted(self.frames, self.frame), self.target
+        part, place, count = np.empty_like(self.frame), np.zeros_like(self.frame), 0
+        order = np.lexsort([self.target, self.frame])
+        pairs_of: dict[bytes, IntArray] = {}
+        for rows in np.split(order, np.flatnonzero(np.diff(self.frame[order])) + 1):
+            seen = self.target[rows]
+            key = seen.tobytes()
+            if key not in pairs_of:
+                pairs_of[key] = np.searchsorted(seen, self.rigid_object.pairs_among(seen.tolist()))
+            pairs = rows[pairs_of[key]]
+            single = np.setdiff1d(rows, pairs)
+            part[pairs] = count + np.arange(len(pairs))[:, None]
+            place[pairs] = [0, 1]
+            part[single] = count + len(pairs) + np.arange(len(single))
+            count += len(pairs) + len(single)
+        return part, place
 
     @cached_property
     def copies(self) -> dict[int, int]:
@@ -231,7 +275,8 @@ class Correspondences:
 
     def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
         """The rows for which `keep` (n,) is true."""
-        return Correspondences(*(getattr(self, field.name)[keep] for field in fields(self)))
+        columns = (field.name for field in fields(self) if field.name != "rigid_object")
+        return replace(self, **{name: getattr(self, name)[keep] for name in columns})
 
     def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
         """The rows of the given frames."""
@@ -243,7 +288,7 @@ class Correspondences:
 
     def name_of(self, row: int) -> str:
         """The name of a row in messages: "frame 12, target A (line 25)"."""
-        name = f"frame {self.frame[row]}, target {TARGETS[self.target[row]]}"
+        name = f"frame {self.frame[row]}, target {self.names[self.target[row]]}"
         return f"{name} (line {self.line[row]})" if self.line[row] else name
 
 
@@ -268,6 +313,8 @@ class Dataset:
     notes: str = ""
     time_offset: TimeOffset | None = None
     """By which the secondary points have been shifted; None if they are as recorded."""
+    camera_names: tuple[str, str] | None = None
+    """Of the primary and the secondary, in a recording of more; None if they have no others."""
 
     def __post_init__(self) -> None:
         check_length("baseline", self.baseline_m)
@@ -313,12 +360,18 @@ class Dataset:
     def with_targets_exchanged(self, frames: npt.ArrayLike) -> Dataset:
         """The data set with A and B exchanged in the secondary image of the given frames.
 
-        Frames with one target are not changed.
+        An object is turned (`RigidObject.half_turn`). Targets whose counterpart is not seen in
+        their frame are not changed.
         """
         rows = self.correspondences
-        a, b = rows.bars[np.isin(rows.frame[rows.bars[:, 0]], np.asarray(frames))].T
+        turned = np.array([1, 0]) if rows.rigid_object is None else rows.rigid_object.half_turn
+        at = {
+            key: i
+            for i, key in enumerate(zip(rows.frame.tolist(), rows.target.tolist(), strict=True))
+        }
         order = np.arange(len(rows))
-        order[a], order[b] = b, a
+        for row in np.flatnonzero(np.isin(rows.frame, np.asarray(frames))).tolist():
+            order[row] = at.get((int(rows.frame[row]), int(turned[rows.target[row]])), row)
         names = ("secondary", "sigma_secondary_px", "recorded", "motion")
         changed = {name: getattr(rows, name)[order] for name in names}
         return replace(self, correspondences=replace(rows, **changed))
@@ -361,7 +414,11 @@ class Dataset:
     @cached_property
     def bar_distances_m(self) -> FloatArray:
         """(m,): the measured length of each bar of `correspondences.bars`."""
-        own = self.correspondences.distance_m[self.correspondences.bars]
+        rows = self.correspondences
+        if rows.rigid_object is not None:
+            one, other = rows.target[rows.bars].T
+            return np.asarray(rows.rigid_object.distances[one, other])
+        own = rows.distance_m[rows.bars]
         of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
 
@@ -399,6 +456,12 @@ class Dataset:
                 )
             ],
         }
+        if rows.rigid_object is not None:
+            # By name, and of the targets seen: whatever else the object has is of no effect.
+            seen = np.unique(rows.target)
+            content["targets"] = [rows.names[target] for target in rows.target]
+            content["object"] = {rows.names[k]: rows.rigid_object.points[k].tolist() for k in seen}
+            content["rows"][1] = []
         if rows.has_times:
             content["time_frame"] = rows.time_frame.tolist()
         if rows.has_sigmas:
@@ -497,8 +560,8 @@ def points_outside(
                 RowProblem(
                     int(correspondences.line[row]),
                     f"frame {correspondences.frame[row]}, target "
-                    f"{TARGETS[correspondences.target[row]]}: the {which} point ({u:g}, {v:g}) is "
-                    f"outside the {size[0]}x{size[1]} px image",
+                    f"{correspondences.names[correspondences.target[row]]}: "
+                    f"the {which} point ({u:g}, {v:g}) is outside the {size[0]}x{size[1]} px image",
                 )
             )
     return sorted(problems, key=lambda problem: problem.line)

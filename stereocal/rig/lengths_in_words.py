@@ -24,6 +24,8 @@ LONG_M, LONG_BAR_M = 50.0, 20.0
 """A longer baseline or depth, and a longer bar, are asked about: rare, but not impossible."""
 PLAUSIBLE_BASELINE_M = (0.02, LONG_M)
 """Of the units that are offered."""
+LARGEST_RATIO = 10.0
+"""Bar over baseline: above, no unit of both makes them fit."""
 TAILS = (2.0, 98.0)
 """Percentiles of the depths; single wrong pairs give any depth."""
 
@@ -51,7 +53,8 @@ def question_about_units(dataset: Dataset, pose: Pose | None) -> str:
     """
     depths, bar = _depths_m(dataset, pose), _bar_m(dataset)
     farthest = depths[1] if depths else 0.0
-    if max(dataset.baseline_m, farthest) <= LONG_M and bar <= LONG_BAR_M:
+    beyond = farthest and bar > farthest  # a bar does not fit in front of what is nearer
+    if max(dataset.baseline_m, farthest) <= LONG_M and bar <= LONG_BAR_M and not beyond:
         return ""
     others = [
         f"{_metres(dataset.baseline_m * per)} and {_metres(bar * per)} m if they are in {unit}"
@@ -68,6 +71,7 @@ def units_that_fit(dataset: Dataset) -> dict[str, float]:
         unit: per
         for unit, per in METRES_PER.items()
         if unit != "m"
+        and _bar_m(dataset) <= LARGEST_RATIO * dataset.baseline_m
         and low <= dataset.baseline_m * per <= high
         and _bar_m(dataset) * per <= LONG_BAR_M
     }

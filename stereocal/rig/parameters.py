@@ -96,6 +96,10 @@ class RigParameters(Rig):
     """By which the secondary points of the calibration were shifted in time, as those must be that
     are matched or measured; None, and no key in the file, if they were not."""
 
+    camera_names: tuple[str, str] | None = None
+    """Of the primary and the secondary, in a recording of more; None, and no key in the file, if
+    they have no others."""
+
     def __post_init__(self) -> None:
         if self.method not in PURPOSES:
             raise StereocalError(
@@ -131,6 +135,7 @@ class RigParameters(Rig):
             "units": UNITS,
             "pixel_origin": PIXEL_ORIGIN,
             "cameras": {"primary": self.primary.to_json(), "secondary": self.secondary.to_json()},
+            **({} if self.camera_names is None else {"camera_names": list(self.camera_names)}),
             "R": self.pose.R.tolist(),
             "T": self.pose.T.tolist(),
             "E": self.pose.essential.tolist(),
@@ -219,7 +224,7 @@ class RigParameters(Rig):
             name: None if data.get(name) is None else _object(data[name], name, source)
             for name in ("validation", "uncertainties", "predicted", "recommendation")
         }
-        volume = data.get("volume")
+        volume, named = data.get("volume"), data.get("camera_names")
         return cls(
             method=data["method"],
             primary=Camera.from_json(data["cameras"]["primary"], f"{source}, primary"),
@@ -234,6 +239,7 @@ class RigParameters(Rig):
             noise_px=_number_or_none(data.get("noise_px")),
             volume=None if volume is None else Volume.from_json(volume, source),
             time_offset=MeasuredOffset.from_json(data, source),
+            camera_names=None if named is None else (str(named[0]), str(named[1])),
             **about,
         )
 

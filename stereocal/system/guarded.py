@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.system.limits import MB, Limits
 
 if TYPE_CHECKING:
@@ -79,10 +79,8 @@ class Guard:
     def _run(
         self, kind: str, path: Path, name: str, arguments: tuple[Any, ...] | None = None
     ) -> Any:
-        try:
+        with disk_errors(f"{name} cannot be read"):
             seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
-        except OSError as error:
-            raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
         try:
             reason, found = self._tried(kind, path, seconds, arguments)
         except (BrokenProcessPool, RuntimeError) as error:
@@ -210,10 +208,8 @@ def _stored(content: bytes, name: str, suffix: str = "") -> Iterator[Path]:
     """A temporary file with this content."""
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"file{suffix}"
-        try:
+        with disk_errors(f"{name} cannot be stored"):
             path.write_bytes(content)
-        except OSError as error:
-            raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
         yield path
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageSequence, UnidentifiedImageError
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.system.limits import Limits
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -70,6 +70,31 @@ def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
 
 def decode_photograph(content: bytes, name: str) -> GreyImage:
     """As `read_photograph`, for a file's content; `name` is its name in messages."""
+    image = _decoded(content, name)
+    if image.ndim == 3 and image.shape[2] == 2:
+        image = image[:, :, 0]
+    elif image.ndim == 3:
+        image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(image)
+
+
+def read_colours(path: FileContent, name: str | None = None) -> GreyImage:
+    """As `read_photograph`, but (h, w, 3): blue, green, red, which are equal in a grey one."""
+    name = name or path.name
+    return decode_colours(_content_of(path, name), name)
+
+
+def decode_colours(content: bytes, name: str) -> GreyImage:
+    """As `decode_photograph`, but (h, w, 3): blue, green, red, which are equal in a grey one."""
+    image = _decoded(content, name)
+    if image.ndim == 2 or image.shape[2] == 2:
+        grey = image if image.ndim == 2 else image[:, :, 0]
+        image = cv2.cvtColor(np.ascontiguousarray(grey), cv2.COLOR_GRAY2BGR)
+    return np.ascontiguousarray(image[:, :, :3])
+
+
+def _decoded(content: bytes, name: str) -> npt.NDArray[Any]:
+    """The photograph as stored."""
     form, size = _header(content, name)
     if form == "PNG":
         content = _without_metadata(content)
@@ -79,17 +104,13 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
         image = None
     if image is None or image.size == 0:
         raise StereocalError(f"the {form} is cut off or damaged; copy it again.", name)
-    if image.ndim == 3 and image.shape[2] == 2:
-        image = image[:, :, 0]
-    elif image.ndim == 3:
-        image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
-    if image.dtype not in (np.uint8, np.uint16) or image.shape[::-1] != size:
+    if image.dtype not in (np.uint8, np.uint16) or image.shape[1::-1] != size:
         raise StereocalError(
             f"the {form} does not match its header ({size[0]}x{size[1]} px, 8 or 16 bits); copy "
             "it again.",
             name,
         )
-    return np.ascontiguousarray(image)
+    return image
 
 
 def photograph_size(path: FileContent, name: str | None = None) -> tuple[int, int]:
@@ -154,12 +175,10 @@ def _tiff_problem(image: Any) -> str:
 
 
 def _content_of(path: FileContent, name: str) -> bytes:
-    try:
+    with disk_errors(f"{name} cannot be read"):
         if isinstance(path, Path):
             Limits.from_environment().check_size(path.stat().st_size, name)
         return path.read_bytes()
-    except OSError as error:
-        raise StereocalError(f"{name} cannot be read: {error.strerror or error}.") from error
 
 
 def _without_metadata(content: bytes) -> bytes:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES, FileContent
 from stereocal.system.tasks import Progress
@@ -89,9 +89,7 @@ def _keep(content: bytes, name: str, store: Path) -> Path:
     """Write a photograph's file, named by a digest of its content."""
     suffix = PurePosixPath(name).suffix.lower()
     path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
-    try:
+    with disk_errors(f"{name} cannot be stored"):
         store.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-    except OSError as error:
-        raise StereocalError(f"{name} cannot be stored: {error.strerror or error}.") from error
     return path

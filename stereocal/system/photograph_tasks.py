@@ -5,7 +5,14 @@ from __future__ import annotations
 from concurrent.futures import Executor
 
 from stereocal.system.executors import Cluster
-from stereocal.system.photograph import FileContent, GreyImage, decode_photograph, read_photograph
+from stereocal.system.photograph import (
+    FileContent,
+    GreyImage,
+    decode_colours,
+    decode_photograph,
+    read_colours,
+    read_photograph,
+)
 
 PhotographFile = FileContent | bytes
 
@@ -25,3 +32,10 @@ def read_for_worker(photograph: PhotographFile, name: str) -> GreyImage:
     if isinstance(photograph, bytes):
         return decode_photograph(photograph, name)
     return read_photograph(photograph, name)
+
+
+def read_colours_for_worker(photograph: PhotographFile, name: str) -> GreyImage:
+    """As `read_for_worker`, (h, w, 3): blue, green, red."""
+    if isinstance(photograph, bytes):
+        return decode_colours(photograph, name)
+    return read_colours(photograph, name)

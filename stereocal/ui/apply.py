@@ -69,11 +69,7 @@ class Chosen:
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
-    """Uploaders of points, and the inputs in two rows; None if something is missing.
-
-    Raises:
-        StereocalError: the points or the project's results cannot be used.
-    """
+    """Uploaders of points, and the inputs in two rows; None if something is missing."""
     lacking = _take_point_files(project, store)
     points_at, noise_at = st.columns([2, 1])
     matching_at, threshold_at, measuring_at = st.columns(3)

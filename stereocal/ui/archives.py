@@ -28,11 +28,7 @@ from stereocal.ui.wizard import ask_buttons
 
 
 def is_archive(name: str, content: bytes) -> bool:
-    """Whether a file has both cameras, or a whole data set.
-
-    Raises:
-        StereocalError: it looks like one, but is damaged.
-    """
+    """Whether a file has both cameras, or a whole data set."""
     if is_matlab(content) or (name.lower().endswith(".mat") and is_hdf5(content)):
         return True
     return has_both_cameras(name, content)

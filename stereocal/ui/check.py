@@ -60,11 +60,7 @@ class Chosen:
 
 
 def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
-    """The inputs in one row, and uploaders for what comes from files; None if something is missing.
-
-    Raises:
-        StereocalError: a stored file cannot be read.
-    """
+    """The inputs in one row, with uploaders for files; None if something is missing."""
     left, middle, *sizes = st.columns([3, 3, 2, 2])
     with left:
         found = _choose_parameters(project, store)
@@ -110,8 +106,8 @@ def _choose_images(project: Project, store: ProjectCheck) -> tuple[str, bytes] |
         return f"{PAIRS} of Apply", result[1][PAIRS].read_bytes()
     given = store.file(IMAGES)
     title = "" if result else "New bars or matched points  \n"
-    st.caption(f"{title}In use: {escape_markdown(given[0]) if given else 'none yet'}")
-    return None if given is None else (given[0], given[1].read_bytes())
+    st.caption(f"{title}In use: {escape_markdown(given.label) if given else 'none yet'}")
+    return None if given is None else (given.label, given.read_bytes())
 
 
 def _noise_of_points(project: Project, images: NewImages, rig: RigParameters) -> float | None:
@@ -142,12 +138,12 @@ def _choose_parameters(
         st.caption(f"Parameters  \nIn use: this project's {METHOD_NAMES[method].lower()}")
         return answer.sets[method], None
     given = store.file(PARAMETERS)
-    label = escape_markdown(given[0]) if given else "none yet"
+    label = escape_markdown(given.label) if given else "none yet"
     st.caption(f"Parameters  \nIn use: {label}")
     if given is None:
         return None
-    content = given[1].read_bytes()
-    return parameters_in(content, given[0]), content
+    content = given.read_bytes()
+    return parameters_in(content, given.label), content
 
 
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
@@ -223,11 +219,7 @@ def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
 
 
 def show_check(chosen: Chosen) -> None:
-    """The answer as a sentence, the errors frame by frame, the repaired parameters.
-
-    Raises:
-        StereocalError: the parameters state no covariance, or the images do not fit them.
-    """
+    """The answer as a sentence, the errors frame by frame, the repaired parameters."""
     found, residuals = checked(chosen)
     VERDICTS[found.verdict](escape_markdown(sentence(found)))
     since = found.since if found.changed else None

@@ -69,12 +69,9 @@ COVERAGE = "coverage"
 
 @callback
 def open_clicked_frame(project: Project) -> None:
-    """Open the frame of a point of the figure of the Data page: its photographs, or its errors.
-
-    Raises:
-        StereocalError: there are neither.
-    """
-    points = st.session_state[COVERAGE]["selection"]["points"]
+    """Open the frame of a point of the figure of the Data page: its photographs, or its errors."""
+    charts = (st.session_state.get(key) or {} for key in (COVERAGE, f"{COVERAGE}_narrow"))
+    points = [point for each in charts if each for point in each["selection"]["points"]]
     if not points:
         return
     frame = int(np.ravel(points[0]["customdata"])[0])

@@ -6,14 +6,16 @@ from collections.abc import Collection
 from typing import Any
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
-from stereocal.system.described import descriptions
+from stereocal.system.described import About, descriptions
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
 
+Bounds = tuple[float, float]
 NUMBERS = descriptions(SearchSettings)
 OTHERS = descriptions(CalibrationSettings)
 SLIDERS = ("delta", "acceptance")
@@ -52,12 +54,14 @@ def _frames_field(project: Project, frames: int) -> Field:
     return setting(project, "calibration_frames", frames, number(1, frames))
 
 
-def _bounds(name: str) -> tuple[float, float]:
+def bounds_of(about: About) -> Bounds:
     """Of a number, with its type, as the widget requires."""
-    if name == "acceptance":
-        return RATIOS
-    kind, about = type(NUMBERS[name].default), NUMBERS[name]
+    kind = type(about.default)
     return kind(about.low), kind(min(about.high, LARGEST_WHOLE))
+
+
+def _bounds(name: str) -> Bounds:
+    return RATIOS if name == "acceptance" else bounds_of(NUMBERS[name])
 
 
 def _search_fields(project: Project) -> dict[str, Field]:
@@ -97,19 +101,24 @@ def search_form(project: Project) -> None:
         _numbers(project, without=SLIDERS)
 
 
+def number_input(place: DeltaGenerator, about: About, bounds: Bounds, own: Field) -> Any:
+    """The widget of a described number; its value."""
+    kind = type(about.default)
+    return place.number_input(
+        about.title,
+        *bounds,
+        format="%d" if kind is int else "%.10g",
+        help=about.help,
+        step=kind(1) if kind is int else about.default / 10,
+        **own.widget(),
+    )
+
+
 def _numbers(project: Project, without: Collection[str] = ()) -> None:
     fields = _search_fields(project)
     columns = st.columns(3)
     for at, name in enumerate(name for name in NUMBERS if name not in without):
-        about, kind = NUMBERS[name], type(NUMBERS[name].default)
-        columns[at % 3].number_input(
-            about.title,
-            *_bounds(name),
-            format="%d" if kind is int else "%.10g",
-            help=about.help,
-            step=kind(1) if kind is int else about.default / 10,
-            **fields[name].widget(),
-        )
+        number_input(columns[at % 3], NUMBERS[name], _bounds(name), fields[name])
     solver = OTHERS["essential"]
     st.segmented_control(
         solver.title,
@@ -124,9 +133,5 @@ def _numbers(project: Project, without: Collection[str] = ()) -> None:
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:
-    """The settings of a form's values.
-
-    Raises:
-        StereocalError: values that contradict each other.
-    """
+    """The settings of a form's values."""
     return CalibrationSettings.from_json(values)

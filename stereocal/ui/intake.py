@@ -14,10 +14,11 @@ from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import (
     TABLE,
     Survey,
-    find_description,
+    pack_pair,
     parse_dataset,
     parse_survey,
 )
+from stereocal.formats.description import RECORDING_FORMAT, find_description
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError, LensModel
@@ -28,6 +29,7 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
@@ -36,7 +38,7 @@ from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.project import project_to_write
+from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.refusal import ask_lens
 from stereocal.ui.refusal import clear_refusal as clear_refusal
 from stereocal.ui.refusal import refuse as refuse
@@ -102,6 +104,9 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
             others = [file for file in uploads if not is_photograph(file.name)]
             texts = {file.name: file.getvalue() for file in others}
             _try_dataset(texts, "the folder", lambda: uploaded(uploads))
+    project = current_project()
+    if project is not None and ProjectRecording(project).is_given:
+        st.switch_page("pages/rig.py")
     st.rerun()
 
 
@@ -252,6 +257,13 @@ def give_dataset(
     """
     store = ProjectPhotographs(project)
     folder, description = find_description(files, source)
+    if description["format"] == RECORDING_FORMAT:
+        if len(description.get("cameras") or ()) > 2:
+            own = {name: content for name, content in files.items() if name.startswith(folder)}
+            ProjectRecording(project).give(own, source)
+            return False
+        files = pack_pair(parse_dataset(files, source, lens_model=lens_model))
+        folder, description = find_description(files, source)
     given: dict[str, StoredFile] = {}
     for name, content in photographs():
         server_guard().check_content("photograph", content, name)

@@ -39,6 +39,7 @@ Kind = Literal[
     "apply",
     "answer",
     "trade_off",
+    "rig",
 ]
 UNFORESEEN = "Unexpected error. Earlier results are unchanged; the server's log says more."
 UNEVEN = "steps"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,9 @@ from stereocal.errors import StereocalError
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
 from stereocal.refined.refine import robust_start
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
 from stereocal.rig.lengths_in_words import (
+    LONG_BAR_M,
     METRES_PER,
     question_about_units,
     rig_in_words,
@@ -21,13 +24,14 @@ from stereocal.rig.lengths_in_words import (
 )
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
 KEPT_ANSWER = "lengths_in_metres"
 """Setting: the baseline and the bar that the user has said to be in metres."""
 
+BOTH = ("baseline_m", "target_distance_m")
 PAIRS = 500
 """Pairs of points from which the depths are estimated."""
 
@@ -46,6 +50,18 @@ def length_field(project: Project | None, name: str, label: str) -> None:
         **length.number.widget(),
     )
     choice.selectbox("Unit", list(METRES_PER), **length.unit.widget())
+
+
+def object_in_words(project: Project | None) -> str:
+    """The object whose targets the table shows; empty for a bar of A and B."""
+    dataset = readable(lambda: project.dataset) if project is not None else None
+    own = None if dataset is None else dataset.correspondences.rigid_object
+    if own is None:
+        return ""
+    return (
+        f"An object with {len(own.names)} targets, up to {own.distances.max():.4g} m apart: their "
+        "distances are the measured lengths."
+    )
 
 
 def ask_if_measured(project: Project) -> None:
@@ -71,6 +87,12 @@ def show_rig(project: Project, dataset: Dataset) -> None:
     pose = robust_start(dataset, np.ascontiguousarray(dataset.rays[:, ::step]))
     question = question_about_units(dataset, pose)
     stated = [dataset.baseline_m, dataset.target_distance_m]
+    files = project.inputs.files
+    if files.get("primary") == files.get("secondary"):
+        st.warning(
+            "Both cameras have the same file. Two lenses are never alike, even of one model: give "
+            "each camera its own."
+        )
     if not question or project.settings.get(KEPT_ANSWER) == stated:
         st.markdown(escape_markdown(rig_in_words(dataset, pose)))
         return
@@ -83,25 +105,25 @@ def show_rig(project: Project, dataset: Dataset) -> None:
             args=({KEPT_ANSWER: stated},),
         )
         own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
-        for unit in () if own else units_that_fit(dataset):
-            st.button(
-                f"They are in {unit}",
-                key=f"in_{unit}",
-                on_click=callback(take_unit),
-                args=(project, unit),
-            )
+        units = () if own else units_that_fit(dataset)
+        for unit in units:
+            _offer(f"They are in {unit}", f"in_{unit}", project, unit, BOTH)
+        if not own and dataset.target_distance_m > LONG_BAR_M:
+            for unit in ("mm", "cm"):
+                _offer(f"Only A to B is in {unit}", f"bar_in_{unit}", project, unit, BOTH[1:])
 
 
-def take_unit(project: Project, unit: str) -> None:
-    """Both lengths are in this unit; their uncertainties are as stated.
+def _offer(label: str, key: str, project: Project, unit: str, names: Sequence[str]) -> None:
+    st.button(label, key=key, on_click=callback(take_unit), args=(project, unit, names))
+
+
+def take_unit(project: Project, unit: str, names: Sequence[str] = BOTH) -> None:
+    """These lengths are in this unit; their uncertainties are as stated.
 
     Raises:
         StereocalError: a length or its uncertainty would be impossible; nothing is changed.
     """
-    lengths = {
-        name: getattr(project.inputs, name) * METRES_PER[unit]
-        for name in ("baseline_m", "target_distance_m")
-    }
+    lengths = {name: getattr(project.inputs, name) * METRES_PER[unit] for name in names}
     project.give({}, **lengths)
 
 
@@ -136,4 +158,6 @@ class _Length:
             self.project.give({}, **given)
             clear_refusal()
         except StereocalError as error:
-            refuse(error)
+            long = number is not None and metres is not None and metres > LONGEST_PLAUSIBLE_M
+            other = partial(self._take, number, "mm")
+            refuse(error, ways={f"It is {number:.10g} mm": other} if long and unit != "mm" else {})

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import pack
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
+from stereocal.ui.forms import bounds_of, number_input
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     Upload,
@@ -139,11 +142,11 @@ def take_boards(uploads: Sequence[Upload], which: CameraName) -> None:
     st.rerun()
 
 
-def board_form(project: Project) -> BoardPattern:
+def board_form(project: Project, size: tuple[int, int] = (18, 12)) -> BoardPattern:
     """The form of the printed board, the same for both cameras.
 
-    Raises:
-        StereocalError: an impossible board.
+    Args:
+        size: the usual columns and rows.
     """
     kinds, corners, side = (CHESSBOARD, CHARUCO), (3, 100), (0.1, 10_000.0)
     kind, *places, square = st.columns(4, vertical_alignment="bottom")
@@ -158,7 +161,7 @@ def board_form(project: Project) -> BoardPattern:
             **setting(project, name, usual, number(*corners)).widget(),
         )
         for place, way, name, usual in zip(
-            places, ("one", "other"), ("board_columns", "board_rows"), (18, 12), strict=True
+            places, ("one", "other"), ("board_columns", "board_rows"), size, strict=True
         )
     )
     square_mm = square.number_input(
@@ -166,7 +169,7 @@ def board_form(project: Project) -> BoardPattern:
         *side,
         step=1.0,
         format="%.10g",
-        help="The lens does not depend on it.",
+        help="The lens does not depend on it; lengths do, where the board gives them.",
         **setting(project, "board_square_mm", 30.0, number(*side)).widget(),
     )
     dictionary, marker_m = None, None
@@ -185,61 +188,20 @@ def board_form(project: Project) -> BoardPattern:
 
 
 def lens_form(project: Project) -> LensSettings:
-    """The form of the calibration's settings, in an expander.
-
-    Raises:
-        StereocalError: a number out of its range.
-    """
-    paper = LensSettings()
+    """The form of the calibration's settings, in an expander."""
+    values: dict[str, Any] = {}
     with st.expander("Settings of the calibration"):
-        subset, repeats, seed = (
-            column.number_input(
-                title,
-                *bounds,
-                step=1,
-                help=text,
-                **setting(project, name, usual, number(*bounds)).widget(),
-            )
-            for column, (name, title, usual, bounds, text) in zip(
-                st.columns(3),
-                (
-                    (
-                        "lens_subset",
-                        "Photographs of a draw",
-                        paper.subset,
-                        (3, 1000),
-                        "With no more boards than this, two thirds of them. Paper: 20 of 50.",
-                    ),
-                    (
-                        "lens_repeats",
-                        "Draws",
-                        paper.repeats,
-                        (2, 1000),
-                        "The result is their median. Paper: 50.",
-                    ),
-                    (
-                        "lens_seed",
-                        "Seed",
-                        paper.seed,
-                        (0, 2**31 - 1),
-                        "Source of the random numbers: the same seed gives the same file.",
-                    ),
-                ),
-                strict=True,
-            )
-        )
-        left, right = st.columns(2)
-        fix_k3 = left.checkbox(
-            "Hold k3 at 0",
-            **setting(project, "lens_fix_k3", paper.fix_k3, yes_or_no).widget(),
-            help="Steadier for long lenses, which distort little. Paper: not held.",
-        )
-        zero_tangential = right.checkbox(
-            "Hold p1 and p2 at 0",
-            **setting(project, "lens_zero_tangential", paper.zero_tangential, yes_or_no).widget(),
-            help="If the lens is known to be perpendicular to the sensor. Paper: not held.",
-        )
-    return LensSettings(subset, repeats, seed, fix_k3, zero_tangential)
+        numbers, switches = st.columns(3), st.columns(2)
+        for name, about in descriptions(LensSettings).items():
+            if isinstance(about.default, bool):
+                own = setting(project, f"lens_{name}", about.default, yes_or_no)
+                place = switches[len(values) - len(numbers)]
+                values[name] = place.checkbox(about.title, help=about.help, **own.widget())
+            else:
+                bounds = bounds_of(about)
+                own = setting(project, f"lens_{name}", about.default, number(*bounds))
+                values[name] = number_input(numbers[len(values)], about, bounds, own)
+    return LensSettings(**values)
 
 
 def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> jobs.Work:

@@ -29,8 +29,10 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
 }
 """Titles of the pages by group and by the name of their file in `pages/`, in the order of the
 work. The name is the last part of the address too."""
-FORMER_ADDRESSES = {"one-set": "one_set"}
-"""In bookmarks."""
+RIG = "rig"
+"""A page of projects with three cameras and more; other menus do not show it."""
+OTHER_ADDRESSES = {"one-set": "one_set", "start": "start", "lenses": "cameras"}
+"""Of bookmarks, and what people type."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _DRAWN = "menu_drawn"
 STATES = "page_states"
@@ -47,9 +49,19 @@ def show_menu() -> StreamlitPage:
         group: [_page(name, title, states.get(name)) for name, title in titles.items()]
         for group, titles in SECTIONS.items()
     }
+    shown = RIG in states
+    of_rig = st.Page(
+        f"pages/{RIG}.py",
+        title="Rig",
+        icon=states[RIG].icon if shown else None,
+        help=states[RIG].words if shown else None,
+        url_path=RIG,
+        visibility="visible" if shown else "hidden",
+    )
+    sections["Calibrate"].insert(1, of_rig)
     sections["Use"] += [
         st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
-        for address, name in FORMER_ADDRESSES.items()
+        for address, name in OTHER_ADDRESSES.items()
     ]
     return st.navigation(sections, expanded=True)
 
@@ -71,7 +83,7 @@ def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
         title=title,
         icon=state.icon if state else None,
         help=state.words if state else None,
-        url_path=name,
+        url_path="home" if name == "start" else name,  # the first page has no path
         default=name == "start",
     )
 

@@ -13,11 +13,12 @@ from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import StereocalError
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
-from stereocal.ui.menu import FORMER_ADDRESSES, STATES, TITLES, show_menu
+from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, TITLES, show_menu
 from stereocal.ui.messages import callback, forget_messages, show_messages
 from stereocal.ui.page_states import page_states
 from stereocal.ui.project import (
@@ -94,8 +95,8 @@ def run_page(page: StreamlitPage) -> None:
     callback(check_dropped)()
     if chosen := st.session_state.pop(_NEXT, None):
         st.switch_page(chosen)
-    if open_created() and page.url_path == "":
-        st.switch_page("pages/data.py")
+    if open_created():
+        _leave_for_created(page)
     top = st.container()
     shown = show_messages(top)
     _take_focus(page)
@@ -116,6 +117,16 @@ def run_page(page: StreamlitPage) -> None:
     _show_states(project, saved)
     # Messages queued meanwhile; if the page is drawn again, it shows all of them.
     forget_messages(shown + show_messages(top, shown))
+
+
+def _leave_for_created(page: StreamlitPage) -> None:
+    """Go where a project that was just created goes on: a sample, or a pair of a rig."""
+    project = open_or_none()
+    if page.url_path == RIG:
+        st.switch_page("pages/calibrate.py")
+    elif page.url_path == "":
+        several = project is not None and ProjectRecording(project).is_given
+        st.switch_page("pages/rig.py" if several else "pages/data.py")
 
 
 def _take_focus(page: StreamlitPage) -> None:
@@ -140,7 +151,7 @@ def _show_states(project: Project | None, saved: DeltaGenerator) -> None:
 
 def _show_next(page: StreamlitPage) -> None:
     """The button to the next page; none on Start, which has its own, and on the last page."""
-    name = FORMER_ADDRESSES.get(page.url_path, page.url_path)
+    name = OTHER_ADDRESSES.get(page.url_path, page.url_path)
     following = dict(pairwise(_ORDER)).get(name)
     if following is not None:
         st.button(

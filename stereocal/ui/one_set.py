@@ -62,7 +62,7 @@ MOST_NAMED = 12
 
 def show_verdict(answer: Answer) -> None:
     """The recommendation, the figures behind it, and what would help."""
-    show_recommendation(answer.recommendation)
+    show_recommendation(answer)
     outlook = answer.outlook
     if outlook is None:
         return
@@ -87,6 +87,10 @@ def show_disagreement(inputs: list[Input]) -> None:
     if inputs:
         with st.expander("Stated and estimated", expanded=not accused):
             st.table(disagreement_table(inputs))
+            st.caption(
+                "The estimate contains what was stated. The disagreement is with what the images "
+                "and the other inputs say without it."
+            )
 
 
 def show_seeds(answer: Answer) -> None:

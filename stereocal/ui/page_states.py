@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stereocal.figures.style import count
+from stereocal.network.rig_file import RIG
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.check import IMAGES, ProjectCheck
 from stereocal.projects.project import Project
+from stereocal.projects.recording import RIG_FILES, ProjectRecording
 from stereocal.ui.forms import form_values, search_values, settings_of
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.status import staleness
@@ -53,6 +55,15 @@ def page_states(project: Project | None) -> dict[str, PageState]:
 
 
 def _states(project: Project) -> dict[str, PageState]:
+    recording = ProjectRecording(project)
+    if recording.is_given:
+        kept = recording.database.file(RIG_FILES, RIG)
+        of_rig = (
+            PageState("missing", "Not calibrated yet")
+            if kept is None
+            else PageState("done", "Calibrated together")
+        )
+        return {"data": PageState("done", "A recording of several cameras"), "rig": of_rig}
     inputs, dataset = project.inputs, project.dataset
     lenses = [slot for slot in ("primary", "secondary") if slot not in inputs.files]
     found = {

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import streamlit as st
 
+from stereocal.detection.target import BAR, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpack_detection
@@ -14,9 +15,18 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import SUFFIXES
+from stereocal.system.records import plain
 from stereocal.ui import jobs
 from stereocal.ui.archives import ask_about_archive
+from stereocal.ui.boards import boards_in
 from stereocal.ui.fields import one_of, setting
+from stereocal.ui.holding import (
+    ask_what_is_held,
+    held_text,
+    holds_board,
+    is_stale,
+    keep_what_was_found,
+)
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     GIVEN_AS,
@@ -156,17 +166,21 @@ def _find_targets(store: ProjectPhotographs) -> None:
     running = jobs.is_running(project, "photographs")
     frames = readable(lambda: store.frames)
     lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
+    target = ask_what_is_held(store, rows[0].pair if rows else None, frames is not None)
+    if holds_board(project):
+        boards_in(store)
+        return
     if lacking:
         st.info(
             f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
             " to tell A from B."
         )
-    work = _work(store, [row.pair for row in rows])
+    work = _work(store, [row.pair for row in rows], target or BAR)
     st.button(
         "Find the targets" if frames is None else "Find the targets again",
         key="find_targets",
         type="primary" if frames is None else "secondary",
-        disabled=running or bool(lacking) or not rows,
+        disabled=running or bool(lacking) or not rows or target is None,
         on_click=_start,
         args=(work,),
     )
@@ -184,6 +198,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
             "The pairs or their photographs have changed since the targets were found. Find them "
             "again."
         )
+    elif is_stale(project):
+        st.warning("These are the targets of what you said before that you hold. Find them again.")
     show_frames(store, frames, running)
 
 
@@ -192,18 +208,26 @@ def _start(work: jobs.Work) -> None:
     jobs.start(work)
 
 
-def _work(store: ProjectPhotographs, pairs: Sequence[Pair]) -> jobs.Work:
+def _work(store: ProjectPhotographs, pairs: Sequence[Pair], target: Target) -> jobs.Work:
     files = {name: path.name for name, path in store.photographs.items()}
+    held = held_text(store.project)
     about = {
         "pairs": [[p.frame, *((n, files.get(n)) for n in (p.primary, p.secondary))] for p in pairs],
         "cameras": [camera and camera.to_json() for camera in store.project.cameras],
+        **({} if target == BAR else {"target": plain(target)}),
     }
     return jobs.Work(
-        store.project, "photographs", STAGES, about, lambda job: _find(store, pairs, job)
+        store.project,
+        "photographs",
+        STAGES,
+        about,
+        lambda job: _find(store, pairs, target, held, job),
     )
 
 
-def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bool:
+def _find(
+    store: ProjectPhotographs, pairs: Sequence[Pair], target: Target, held: str, job: jobs.Job
+) -> bool:
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file was removed from the project; give it again.")
@@ -218,8 +242,10 @@ def _find(store: ProjectPhotographs, pairs: Sequence[Pair], job: jobs.Job) -> bo
         job.progress,
         lambda: job.cancelled,
         pieces=job.checkpoints("detections", pack_detection, unpack_detection),
+        target=target,
     )
     if found is None:
         return False
+    keep_what_was_found(store.project, held)
     store.keep_found(found, searched, job.digest)
     return True

@@ -75,8 +75,8 @@ class Pick:
 
 
 def encode(image: npt.NDArray[np.uint8], name: str) -> Shown:
-    """A grey photograph for `pick`; `name` must be unique."""
-    height, width = image.shape
+    """A photograph, grey or in colours, for `pick`; `name` must be unique."""
+    height, width = image.shape[:2]
     if width * height > MOST_PIXELS:
         shrink = math.sqrt(MOST_PIXELS / (width * height))
         size = max(1, int(width * shrink)), max(1, int(height * shrink))

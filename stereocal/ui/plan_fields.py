@@ -47,9 +47,6 @@ def plan_controls(project: Project | None) -> Plan:
 
     Returns:
         The plan that they state.
-
-    Raises:
-        StereocalError: a plan that cannot work.
     """
     cameras = _cameras(project)
     pose = _pose(project)
@@ -199,11 +196,7 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
 
 
 def take_camera(kept: Field, content: bytes, name: str, model: LensModel | None = None) -> None:
-    """Keep the camera in a file; if it may be a fisheye's, ask.
-
-    Raises:
-        StereocalError: it is not a camera file.
-    """
+    """Keep the camera in a file; if it may be a fisheye's, ask."""
     try:
         camera = read_camera(content, name, model)
     except FourCoefficientsError as error:

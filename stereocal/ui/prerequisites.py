@@ -7,6 +7,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.lengths import ask_if_measured
@@ -38,6 +39,10 @@ def project_with_data() -> tuple[Project, Inputs, Dataset]:
     if project is None or inputs is None or dataset is None:
         if project is not None:
             ask_if_measured(project)
+        if project is not None and ProjectRecording(project).is_given:
+            st.info("This project holds a recording of several cameras: open a pair of them.")
+            st.page_link("pages/rig.py", label="Open a pair on the page Rig")
+            end_here()
         missing = missing_of(project) if project else "points, cameras and two lengths"
         st.info(f"Before this page can answer, it needs {missing}.")
         st.page_link("pages/data.py", label="Give them on the Data page")

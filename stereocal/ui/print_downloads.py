@@ -19,8 +19,8 @@ from stereocal.field.printing.print_target import (
     print_targets,
 )
 from stereocal.field.printing.sheet import field_sheet
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.projects.project import Project
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import number, one_of, setting
 

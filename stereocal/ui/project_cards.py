@@ -50,7 +50,7 @@ def _show(one: Listed) -> None:
         card = _card(one.id, one.changed)
     except StereocalError as error:
         card = Card("cannot be read", str(error))
-    state = ", validated" * ("evaluation" in one.finished) + ", interrupted" * one.interrupted
+    state = ", interrupted" * one.interrupted
     st.markdown(f"**{escape_markdown(one.title)}**")
     st.caption(
         f"{date_of(one.changed)}, {escape_markdown(card.data)}  \n"

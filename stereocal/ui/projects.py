@@ -17,6 +17,7 @@ from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
+from stereocal.projects.database import journal_of
 from stereocal.projects.home import (
     delete,
     find_projects,
@@ -25,7 +26,6 @@ from stereocal.projects.home import (
     removed_at,
     removed_projects,
 )
-from stereocal.projects.journal_mode import journal_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
@@ -166,7 +166,7 @@ def _show_removed() -> None:
         for one in _of_page(removed, "removed_page"):
             text, button = st.columns([6, 2], vertical_alignment="center")
             title = escape_markdown(one.title or "A damaged project")
-            text.markdown(f"{title}, removed {date_of(one.removed)}")
+            text.markdown(f"{title}, removed {date_of(one.changed)}")
             with button, st.container(horizontal=True):
                 st.button(
                     "Bring back",

@@ -40,17 +40,23 @@ class _Refusal:
     """Callbacks by the label of their button; two at most."""
 
 
-def refuse(error: StereocalError, left: int = 0, retry: Callable[[], None] | None = None) -> None:
+def refuse(
+    error: StereocalError,
+    left: int = 0,
+    retry: Callable[[], None] | None = None,
+    ways: Mapping[str, Callable[[], None]] | None = None,
+) -> None:
     """Show a refusal on the page.
 
     Args:
         left: number of valid rows.
         retry: uses only these.
+        ways: other ways to continue, by the label of their button.
     """
     problems = error.problems if isinstance(error, RefusedRowsError) else ()
     label = f"Leave these rows out and use the other {left}"
-    ways = {label: retry} if retry is not None and left else {}
-    st.session_state[_REFUSED] = _Refusal(str(error), problems, ways)
+    rest = {label: retry} if retry is not None and left else {}
+    st.session_state[_REFUSED] = _Refusal(str(error), problems, {**rest, **(ways or {})})
 
 
 def clear_refusal() -> None:

@@ -27,7 +27,7 @@ from stereocal.ui.parameter_files import FILES, hold_downloads, parameter_downlo
 from stereocal.ui.screening import offer_to_bring_into_step, show_left_out
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.verdict.recommendation import Figure, Recommendation
+from stereocal.verdict.recommendation import Figure
 from stereocal.workflow import Answer
 
 TILES = ("Wrong pairs let in", "Length error, median", "Threshold")
@@ -46,7 +46,9 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
         st.warning(escape_markdown(warning))
     offer_to_bring_into_step(project, found)
     if answer:
-        show_recommendation(answer.recommendation)
+        for item in filter(lambda item: item.accused, answer.inputs):
+            st.warning(escape_markdown(item.advice))
+        show_recommendation(answer)
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
     show_left_out(project, found, partial(look_at_frame, project, found))
@@ -60,12 +62,14 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     show_closer_looks(project, found, answer)
 
 
-def show_recommendation(recommendation: Recommendation) -> None:
-    """What to use; green if it may be relied on."""
+def show_recommendation(answer: Answer) -> None:
+    """What to use; green if it may be relied on, and no input contradicts the images."""
+    recommendation = answer.recommendation
     if recommendation.caution:
         st.error(escape_markdown(f"Do not rely on this result: {recommendation.caution}"))
     first, *others = map(escape_markdown, recommendation.sentences)
-    sound = recommendation.forecast_holds and not recommendation.caution
+    accused = any(item.accused for item in answer.inputs)
+    sound = recommendation.forecast_holds and not recommendation.caution and not accused
     (st.success if sound else st.info)("\n\n".join([f"**{first}**", *others]))
 
 
@@ -145,7 +149,8 @@ def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> No
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
     usual = answer.recommendation.measure.method if answer else "3d"
-    seen = setting(project, "rig_method", usual, one_of(methods), tabs_own=True)
+    name = "rig_method" if answer else "rig_method_before"  # so that the answer's set is shown
+    seen = setting(project, name, usual, one_of(methods), tabs_own=True)
     method = left.segmented_control(
         "Set", methods, format_func=METHOD_NAMES.__getitem__, required=True, **seen.widget()
     )

@@ -30,9 +30,10 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import TARGETS
-from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.holding import called, held_target, is_coloured
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
@@ -92,7 +93,7 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         "Keep the raw click",
         **_raw(store).widget(),
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
-        "goes to the fitted corner near the click.",
+        f"goes to the {called(held_target(store.project))} near the click.",
     )
     _show_outcome(store, frame)
     for camera, column in enumerate(st.columns(2)):
@@ -175,7 +176,8 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     st.markdown(f"**{name.capitalize()}** · {escape_markdown(frame.files[camera])}")
     try:
         file = _file_of(store, frame, camera)
-        shown = _shown(file.name, file, frame.files[camera])
+        coloured = is_coloured(held_target(store.project))
+        shown = _shown(file.name, coloured, file, frame.files[camera])
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
@@ -209,9 +211,13 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
 
 
 @st.cache_data(show_spinner=False, max_entries=16)
-def _shown(digest: str, _file: StoredFile, _name: str) -> Shown:
+def _shown(digest: str, coloured: bool, _file: StoredFile, _name: str) -> Shown:
     """The photograph for the browser, cached by digest."""
-    return encode(eight_bits(read_photograph(_file, _name)), digest)
+    return encode(eight_bits(_read(coloured, _file, _name)), digest)
+
+
+def _read(coloured: bool, file: StoredFile, name: str) -> GreyImage:
+    return read_colours(file, name) if coloured else read_photograph(file, name)
 
 
 def _file_of(store: ProjectPhotographs, frame: Frame, camera: int) -> StoredFile:
@@ -236,9 +242,12 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
         file = _file_of(store, frame, camera)
         if file.name != click.id:
             return now
-        centre = centre_at(read_photograph(file, frame.files[camera]), (click.u, click.v), raw)
+        held = held_target(store.project)
+        image = _read(is_coloured(held), file, frame.files[camera])
+        lens = store.project.cameras[camera]
+        centre = centre_at(image, (click.u, click.v), raw, held, lens)
         target = TARGETS.index(wanted) if wanted in TARGETS else target_meant(frame, camera, centre)
-        what = "where you clicked" if raw else "at the fitted corner"
+        what = "where you clicked" if raw else f"at the {called(held)}"
         sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"
         placed = (
             f"{TARGETS[target]} in the {CAMERAS[camera]} photograph is now {what}, "
@@ -309,7 +318,8 @@ def _show_outcome(store: ProjectPhotographs, frame: Frame) -> None:
     if text and text[0] == frame.frame and text[1]:
         (st.warning if text[2] else st.success)(escape_markdown(text[1]))
     else:
-        where = "to where you click" if _raw(store).value() else "to the fitted corner there"
+        fitted = f"to the {called(held_target(store.project))} there"
+        where = "to where you click" if _raw(store).value() else fitted
         st.info(f"Click near the middle of a target: it moves {where}.")
 
 

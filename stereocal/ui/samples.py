@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.dataset_files import TABLE
+from stereocal.formats.recording_files import POINTS
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.lens import ProjectLens
@@ -20,7 +21,9 @@ from stereocal.ui.jobs import pool
 from stereocal.ui.project import project_to_write
 
 SAMPLES = ROOT / "sample_data"
-RECORDING, FIELD, PHOTOGRAPHS = (SAMPLES / name for name in ("recording", "field", "photographs"))
+RECORDING, FIELD, PHOTOGRAPHS, RIG = (
+    SAMPLES / name for name in ("recording", "field", "photographs", "rig")
+)
 DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
 
 
@@ -35,11 +38,7 @@ def begin_sample(making: list[Future[Project]], make: Callable[[], Project]) -> 
 
 
 def real_recording() -> Project:
-    """A project with the real recording; its middle marker is the points to match and measure.
-
-    Raises:
-        StereocalError: the sample cannot be read, or the disk is full.
-    """
+    """A project with the real recording; its middle marker is the points to match and measure."""
     project = Project.create(default_home())
     give_dataset(project, _files(RECORDING, (*DESCRIPTION, TABLE)), "real recording")
     store = ProjectApplication(project)
@@ -49,23 +48,24 @@ def real_recording() -> Project:
     return project
 
 
-def sample_points() -> Project:
-    """A project with the simulated data set of points.
+def three_cameras() -> Project:
+    """A project with the real recording of three cameras."""
+    project = Project.create(default_home())
+    cameras = [path.name for path in sorted(RIG.glob("*.yaml"))]
+    names = [DESCRIPTION[0], POINTS, *cameras]
+    give_dataset(project, _files(RIG, names), "three cameras")
+    return project
 
-    Raises:
-        StereocalError: the sample cannot be read, or the disk is full.
-    """
+
+def sample_points() -> Project:
+    """A project with the simulated data set of points."""
     project = Project.create(default_home())
     give_dataset(project, _files(FIELD, (*DESCRIPTION, TABLE)), "sample data")
     return project
 
 
 def sample_photographs() -> Project:
-    """A project with photographs of the bar and of the boards, the lenses and the lengths.
-
-    Raises:
-        StereocalError: the sample cannot be read, or the disk is full.
-    """
+    """A project with photographs of the bar and of the boards, the lenses and the lengths."""
     project = Project.create(default_home())
     give_dataset(project, _files(PHOTOGRAPHS, DESCRIPTION), "sample photographs", _bars)
     _give_boards(project)
@@ -82,10 +82,8 @@ def load_sample_boards() -> None:
 
 
 def _files(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
-    try:
+    with disk_errors(f"{folder} cannot be read"):
         return {name: (folder / name).read_bytes() for name in names}
-    except OSError as error:
-        raise StereocalError(f"{folder} cannot be read: {error.strerror or error}.") from error
 
 
 def _give_boards(project: Project) -> None:

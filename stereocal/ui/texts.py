@@ -18,7 +18,8 @@ NEEDED = """
    chessboard by each camera, for the Lenses page.
 3. **The baseline**: the distance between the two cameras, measured with a laser range finder.
 4. **The distance between the two targets** on the bar, centre to centre.
-5. Nothing else: the stereocal server computes everything, and nothing is sent elsewhere.
+
+No more: everything is computed here, and nothing is sent elsewhere.
 """
 
 VALIDATE = """
@@ -26,6 +27,8 @@ Many times over, some frames are drawn to calibrate with, and the others test th
 **Matching**: do correct pairs of points have smaller errors than wrong ones? Where the two curves
 overlap, a wrong pair looks right: the overlap is the *false correspondence probability* (FCP).
 **Measuring**: how far off are the lengths of bars that took no part?
+Each run finds sets of its own, and 3D sets differ much in matching: what your own files will do is
+on the Calibrate page.
 """
 
 

@@ -99,11 +99,7 @@ def _look(watch: Watch) -> None:
 
 
 def check_dropped() -> None:
-    """Report uploads that were dropped.
-
-    Raises:
-        StereocalError: uploads of this session were too large or too slow.
-    """
+    """Report uploads that were dropped."""
     watch, run = watch_uploads(), get_script_run_ctx()
     if watch is not None and run is not None and watch.has_dropped(run.session_id):
         raise StereocalError(

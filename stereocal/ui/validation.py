@@ -22,6 +22,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.system.described import descriptions
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, number, one_of, setting
@@ -35,6 +36,11 @@ from stereocal.workflow import usual_frames
 NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 SPLITS: dict[Splits, str] = {"runs": "Whole runs of frames", "frames": "Single frames (paper)"}
+ABOUT = descriptions(EvaluationSettings)
+RUNS = (10, 500)
+"""Ends of the slider of the runs."""
+FEWEST_FRAMES = 3
+"""Bars of two points whose pose can be solved for: five points."""
 STAGES = ("runs",)
 INSTANT = 120
 """Runs of 25 frames that take under a second, and so are computed as the controls move."""
@@ -63,28 +69,17 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     """The form of the protocol: number of runs and of frames."""
     runs, frames, most = _protocol_fields(project, datasets)
     left, right = st.columns(2)
-    left.slider(
-        "Runs",
-        10,
-        500,
-        step=10,
-        help="How often frames are drawn again. Paper: 100.",
-        **runs.widget(),
-    )
-    right.slider(
-        "Frames to calibrate with; the others test",
-        1,
-        most,
-        help="Paper: 20 of 25.",
-        **frames.widget(),
-    )
+    about = ABOUT["runs"]
+    left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
+    about = ABOUT["calibration_frames"]
+    right.slider(about.title, min(FEWEST_FRAMES, most), most, help=about.help, **frames.widget())
+    about = ABOUT["splits"]
     st.segmented_control(
-        "Left out together",
+        about.title,
         SPLITS,
         format_func=SPLITS.__getitem__,
         required=True,
-        help="Neighbouring frames of a moving bar have alike errors: tested on one, a fit of the "
-        "other looks better than it is. For frames taken one by one both are the same.",
+        help=about.help,
         **_splits(project).widget(),
     )
     search_form(project)
@@ -92,7 +87,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
 
 
 def _splits(project: Project) -> Field:
-    return setting(project, "validate_splits", "runs", one_of(list(SPLITS)))
+    return setting(project, "validate_splits", ABOUT["splits"].default, one_of(list(SPLITS)))
 
 
 def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
@@ -103,9 +98,10 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
         counted = [each.dataset for each in screenings]
     fewest = min(len(each.correspondences.frames) for each in counted)
     most = max(fewest - 2, 2)
+    bounds = min(FEWEST_FRAMES, most), most
     return (
-        setting(project, "validate_runs", 100, number(10, 500)),
-        setting(project, "validate_frames", min(usual_frames(fewest), most), number(1, most)),
+        setting(project, "validate_runs", ABOUT["runs"].default, number(*RUNS)),
+        setting(project, "validate_frames", min(usual_frames(fewest), most), number(*bounds)),
         most,
     )
 

@@ -97,7 +97,12 @@ def _settings(project: Project | None) -> VideoSettings:
             format="%.6g",
             **setting(project, "video_later_s", 0.0, number(-1e12)).widget(),
         )
-    return VideoSettings(choice, n, later)
+    coloured = st.toggle(
+        "Keep the colours",
+        help="For balls that differ by colour. Otherwise the frames are grey, a third of the size.",
+        **setting(project, "video_coloured", False, yes_or_no).widget(),
+    )
+    return VideoSettings(choice, n, later, coloured)
 
 
 def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
@@ -124,7 +129,7 @@ def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
         return
     about: dict[str, Any] = {
         "videos": [[upload.name, upload.size] for upload in uploads],
-        "settings": [settings.choice, settings.n, settings.later_s],
+        "settings": [settings.choice, settings.n, settings.later_s, settings.coloured],
     }
     first, second = paths
 

@@ -39,7 +39,6 @@ HELP = (
 class Given:
     """A stored file that says where the world frame is."""
 
-    label: str
     file: StoredFile
     pose: Pose | None
     """Of a file that states the frame itself."""
@@ -73,10 +72,10 @@ def choose_world(project: Project, store: ProjectApplication, rig: RigParameters
 
 def _lacks_frame_rate(project: Project, store: ProjectApplication) -> bool:
     found = store.world_file
-    if found is None or is_json(found[0]) or _rate_field(project).value() is not None:
+    if found is None or is_json(found.label) or _rate_field(project).value() is not None:
         return False
     try:
-        return kind_of_table(found[1].read_bytes(), found[0]) == FRAME
+        return kind_of_table(found.read_bytes(), found.label) == FRAME
     except StereocalError:
         return False
 
@@ -98,10 +97,10 @@ def _take_file(store: ProjectApplication) -> None:
 
 def _given(project: Project, store: ProjectApplication) -> Given | None:
     """The file in use, and what it asks."""
-    found = store.world_file
-    if found is None:
+    file = store.world_file
+    if file is None:
         return None
-    label, file = found
+    label = file.label
     with st.container(horizontal=True, vertical_alignment="center"):
         st.caption(f"In use: {escape_markdown(label)}")
         st.button(
@@ -110,12 +109,12 @@ def _given(project: Project, store: ProjectApplication) -> Given | None:
     content = file.read_bytes()
     kind = None if is_json(label) else _kind(content, label)
     if kind is None:
-        return Given(label, file, parse_world(content, label), None)
+        return Given(file, parse_world(content, label), None)
     rate = _frame_rate(project) if kind == FRAME else None
     if kind == FRAME and rate is None:
         st.info("Give the frame rate of the cameras.")
-        return Given(label, file, None, None)
-    return Given(label, file, None, read_observed(content, label, rate))
+        return Given(file, None, None)
+    return Given(file, None, read_observed(content, label, rate))
 
 
 def _kind(content: bytes, label: str) -> str | None:

@@ -35,7 +35,7 @@ MANY_BARS = 1000
 
 def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Generator) -> FloatArray:
     """Ends A and B of fresh bars, (draws, bars, 2, 3) in metres in the primary's frame."""
-    ends = model.points_m[~model.outlying]
+    ends = model.used_points_m
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
     if len(ends) < MINIMUM_BARS:
         raise StereocalError("A forecast needs at least 3 bars with both targets.")

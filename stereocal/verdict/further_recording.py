@@ -109,7 +109,7 @@ def _length_of_places(model: RefinedResult) -> int:
     table, frames = model.dataset.correspondences, model.frames[~model.outlying]
     first = np.unique(table.frame, return_index=True)
     times = table.time_frame[first[1][np.searchsorted(first[0], frames)]]
-    middles = model.points_m[~model.outlying].mean(axis=1)
+    middles = model.middles_m[~model.outlying]
     places = np.column_stack([middles[:, :2] / middles[:, 2:], np.log(middles[:, 2])])
     order = np.argsort(times)
     return clusters_of(times[order], (places - np.nanmean(places, axis=0))[order]).length

@@ -18,7 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.innovations import Innovations, bar_innovations
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.solve import ESTIMATED, SMALLEST_SCATTER
+from stereocal.refined.robust import ESTIMATED, SMALLEST_SCATTER
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -164,8 +164,7 @@ def check_model(
         for what, own, spread in zip((IN_IMAGES, IN_LENGTH), everywhere, spreads, strict=True)
     )
     places: list[HeldOutRatio] = []
-    at = np.searchsorted(refined.frames, table.frame)
-    depths = refined.points_m[at, table.target, 2]
+    depths = refined.points_m[refined.dataset.correspondences.parts][refined.used_rows, 2]
     radii = image_radii(refined, np.hstack([table.primary, table.secondary]))
     for names, own, drawn in (
         (PLACES[:2], depths, predictive.depths),

@@ -110,7 +110,7 @@ def _freedom(model: RefinedResult) -> float:
     M = model.unknowns.M
     spent = float(np.sum(model.p_covariance_by_model * (M.T @ model.information @ M)))
     freedom = float(model.degrees_of_freedom[used].sum())
-    pairs = float(np.isfinite(model.points_m[used, :, 0]).sum())
+    pairs = float(np.isfinite(model.used_points_m[:, :, 0]).sum())
     return max(pairs * (1.0 - spent / freedom), 1.0)
 
 

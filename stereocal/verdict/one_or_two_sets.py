@@ -20,6 +20,7 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import digits
 from stereocal.verdict.intervals import TAILS
 from stereocal.verdict.model_check import ModelCheck
 from stereocal.verdict.predictive import Predictive
@@ -99,9 +100,9 @@ def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) ->
     px = {name: of[name].mean_reprojection_px.value for name in SETS}
     length = {name: of[name].mean_error_3d.value for name in SETS}
     return (
-        f"On similar bars, the refined set matches with an error of {px['refined']:.2f} px, the "
-        f"2D set with {px['2d']:.2f} px ({_in_words(matching)}); it measures with an error of "
-        f"{_percent(length['refined'])}, the 3D set with {_percent(length['3d'])} "
+        f"On similar bars, the refined set matches with an error of {digits(px['refined'], 2)} px, "
+        f"the 2D set with {digits(px['2d'], 2)} px ({_in_words(matching)}); it measures with an "
+        f"error of {_percent(length['refined'])}, the 3D set with {_percent(length['3d'])} "
         f"({_in_words(measuring)})."
     )
 
@@ -129,4 +130,4 @@ def _in_words(ratio: Estimate) -> str:
 
 
 def _percent(fraction: float) -> str:
-    return f"{100 * fraction:.2f} %"
+    return f"{digits(100 * fraction, 2)} %"

@@ -279,7 +279,7 @@ def predict(
     radii = image_radii(model, pixels.reshape(-1, 4)).reshape(*halves, 2)
     radii = 0.5 * (radii[..., 0] + radii[..., 1])
     depths = 0.5 * (ends[..., 0, 2] + ends[..., 1, 2]).reshape(halves)
-    recorded = int(np.isfinite(model.points_m[~model.outlying]).all(axis=(1, 2)).sum())
+    recorded = int(np.isfinite(model.used_points_m).all(axis=(1, 2)).sum())
     further = further_recordings(model, files, seed)
     narrow = counts.astype(np.uint16)
     return Predictive(methods, narrow, correct_px, lengths, depths, radii, recorded, further)

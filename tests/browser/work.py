@@ -71,7 +71,7 @@ def finished_project(home: Path) -> str:
         )
         lens = calibrate_lens(search(BOARDS, 1), LensSettings(subset=8, repeats=12), executor)
     assert frames is not None and lens is not None
-    store.keep_frames(frames)
+    store.keep_corrected(frames)
     boards = ProjectLens(project, "primary")
     first = png(photographed(facing()))
     boards.add({"00.png": boards.keep("00.png", first)})

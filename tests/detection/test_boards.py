@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import in_order, outer_squares
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.photograph import read_photograph

@@ -27,6 +27,7 @@ NOT_RUN = {
     "stereocal-env/bin/pip": "tests/test_wheel.py installs the wheel",
     "stereocal serve": "serves until it is stopped; tests/browser/test_installed.py runs it",
     "python -m tools.photographs": "a minute; tests/tools renders some",
+    "python -m tools.photographs.ball_sample": "half a minute; tests/tools renders a frame of it",
     "docker": "needs Docker",
 }
 """Beginnings of commands that are not run here, and why."""
@@ -130,7 +131,7 @@ def test_options_that_are_named_are_there() -> None:
         inline = re.findall(
             r"`(?!python -m (?:benchmarks|tools|tests)\.)[^`\n]+`", page.read_text(encoding="utf-8")
         )
-        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", " ".join(inline)))
+        named = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]+", " ".join(inline)))
         assert named <= ours | OTHERS or page.parent.name == "benchmarks", name_of(page)
 
 

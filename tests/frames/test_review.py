@@ -200,7 +200,7 @@ class TestProject:
             }
         )
         made = ProjectPhotographs(project)
-        made.keep_frames(START.frames)
+        made.keep_corrected(START.frames)
         return made
 
     def test_edits_reach_the_table_and_survive(self, store: ProjectPhotographs) -> None:

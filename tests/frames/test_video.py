@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
-from stereocal.system.photograph import GreyImage, decode_photograph
-from tests.videos import number_in, write_video
+from stereocal.system.photograph import GreyImage, decode_colours, decode_photograph
+from tests.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
 
@@ -51,6 +52,23 @@ def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None
     text = " ".join(report.sentences)
     assert "60 frames, 25 frames a second; no frame is missing" in text
     assert not report.frames_missing
+
+
+def test_frames_keep_their_colours_when_asked(tmp_path: Path) -> None:
+    def red(number: int) -> GreyImage:
+        grey = picture(number)
+        return np.stack([grey, grey // 2, grey // 2], axis=-1).astype(np.uint8)
+
+    videos = (
+        write_video(tmp_path / "a.mp4", constant(12), draw=red),
+        write_video(tmp_path / "b.mp4", constant(12), draw=red),
+    )
+    for coloured in (True, False):
+        frames: dict[str, bytes] = {}
+        extract(videos, VideoSettings("every", 5, coloured=coloured), frames.__setitem__)
+        for name, content in frames.items():
+            blue, _, reds = (part.astype(int) for part in cv2.split(decode_colours(content, name)))
+            assert (float((reds - blue).mean()) > 15.0) == coloured
 
 
 def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) -> None:

@@ -197,3 +197,9 @@ class TestPurposeAndRig:
     def test_other_rigs_are_refused(self, change: dict[str, object], says: str) -> None:
         with pytest.raises(StereocalError, match=f"different rigs.*{says}"):
             refuse_different_rigs(RIG_2D, replace(RIG_2D, **change))  # type: ignore[arg-type]
+
+    def test_sets_of_one_recording_accuse_its_lengths_and_not_another_rig(self) -> None:
+        one = replace(RIG_2D, inputs={"sha256": "ab"})
+        other = replace(one, pose=Pose.from_angles(ANGLES._replace(yaw=0.5), BASELINE_M))
+        with pytest.raises(StereocalError, match=r"one recording.*14.9 degrees.*length or a lens"):
+            refuse_different_rigs(one, other)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
@@ -65,6 +67,17 @@ def test_standard_errors_are_the_scatter_of_repeated_images() -> None:
     # 600 repeats fix a standard deviation to 2.9 %, and the raw image's noise is a few percent
     # larger or smaller in the undistorted one; measured: within 8 %.
     np.testing.assert_allclose(repeated.std(axis=0), np.asarray(sigma), rtol=0.15)
+
+
+def test_a_covariance_is_symmetric_within_its_standard_errors() -> None:
+    """An entry near 0 has no digits of its own: a sound file of a wrong bar was refused."""
+    nearly = np.diag([1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
+    nearly[0, 1] = 1e-17
+    sigma = reconstruct_points(RIG_3D, *PIXELS, pose_covariance=nearly).sigma_m
+    assert sigma is not None and np.isfinite(sigma).all()
+    nearly[0, 1] = 1e-7
+    with pytest.raises(StereocalError, match="symmetric"):
+        reconstruct_points(RIG_3D, *PIXELS, pose_covariance=nearly)
 
 
 def test_the_covariance_of_the_pose_adds() -> None:

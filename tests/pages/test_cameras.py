@@ -89,4 +89,4 @@ def test_photographs_to_the_projects_camera(
 def test_sample_photographs(app: AppTest, home: Path) -> None:
     app.button(key="sample_boards").click().run()
     for which in CAMERAS:
-        assert len(store_of(app, home, which).photographs) == 25
+        assert len(store_of(app, home, which).photographs) == 22

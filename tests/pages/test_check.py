@@ -106,7 +106,7 @@ def test_a_table_of_bars_and_the_archive(
     for name, content in ((PARAMETERS, files.parameters), (IMAGES, files.table)):
         found = store.file(name)
         assert found is not None
-        assert found[1].read_bytes() == content
+        assert found.read_bytes() == content
 
 
 def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:

@@ -8,7 +8,6 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.errors import StereocalError
-from stereocal.projects.files import keep_result
 from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
@@ -28,7 +27,7 @@ def test_a_damaged_result_costs_itself_alone(kind: str, home: Path) -> None:
     page, words = RESULTS[kind]
     app = go(session(project), "start")
     for content in (b"", b"{", b"\x93\x00{]\xff" * 40, b'{"x": [1]}'):
-        keep_result(project.database, kind, content)
+        project.database.keep_result(kind, content)
         go(go(app, "start"), page)
         assert not app.exception
         if kind != "applied":  # what is quick to compute is computed again

@@ -39,7 +39,7 @@ def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     assert project.inputs.missing == ["the table of points"]
     assert "Still missing: the targets in the photographs (press *Find the targets*)" in said(app)
     for which in CAMERAS:
-        assert len(ProjectLens(project, which).photographs) == 25
+        assert len(ProjectLens(project, which).photographs) == 22
     app.switch_page("pages/cameras.py").run()
-    assert "25 photographs of the primary camera are here" in said(app)
+    assert "22 photographs of the primary camera are here" in said(app)
     assert app.number_input(key="board_columns").value == 18

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects import data_folder
 from stereocal.projects import home as home_module
-from stereocal.projects.database import Database
+from stereocal.projects.files import Store
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DiskFullError
 from stereocal.ui.menu import TITLES
@@ -24,11 +24,11 @@ REASON = "The disk is full."
 def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every change below the home fails."""
 
-    def full(*_: object, **__: object) -> Database:
+    def full(*_: object, **__: object) -> Store:
         raise DiskFullError(REASON)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Database, "transaction", full)
+        patch.setattr(Store, "transaction", full)
         patch.setattr(data_folder, "create", full)
         patch.setattr(home_module, "copy_database", full)
         yield

@@ -8,7 +8,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.project import Project
-from stereocal.ui.menu import SECTIONS, TITLES
+from stereocal.ui.menu import RIG, SECTIONS, TITLES
 from tests.pages.stored_projects import FULL, go, placed, session
 
 
@@ -25,7 +25,7 @@ def states(app: AppTest) -> dict[str, str]:
 
 def test_every_file_of_pages_is_in_one_group() -> None:
     files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
-    assert sorted(TITLES) == files
+    assert sorted([*TITLES, RIG]) == files
     assert list(SECTIONS) == ["", "Before", "Calibrate", "Use"]
 
 

@@ -88,7 +88,7 @@ def test_detected_points_are_no_table_to_be_parsed(home: Path, tables: list[obje
     assert frames is not None
     moved = [frame.swapped(0) for frame in frames]
     tables.clear()
-    store.keep_frames(moved)
+    store.keep_corrected(moved)
     dataset = project.dataset
     assert dataset is not None and not tables
     rows = dataset.correspondences

@@ -133,6 +133,45 @@ def test_bad_length_is_said_and_the_old_one_stays(
     assert getattr(project_of(app, home).inputs, field) == before
 
 
+def test_a_baseline_in_millimetres_is_taken_with_one_press(app: AppTest, home: Path) -> None:
+    open_sample(app)
+    app.number_input(key="baseline_m_value").set_value(4500.0).run()
+    (way,) = (button for button in app.button if button.label == "It is 4500 mm")
+    way.click().run()
+    assert project_of(app, home).inputs.baseline_m == pytest.approx(4.5)
+    assert "looks like millimetres" not in messages(app)
+
+
+def test_a_bar_in_millimetres_beside_a_baseline_in_metres(app: AppTest, home: Path) -> None:
+    open_sample(app)
+    project = project_of(app, home)
+    project.give({}, target_distance_m=900.0)
+    app.run()
+    assert not [button for button in app.button if button.label.startswith("They are in inch")]
+    app.button(key="bar_in_mm").click().run()
+    assert project.inputs.target_distance_m == pytest.approx(0.9)
+    assert project.inputs.baseline_m == pytest.approx(4.5)
+    assert not app.warning
+
+
+def test_one_camera_file_for_both_cameras_is_noticed(app: AppTest, home: Path) -> None:
+    open_sample(app)
+    project = project_of(app, home)
+    project.give({"secondary": ("primary.json", (FIELD / "primary.json").read_bytes())})
+    app.run()
+    assert "Both cameras have the same file" in messages(app)
+
+
+def test_a_wrong_length_stands_beside_the_recommendation(app: AppTest, home: Path) -> None:
+    """Every figure can be good while all lengths are 5 % wrong."""
+    open_sample(app)
+    project_of(app, home).give({}, target_distance_m=0.95)
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key="run").click().run()
+    assert any("contradict each other" in item.value for item in app.warning)
+    assert not [item.value for item in app.success if "refined set" in item.value]
+
+
 def test_lengths_in_another_unit_are_asked_about_once(app: AppTest, home: Path) -> None:
     open_sample(app)
     project = project_of(app, home)

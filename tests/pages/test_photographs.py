@@ -142,8 +142,8 @@ def test_cancel_leaves_what_was_found_before(
     find(app, tmp_path)
     before = store_of(app, tmp_path).frames
 
-    def wait_for_the_cancel(*_: object, pieces: object) -> None:
-        assert pieces is not None
+    def wait_for_the_cancel(*_: object, pieces: object, target: object) -> None:
+        assert pieces is not None and target is not None
         cancelled = _[-1]
         assert callable(cancelled)
         wait_until(cancelled)

@@ -69,7 +69,7 @@ def store(
 ) -> ProjectPhotographs:
     monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
     made = new_store(tmp_path)
-    made.keep_frames(found_frames(first))
+    made.keep_corrected(found_frames(first))
     return made
 
 

@@ -15,14 +15,15 @@ from hypothesis import strategies as st
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
+from stereocal.detection.sighting import Sighting, Spot
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.search import pack_detection, unpack_detection
-from stereocal.intrinsics.board_pattern import BoardPattern
 from stereocal.intrinsics.boards import BoardView, Refused, find_board
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
 from stereocal.matching.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.photograph import read_photograph
 from stereocal.system.records import pack
 from tests import known_rig as rig
@@ -71,7 +72,11 @@ def test_detections_come_back_to_the_last_bit() -> None:
         packed = pack_detection(found)
         assert packed is not None
         back = unpack_detection(packed)
-        assert same_detections(back, found)
+        assert isinstance(back, Detection) and same_detections(back, found)
+    sighting = Sighting((Spot(1 / 3, 2.0, 0.1, 9.0, ("x",)), None), "no B")
+    packed_sighting = pack_detection(sighting)
+    assert packed_sighting is not None and unpack_detection(packed_sighting) == sighting
+    assert pack_detection(Sighting((None, None), "x", unreadable=True)) is None
     assert pack_detection(refusal((0, 0), "unreadable", "x")) is None
     assert packed is not None
     with pytest.raises(ValueError, match="magic"):

@@ -11,14 +11,14 @@ import threading
 import time
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.projects import database as database_module
-from stereocal.projects import files, journal_mode, servers
-from stereocal.projects.database import Database
-from stereocal.projects.files import files_of, keep_file, keep_values, values_of
+from stereocal.projects import files, job_locks
+from stereocal.projects.files import Store
 from stereocal.projects.home import copy_database, recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -27,7 +27,7 @@ from tests.pages.stored_projects import FULL, placed
 
 
 @pytest.fixture
-def database(tmp_path: Path) -> Database:
+def database(tmp_path: Path) -> Store:
     return Project.create(tmp_path).database
 
 
@@ -35,85 +35,94 @@ class ClickedAwayError(BaseException):
     """As Streamlit ends a script in the middle."""
 
 
-def test_an_act_is_there_whole_or_not_at_all(database: Database) -> None:
+def test_an_act_is_there_whole_or_not_at_all(database: Store) -> None:
     with pytest.raises(ClickedAwayError), database.transaction():
-        keep_values(database, "a", {"x": 1})
-        assert values_of(database, "a") == {"x": 1}
+        database.keep_values("a", {"x": 1})
+        assert database.values("a") == {"x": 1}
         raise ClickedAwayError
-    assert values_of(database, "a") == {}
+    assert database.values("a") == {}
     with database.transaction():
-        keep_values(database, "a", {"x": 2})
+        database.keep_values("a", {"x": 2})
         with pytest.raises(ValueError, match="part"), database.transaction():
-            keep_values(database, "a", {"x": 3, "y": 3})
+            database.keep_values("a", {"x": 3, "y": 3})
             raise ValueError("part")
-        keep_values(database, "a", {"z": 4})
-    assert values_of(database, "a") == {"x": 2, "z": 4}
+        database.keep_values("a", {"z": 4})
+    assert database.values("a") == {"x": 2, "z": 4}
 
 
-def test_tabs_wait_for_each_other_and_the_last_write_holds(database: Database) -> None:
-    keep_values(database, "a", {"count": 0})
+def test_tabs_wait_for_each_other_and_the_last_write_holds(database: Store) -> None:
+    database.keep_values("a", {"count": 0})
 
     def add() -> None:
         for _ in range(15):
             with database.transaction():
-                keep_values(database, "a", {"count": values_of(database, "a")["count"] + 1})
+                database.keep_values("a", {"count": database.values("a")["count"] + 1})
 
     threads = [threading.Thread(target=add) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert values_of(database, "a") == {"count": 60}
+    assert database.values("a") == {"count": 60}
 
 
-def test_a_reader_sees_one_state_while_another_writes(database: Database) -> None:
-    keep_values(database, "a", {"x": 1})
+def test_a_reader_sees_one_state_while_another_writes(database: Store) -> None:
+    database.keep_values("a", {"x": 1})
     with database.reading() as db:
-        thread = threading.Thread(target=lambda: keep_values(database, "a", {"x": 2}))
+        thread = threading.Thread(target=lambda: database.keep_values("a", {"x": 2}))
         thread.start()
         thread.join()
         assert db.execute("SELECT json FROM value").fetchall() == [("1",)]
-    assert values_of(database, "a") == {"x": 2}
+    assert database.values("a") == {"x": 2}
 
 
 def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     carried = placed(FULL, tmp_path / "local")
-    journal_mode.journal_of.cache_clear()
-    monkeypatch.setattr(journal_mode, "_writes_ahead", lambda _folder: False)
+    monkeypatch.setattr(database_module, "journal_of", lambda _folder: "delete")
     project = placed(FULL, tmp_path / "remote")
     target = tmp_path / "remote" / "projects" / carried.database.path.name
     carried.database.path.rename(target)
-    for one in (project, Project(Database(target))):
+    for one in (project, Project(Store(target))):
         test_tabs_wait_for_each_other_and_the_last_write_holds(one.database)
         assert one.dataset is not None
         with closing(sqlite3.connect(one.database.path)) as db:
             assert db.execute("PRAGMA journal_mode").fetchone() == ("delete",)
-    journal_mode.journal_of.cache_clear()
+
+
+def test_a_folder_without_shared_memory_is_recognised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert database_module.journal_of(tmp_path) == "wal"
+    folder = tmp_path / "remote"
+    (folder / f"{database_module.WAITING}name-shm").mkdir(parents=True)
+    monkeypatch.setattr(database_module, "secrets", SimpleNamespace(token_hex=lambda _: "name"))
+    assert database_module.journal_of(folder) == "delete"
 
 
 def test_a_large_value_goes_in_and_out_piece_by_piece(
-    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    database: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(files, "BOUND", 1000)
     monkeypatch.setattr(files, "PIECE", 700)
     content = random.Random(1).randbytes(12_345)
     (tmp_path / "large").write_bytes(content)
     for given in (content, tmp_path / "large"):
-        stored = keep_file(database, given, "large.csv")
+        stored = database.keep_file(given, "large.csv")
         assert stored.read_bytes() == content
         assert stored.copy_to(tmp_path / "out").read_bytes() == content
-        database.free(lambda db: db.execute("DELETE FROM file"))
+        with database.freeing() as db:
+            db.execute("DELETE FROM file")
 
 
 def test_what_is_too_large_is_refused_before_anything_is_written(
-    database: Database, monkeypatch: pytest.MonkeyPatch
+    database: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(files, "LARGEST", 1000)
     before = database.path.read_bytes()
     with pytest.raises(StereocalError, match=r"a\.png: a file of a project may have 0\.001 MB"):
-        keep_file(database, bytes(1001), "a.png")
+        database.keep_file(bytes(1001), "a.png")
     assert database.path.read_bytes() == before
 
 
@@ -166,13 +175,13 @@ def test_a_click_in_the_middle_of_an_upload_loses_nothing(tmp_path: Path) -> Non
 def test_a_backup_while_it_is_open_is_whole(tmp_path: Path) -> None:
     project = placed(FULL, tmp_path)
     with project.database.transaction():
-        keep_values(project.database, "setting", {"half": True})
+        project.database.keep_values("setting", {"half": True})
         thread = threading.Thread(
             target=lambda: copy_database(project.database, tmp_path / "backup.sqlite")
         )
         thread.start()
         thread.join()
-    backup = Project(Database(tmp_path / "backup.sqlite"))
+    backup = Project(Store(tmp_path / "backup.sqlite"))
     assert "half" not in backup.settings and backup.inputs == project.inputs
     assert backup.calibration is not None and len(ProjectPhotographs(backup).photographs) == 12
 
@@ -204,22 +213,21 @@ def test_damage_is_reported_and_the_file_stays_as_it_is(seed: int, tmp_path: Pat
 WRITER = """
 import sys, os
 from pathlib import Path
-from stereocal.projects.database import Database
-from stereocal.projects.files import keep_file, keep_values, name_files
-from stereocal.projects.servers import this_server
+from stereocal.projects.files import Store
+from stereocal.projects.job_locks import lock
 
-database = Database(Path(sys.argv[1]))
-print(this_server(database.path.parents[1]), flush=True)
+database = Store(Path(sys.argv[1]))
+print(lock(database.path.parents[1]), flush=True)
 for number in range(100_000):
     with database.transaction():
-        file = keep_file(database, os.urandom(100_000), "a")
-        name_files(database, "bar", {f"{number}": file})
-        keep_values(database, "a", {"count": number + 1})
+        file = database.keep_file(os.urandom(100_000), "a")
+        database.name_files("bar", {f"{number}": file})
+        database.keep_values("a", {"count": number + 1})
     print(number + 1, flush=True)
 """
 
 
-def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Database) -> None:
+def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Store) -> None:
     rng, said = random.Random(5), 0
     for _ in range(4):
         with database.transaction() as db:
@@ -230,12 +238,12 @@ def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Databas
             assert process.stdout is not None
             server = process.stdout.readline().strip()
             process.stdout.readline()
-            assert servers.is_alive(database.path.parents[1], server)
+            assert job_locks.is_locked(database.path.parents[1], server)
             time.sleep(rng.uniform(0.0, 0.2))
             process.send_signal(signal.SIGKILL)
             said = max([1, *(int(line) for line in process.stdout.read().split("\n")[:-1] if line)])
-        assert not servers.is_alive(database.path.parents[1], server)
-        count = values_of(database, "a")["count"]
+        assert not job_locks.is_locked(database.path.parents[1], server)
+        count = database.values("a")["count"]
         assert said <= count <= said + 1
-        assert len(files_of(database, "bar")) == count
+        assert len(database.files("bar")) == count
         assert database.rows("PRAGMA integrity_check") == [("ok",)]

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from stereocal.evaluation.evaluate import evaluate_runs
-from stereocal.projects import jobs, servers
+from stereocal.projects import job_locks, jobs
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.database import Database
+from stereocal.projects.files import Store
 from stereocal.projects.home import bring_back, duplicate, remove
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DiskFullError
@@ -26,11 +26,11 @@ STAGES = ("runs", "rest")
 
 
 @pytest.fixture
-def database(tmp_path: Path) -> Database:
+def database(tmp_path: Path) -> Store:
     return Project.create(tmp_path).database
 
 
-def begun(database: Database, work: dict[str, object] | None = None) -> jobs.RunningJob:
+def begun(database: Store, work: dict[str, object] | None = None) -> jobs.RunningJob:
     job = jobs.begin(database, "evaluation", STAGES, WORK if work is None else work)
     assert job is not None
     return job
@@ -49,15 +49,15 @@ def kept(job: jobs.RunningJob, key: str) -> str | None:
 
 def crash(job: jobs.RunningJob) -> None:
     """As when the process ends: nothing is said."""
-    jobs._HERE.discard(job.record.run)
+    job.leave()
 
 
-def state(database: Database) -> str | None:
+def state(database: Store) -> str | None:
     found = jobs.find(database, "evaluation")
     return found and found[0]
 
 
-def test_a_job_runs_once_and_leaves_nothing(database: Database) -> None:
+def test_a_job_runs_once_and_leaves_nothing(database: Store) -> None:
     assert state(database) is None and jobs.interrupted(database) == []
     job = begun(database)
     assert state(database) == "running" and jobs.interrupted(database) == []
@@ -74,7 +74,7 @@ def test_a_job_runs_once_and_leaves_nothing(database: Database) -> None:
 
 
 def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
-    database: Database, monkeypatch: pytest.MonkeyPatch
+    database: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "WRITE_EVERY_S", 0.0)
     job = begun(database)
@@ -85,7 +85,7 @@ def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
     assert found is not None and found[0] == "interrupted"
     record = found[1]
     assert (record.at, record.done, record.total, record.stages) == (1, 340, 500, STAGES)
-    assert record.work == WORK and record.digest == jobs.digest_of("evaluation", WORK)
+    assert record.digest == jobs.digest_of("evaluation", WORK)
     assert jobs.interrupted(database) == [record]
     again = begun(database)
     assert kept(again, "b") == "b"
@@ -93,7 +93,7 @@ def test_an_interrupted_job_says_how_far_it_was_and_goes_on(
 
 
 def test_a_disk_that_fails_is_no_sign_of_a_running_server(
-    database: Database, monkeypatch: pytest.MonkeyPatch
+    database: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun(database)
     folder = database.path.parents[1] / "servers"
@@ -108,12 +108,12 @@ def test_a_disk_that_fails_is_no_sign_of_a_running_server(
         def connect(*_: object, **__: object) -> sqlite3.Connection:
             return sqlite3.connect(folder / "no folder" / "x")
 
-    monkeypatch.setattr(servers, "sqlite3", Failing)
+    monkeypatch.setattr(job_locks, "sqlite3", Failing)
     found = jobs.find(database, "evaluation")
     assert found is not None and found[0] == "interrupted"
 
 
-def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Database) -> None:
+def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Store) -> None:
     job = begun(database)
     keep(job, "a")
     job.fail("The disk is full.")
@@ -126,7 +126,7 @@ def test_a_failed_job_keeps_its_sentence_and_parts_until_the_next(database: Data
 
 
 def test_another_server_can_ask_for_a_stop(
-    database: Database, monkeypatch: pytest.MonkeyPatch
+    database: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "WRITE_EVERY_S", 0.0)
     job = begun(database)
@@ -157,15 +157,13 @@ def test_a_removed_project_stops_its_job_and_can_go_on_when_it_is_back(
     again.end()
 
 
-def test_on_a_full_disk_the_job_goes_on(
-    database: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_on_a_full_disk_the_job_goes_on(database: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise DiskFullError("The disk is full.")
 
     job = begun(database)
     with monkeypatch.context() as patch:
-        patch.setattr(Database, "transaction", full)
+        patch.setattr(Store, "transaction", full)
         keep(job, "a")
         assert job.progress(0, 1, 2)
     assert kept(job, "a") is None
@@ -192,12 +190,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_runs
-from stereocal.projects.database import Database
+from stereocal.projects.files import Store
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.projects import jobs, servers
+from stereocal.projects import job_locks, jobs
 
-project = Project(Database(Path(sys.argv[1])))
+project = Project(Store(Path(sys.argv[1])))
 dataset = project.dataset
 settings = EvaluationSettings(runs=int(sys.argv[3]), refined=RefineSettings())
 work = {"dataset": dataset.sha256, "settings": settings.to_json()}
@@ -232,7 +230,7 @@ def line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().strip()
 
 
-def parts_of(database: Database) -> int:
+def parts_of(database: Store) -> int:
     return int(database.rows("SELECT count(*) FROM finished")[0][0])
 
 

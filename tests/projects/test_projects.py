@@ -37,14 +37,13 @@ def calibrated(home: Path) -> Project:
     return project
 
 
-def test_list_has_the_newest_first_and_says_what_is_finished(tmp_path: Path) -> None:
+def test_list_has_the_newest_first(tmp_path: Path) -> None:
     assert recent_projects(tmp_path) == []
     old, new = calibrated(tmp_path), filled(tmp_path)
     old.rename("Swifts <b>")
     aged(old.database.path, 2)
     found = recent_projects(tmp_path)
     assert [listed.id for listed in found] == [new.id, old.id]
-    assert [listed.finished for listed in found] == [(), ("calibration",)]
     assert found[1].title == "Swifts <b>"
     assert found[1].changed == pytest.approx(time.time() - 2 * 86_400, abs=60)
     assert find_projects(tmp_path) == [new.id, old.id]

@@ -12,7 +12,6 @@ from stereocal.errors import StereocalError
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.projects.application import APPLIED, ProjectApplication
 from stereocal.projects.archive import unpack_project
-from stereocal.projects.files import files_of
 from stereocal.projects.home import duplicate
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
@@ -79,5 +78,5 @@ def test_removed_photographs_make_room_at_once_and_nothing_else_goes(tmp_path: P
     assert path.stat().st_size < before - 140_000
     assert project.dataset is not None and project.calibration is not None
     with project.database.reading():
-        assert {PAIRS, POINTS} <= files_of(project.database, APPLIED).keys()
+        assert {PAIRS, POINTS} <= project.database.files(APPLIED).keys()
     assert len(ProjectPhotographs(twin).photographs) == 12

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,7 +105,9 @@ def test_one_bad_frame_hardly_moves_the_sets(exchanged: Dataset) -> None:
 def copied(dataset: Dataset, frames: int, times: int) -> Dataset:
     """The first frames of a data set, and copies of them under other numbers."""
     rows = dataset.correspondences.of_frames(dataset.correspondences.frames[:frames])
-    again = {each.name: np.concatenate([getattr(rows, each.name)] * times) for each in fields(rows)}
+    again: dict[str, Any] = {
+        each.name: np.concatenate([getattr(rows, each.name)] * times) for each in fields(rows)[:-1]
+    }
     for name in ("frame", "time_frame"):
         again[name] += np.repeat(100 * np.arange(times), len(rows))
     return replace(dataset, correspondences=Correspondences(**again))

@@ -14,7 +14,7 @@ from stereocal.refined.uncertainty import (
     Plane,
     accuracy_map,
     in_view,
-    length_jacobian,
+    length_errors,
     point_covariances,
 )
 from stereocal.refined.unknowns import RefineSettings, pose_of
@@ -58,7 +58,7 @@ def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedRes
     """By a change of the angles and of the baseline, at a fixed pair of pixels."""
     ends = rig.bar_ends(6, seed=3)
     a, b = ends[0::2], ends[1::2]
-    slopes = length_jacobian(result, a, b)
+    slopes = length_errors(result.q, result.lenses, result.sigma_px.value, a, b)[1]
     both = np.concatenate([a, b])
     primary, secondary = (
         result.primary.undistort(result.primary.project(both)),

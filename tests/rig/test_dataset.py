@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -19,12 +19,7 @@ EXACT = dataset(6)
 def changed(**columns: Any) -> Correspondences:
     """The rows of three frames with some columns changed."""
     rows = correspondences(3)
-    return Correspondences(
-        **{
-            field.name: columns.get(field.name, np.array(getattr(rows, field.name)))
-            for field in fields(rows)
-        }
-    )
+    return replace(rows, **columns)
 
 
 class TestCorrespondences:
@@ -71,7 +66,7 @@ class TestCorrespondences:
             ({"source": np.array([0, 1, 2, -1, 3, 0])}, "source is invalid"),
             ({"sigma_primary_px": np.array([1, 1, 0, 1, 1, np.nan])}, "above 0"),
             ({"sigma_secondary_px": np.array([1, 1, -1, 1, 1, np.nan])}, "above 0"),
-            ({"target": np.array([0, 1, 0, 1, 0, 2])}, "neither A"),
+            ({"target": np.array([0, 1, 0, 1, 0, 2])}, "none of A, B"),
             ({"target": np.zeros(5, int)}, "target has shape"),
             ({"primary": np.full((6, 2), np.nan)}, "not a finite number"),
             ({"secondary": np.full((6, 2), np.inf)}, "not a finite number"),

@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.calibration.results import errors_of
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import distance_sigmas, length_jacobian
+from stereocal.refined.uncertainty import distance_sigmas, length_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -76,7 +76,8 @@ def over_bound(
         # At the truth, with the true noise: its covariance is the bound.
         bound = refine(exact_fit, replace(settings, sigma_px=off.noise_px, scatter_m=0.0))
         C, ends = bound.covariance, scene.ends_m[-1]
-        slope = length_jacobian(bound, ends[:1], ends[1:])[0]
+        noise = bound.sigma_px.value
+        slope = length_errors(bound.q, bound.lenses, noise, ends[:1], ends[1:])[1][0]
         length = result.apply(exact_test).reconstructed_lengths_m(result.pose)[0]
         truth = scene.rig.pose
         rows[k] = (

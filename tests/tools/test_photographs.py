@@ -14,8 +14,10 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
+from stereocal.system.photograph import read_colours
 from tests.simulation.test_simulate import assert_same_numbers
 from tools.photographs.__main__ import main
+from tools.photographs.ball_sample import write_ball_sample
 from tools.photographs.bars import (
     BarSettings,
     photograph_bars,
@@ -108,7 +110,7 @@ def test_shipped_truth_is_what_the_code_makes() -> None:
     assert {file.name for file in (SHIPPED / "primary").iterdir()} == names
     assert {file.name for file in (SHIPPED / "secondary").iterdir()} == names
     for which in ("primary", "secondary"):
-        assert len(list((SHIPPED / f"boards_{which}").iterdir())) == 25
+        assert len(list((SHIPPED / f"boards_{which}").iterdir())) == 22
     size = sum(file.stat().st_size for file in SHIPPED.parent.rglob("*") if file.is_file())
     assert size < 12_000_000
 
@@ -129,3 +131,16 @@ def test_shipped_photographs_show_what_the_code_makes() -> None:
         assert np.abs(difference).max() < 40.0
     for centre in pair.centres_primary:
         assert is_x_corner(pair.primary, centre)
+
+
+def test_the_sample_of_balls_is_made_by_its_tool(tmp_path: Path) -> None:
+    write_ball_sample(tmp_path, frames=1)
+    shipped = SHIPPED.parent / "balls"
+    for name in ("dataset.json", "primary.json", "secondary.json"):
+        assert (tmp_path / name).read_bytes() == (shipped / name).read_bytes()
+    image = read_colours(tmp_path / "primary" / "0001.jpg")
+    truth = json.loads((tmp_path / "truth.json").read_text())["centres"][0]["primary"]
+    for (u, v), brightest in zip(truth, (2, 1), strict=True):  # red; yellow has little blue
+        blue_green_red = image[round(v), round(u)].astype(int)
+        assert blue_green_red[2] > 60 > blue_green_red[0] - 60
+        assert blue_green_red[brightest] > blue_green_red[0] + 20

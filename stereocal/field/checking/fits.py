@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
-from stereocal.refined.solve import Solve, limits_of
+from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_between
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
@@ -118,7 +118,7 @@ class Fit(Solve):
         )
         self.p = np.zeros(known + len(change))
         left = len(change) - round(prior.degrees)
-        self.limit = limits_of(self.degrees_of_freedom, left)
+        self.set_limits(left)
 
     def start_at(self, pose: Pose) -> None:
         """Start with the pose changed to this one; the change must begin with the pose."""

@@ -13,6 +13,7 @@ from stereocal.field.checking.prior import Prior
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
 from stereocal.refined.unknowns import rig_of
+from stereocal.rig.clusters import FEWEST, Clusters
 from stereocal.rig.compiled import BoolArray, IntArray
 
 MAXIMUM_OUTLYING = 1 / 3
@@ -21,6 +22,9 @@ HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
 NOISE_STEP, LARGEST_NOISE = 2.0, 30.0
 """Where more groups than a third contradict the others, the noise is assumed larger by a factor,
 up to a limit, px."""
+EFFECT_DEGREES = 24.0
+"""Degrees of freedom of a design effect: of 300 simulated recordings of runs it scattered by a
+quarter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,15 +127,21 @@ def with_design_effect(
     for groups, change in parts:
         fit = Fit(prior, images.of_groups(groups), change, noise.sigma_px)
         fit.minimise(noise.outlying[groups])
-        effect, clusters = _design_effect(fit)
+        effect, clusters = _design_effect(fit, prior.design_effect > 1)
         if effect > found.design_effect:
             degrees = min(noise.degrees, float(clusters * max(len(change), 1)))
             found = replace(found, design_effect=effect, degrees=degrees)
+    if found.design_effect > 1:
+        found = replace(found, degrees=min(found.degrees, EFFECT_DEGREES))
     return found
 
 
-def _design_effect(fit: Fit) -> tuple[float, int]:
-    """The design effect of the groups of a fit, and the number of clusters."""
+def _design_effect(fit: Fit, runs: bool) -> tuple[float, int]:
+    """The design effect of the groups of a fit, and the number of clusters.
+
+    Args:
+        runs: count the groups in runs also where too few show that their errors are alike.
+    """
     used = np.flatnonzero(~fit.outlying)
     if len(used) < 2 or not np.isfinite(fit.cost):
         return 1.0, len(used)
@@ -140,4 +150,6 @@ def _design_effect(fit: Fit) -> tuple[float, int]:
     frames = fit.frames[used]
     rows = data.correspondences.of_frames(frames)
     clusters = clusters_in(rows, rig, frames)
+    if runs and not clusters.has_runs:
+        clusters = Clusters(np.arange(len(used)) * FEWEST // len(used), max(len(used) // FEWEST, 1))
     return design_effect(fit, q, used, clusters), clusters.count

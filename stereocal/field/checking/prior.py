@@ -11,7 +11,7 @@ import numpy as np
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.matching.reconstruction import POSE, noise_of_file
 from stereocal.refined.bar_fit import BAR
-from stereocal.refined.solve import ASSUMED, GIVEN
+from stereocal.refined.robust import ASSUMED, GIVEN
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, shared_unknowns
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset

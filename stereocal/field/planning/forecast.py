@@ -98,7 +98,6 @@ class PlanForecast:
 
     def to_json(self) -> dict[str, Any]:
         """The content of `forecast.json`; errors are fractions, missing values null."""
-        depths, length, position = self.fit.by_depth
         content = {
             "format": FORECAST_FORMAT,
             "plan": self.plan.name,
@@ -112,7 +111,7 @@ class PlanForecast:
             "advice": list(self.advice.sentences),
             "by_depth": [
                 {"depth_m": z, "mean_length_error": error, "position_error_m": away}
-                for z, error, away in zip(*map(_plain, (depths, length, position)), strict=True)
+                for z, error, away in np.stack(self.fit.by_depth, axis=1).tolist()
             ],
             "rigs": self.rigs.count,
             "rigs_failed": self.failed,
@@ -173,10 +172,6 @@ def _over_rigs(values: FloatArray) -> Estimate:
     low, high = (float(v) for v in np.percentile(known, LEVEL))
     value = float(known.mean())
     return Estimate(value, min(low, value), max(high, value))
-
-
-def _plain(values: FloatArray) -> list[float]:
-    return [float(value) for value in values]
 
 
 def _without_nan(value: Any) -> Any:

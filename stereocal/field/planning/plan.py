@@ -211,8 +211,8 @@ class Plan:
             )
         if not near < far:
             raise StereocalError(
-                f"The volume's near_m is {near:g} and its far_m {far:g}: near_m must be the "
-                "smaller one."
+                f"The nearest distance (near_m) is {near:g} m, the farthest (far_m) {far:g} m: the "
+                "nearest must be the smaller one."
             )
         check_length("volume's far end", far)
         if not FEWEST_FRAMES <= self.frames <= MOST_FRAMES:

@@ -20,7 +20,7 @@ from stereocal.field.printing.paper import (
     footer,
     footer_height,
 )
-from stereocal.intrinsics.board_pattern import BoardPattern
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import BoolArray
 from stereocal.system.numbers import rounded
 
@@ -128,7 +128,7 @@ def _board(pattern: BoardPattern, left: float, bottom: float) -> Group:
     if pattern.dictionary is None:
         return shapes
     for number, (row, column) in enumerate(np.argwhere(~_black_squares(pattern))):
-        marker = _marker(pattern.dictionary, number)
+        marker = marker_cells(pattern.dictionary, number)
         cell = 1e3 * (pattern.marker_m or 0.0) / len(marker)
         edge = 0.5 * (side - cell * len(marker))
         top = bottom + side * (rows - row) - edge
@@ -144,7 +144,7 @@ def _black_squares(pattern: BoardPattern) -> BoolArray:
     return np.asarray(squares % 2 == 0)
 
 
-def _marker(dictionary: str, number: int) -> BoolArray:
+def marker_cells(dictionary: str, number: int) -> BoolArray:
     """(n, n): which cells of a marker are black, its border included."""
     markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     cells = markers.markerSize + 2

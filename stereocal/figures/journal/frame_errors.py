@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from stereocal.calibration.methods import Method
-from stereocal.figures.frame_errors import KINDS, FrameKind, FramePanel, frame_panels
+from stereocal.figures.frame_panels import KINDS, FrameKind, FramePanel, frame_panels
 from stereocal.figures.journal.page import PAGE_MM, sheet
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL
 from stereocal.refined.results import Calibration

@@ -49,7 +49,7 @@ def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) 
             _draw_panel(axes, panel, most or 1.0)
             _set_axes(axes, panel, span, panel.row == rows - 1)
             write_left(axes, "\n".join(_title(panel, wide)), fontsize=SMALL)
-        foot = "\n".join(map(_plain, foot_of(own, span)))
+        foot = "\n".join(foot_of(own, span)).replace("<sup>R</sup>", "ᴿ")
         grid[rows - 1][column].set_xlabel(foot, fontsize=TEXT if wide else SMALL)
     figure.legend(handles=_key(), loc="outside upper left", ncols=4 if wide else 2)
     return figure
@@ -119,11 +119,6 @@ def _title(panel: Panel, wide: bool) -> list[str]:
     mark = f", {panel.standing}" if panel.standing else ""
     lines = [f"{value} {among}{mark}"] if wide else [f"{value}{mark}", among]
     return [*heading, *lines]
-
-
-def _plain(text: str) -> str:
-    """Without the marks of a web page."""
-    return text.replace("<sup>R</sup>", "ᴿ")
 
 
 def _key() -> Sequence[Patch | Line2D]:

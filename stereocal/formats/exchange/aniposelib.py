@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import ExchangeOptions, header, numbers
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, numbers
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -38,20 +39,24 @@ BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
 
 def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`calibration.toml`."""
+    still = Pose(np.eye(3), np.zeros(3))
+    posed = (("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose))
+    return write_aniposelib_rig(posed, _)
+
+
+def write_aniposelib_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """The same of any number of cameras, with their poses from the first."""
+    first = cameras[0][0]
     text = header(
         "#",
-        "The world is the frame of the primary camera, cam_0. rotation: rotation vector, radians.",
+        f"The world is the frame of the {first} camera, cam_0. rotation: rotation vector, radians.",
         "size: width, height; the centre of the top-left pixel is (0, 0).",
     )
-    turn, _jacobian = cv2.Rodrigues(rig.pose.R)
-    for k, (which, camera, rotation, translation) in enumerate(
-        (
-            ("primary", rig.primary, np.zeros(3), np.zeros(3)),
-            ("secondary", rig.secondary, np.asarray(turn, np.float64), rig.pose.T),
-        )
-    ):
+    for k, (which, camera, pose) in enumerate(cameras):
+        turn, _jacobian = cv2.Rodrigues(pose.R)
+        rotation, translation = np.asarray(turn, np.float64), pose.T
         text += (
-            f'\n[cam_{k}]\nname = "{which}"\n'
+            f"\n[cam_{k}]\nname = {json.dumps(which)}\n"
             f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
             f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
             f"distortions = {numbers(lens(camera, 5, which, 'aniposelib'))}\n"

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import rq
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import ExchangeOptions, number
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, number
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -36,12 +37,16 @@ frame of the user, the origin is put 0.001 mm in front of the primary camera."""
 
 def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
     """`dlt.csv`."""
-    columns = [
-        dlt_coefficients(camera, camera_from_world, options)
-        for camera, camera_from_world in zip(
-            (rig.primary, rig.secondary), _poses(rig, options.world), strict=True
-        )
-    ]
+    still = Pose(np.eye(3), np.zeros(3))
+    return write_dlt_rig(
+        (("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)), options
+    )
+
+
+def write_dlt_rig(cameras: Sequence[Posed], options: ExchangeOptions) -> dict[str, bytes]:
+    """The same of any number of cameras, with their poses from the first; a column a camera."""
+    first = _first_from_world(options.world)
+    columns = [dlt_coefficients(camera, pose @ first, options) for _, camera, pose in cameras]
     rows = zip(*columns, strict=True)
     text = "".join(",".join(number(value) for value in row) + "\n" for row in rows)
     return {"dlt.csv": text.encode()}
@@ -91,13 +96,11 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     return CameraPair(cameras[0], cameras[1], pose, stated="m" if ours else None)
 
 
-def _poses(rig: Rig, world: Pose | None) -> tuple[Pose, Pose]:
-    """`primary_from_world` and `secondary_from_world`."""
+def _first_from_world(world: Pose | None) -> Pose:
+    """The pose of the first camera."""
     if world is None:
-        primary = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
-    else:
-        primary = world.inverse()
-    return primary, rig.pose @ primary
+        return Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
+    return world.inverse()
 
 
 def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:

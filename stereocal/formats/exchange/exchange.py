@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.aniposelib import (
     aniposelib_names,
     read_aniposelib,
     write_aniposelib,
+    write_aniposelib_rig,
 )
 from stereocal.formats.exchange.camera_files import (
     is_camera,
@@ -20,12 +21,17 @@ from stereocal.formats.exchange.camera_files import (
     read_parameters,
 )
 from stereocal.formats.exchange.colmap import read_colmap, write_colmap
-from stereocal.formats.exchange.dlt import read_dlt, write_dlt
-from stereocal.formats.exchange.kalibr import kalibr_names, read_kalibr, write_kalibr
+from stereocal.formats.exchange.dlt import read_dlt, write_dlt, write_dlt_rig
+from stereocal.formats.exchange.kalibr import (
+    kalibr_names,
+    read_kalibr,
+    write_kalibr,
+    write_kalibr_rig,
+)
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.matlab import is_matlab_file, read_matlab, write_matlab
 from stereocal.formats.exchange.opencv_stereo import is_opencv, read_opencv, write_opencv
-from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions
+from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions, Posed
 from stereocal.formats.exchange.reading import LARGEST_BYTES, CameraPair, Files, ForeignFile
 from stereocal.formats.exchange.ros import is_ros, read_ros, write_ros
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
@@ -117,6 +123,14 @@ READ: Mapping[str, CameraFormat] = {
 }
 
 
+RIG_WRITERS: Mapping[str, Callable[[Sequence[Posed], ExchangeOptions], dict[str, bytes]]] = {
+    "aniposelib": write_aniposelib_rig,
+    "dlt": write_dlt_rig,
+    "kalibr": write_kalibr_rig,
+}
+"""Formats of any number of cameras."""
+
+
 def format_of(name: str, content: bytes) -> str | None:
     """The name in `READ` of a camera file's format, by its content; None if it is none.
 
@@ -177,6 +191,22 @@ def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) ->
     return _format(name).write(rig, options or ExchangeOptions())
 
 
+def export_rig(
+    cameras: Sequence[Posed], name: str, path: str | Path, options: ExchangeOptions | None = None
+) -> list[Path]:
+    """As `export`, of any number of cameras.
+
+    Args:
+        cameras: the first is the reference.
+    """
+    if name not in RIG_WRITERS:
+        raise StereocalError(
+            f"The format {name} is written for two cameras; for a rig there are "
+            f"{', '.join(RIG_WRITERS)}."
+        )
+    return _placed(RIG_WRITERS[name](cameras, options or ExchangeOptions()), path)
+
+
 def export(
     rig: Rig, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
@@ -190,7 +220,11 @@ def export(
     Raises:
         StereocalError: as `export_files`, or the disk cannot be written to.
     """
-    files = export_files(rig, name, options)
+    return _placed(export_files(rig, name, options), path)
+
+
+def _placed(files: Mapping[str, bytes], path: str | Path) -> list[Path]:
+    """Write files into a folder; a single one as `path` itself if that has an ending."""
     path = Path(path)
     alone = len(files) == 1 and path.suffix != "" and not path.is_dir()
     placed = {path if alone else path / each: content for each, content in files.items()}
@@ -261,7 +295,7 @@ def import_parameters(
         StereocalError: as `import_files`, or the path cannot be read.
     """
     path = Path(path)
-    try:
+    with disk_errors(f"{path} cannot be read"):
         path.stat()
         found = sorted(path.iterdir()) if path.is_dir() else [path]
         files = {
@@ -269,8 +303,6 @@ def import_parameters(
             for each in found
             if each.is_file() and each.stat().st_size <= LARGEST_BYTES
         }
-    except OSError as error:
-        raise StereocalError(f"{path} cannot be read: {error.strerror or error}.") from error
     return import_files(files, name, options, str(path))
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import ExchangeOptions, header, numbers, refuse_skew
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, numbers, refuse_skew
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -28,19 +29,29 @@ from stereocal.rig.rig import Rig
 
 def write_kalibr(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """`camchain.yaml`."""
+    still = Pose(np.eye(3), np.zeros(3))
+    return write_kalibr_rig(
+        (("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)), _
+    )
+
+
+def write_kalibr_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """The same of any number of cameras, with their poses from the first."""
+    names = ", ".join(f"cam{k} is the {name} camera" for k, (name, _, _) in enumerate(cameras))
     text = header(
         "#",
-        "cam0 is the primary camera, cam1 the secondary; T_cn_cnm1 takes cam0 to cam1.",
+        f"{names}; T_cn_cnm1 takes the camera before to each.",
         "intrinsics: fu fv pu pv; distortion_coeffs: k1 k2 p1 p2; the centre of the top-left",
         "pixel is (0, 0).",
     )
-    for k, (which, camera) in enumerate((("primary", rig.primary), ("secondary", rig.secondary))):
+    for k, (which, camera, pose) in enumerate(cameras):
         refuse_skew(camera, which, "Kalibr")
         coefficients = lens(camera, 4, which, "Kalibr")
         K = camera.K
         text += f"cam{k}:\n"
-        if k == 1:
-            transform = np.vstack([np.column_stack([rig.pose.R, rig.pose.T]), [0, 0, 0, 1]])
+        if k:
+            step = pose @ cameras[k - 1][2].inverse()
+            transform = np.vstack([np.column_stack([step.R, step.T]), [0, 0, 0, 1]])
             text += "  T_cn_cnm1:\n" + "".join(f"  - {numbers(row)}\n" for row in transform)
         text += (
             "  camera_model: pinhole\n"

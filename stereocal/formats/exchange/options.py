@@ -17,6 +17,8 @@ from stereocal.rig.geometry import Pose
 from stereocal.version import __version__
 
 ImageSize = tuple[int, int]
+Posed = tuple[str, Camera, Pose]
+"""A camera's name, lens, and pose from the first camera."""
 OUR_UNIT = "lengths in metres"
 """Text in all files that stereocal writes, except DLT coefficients."""
 USUAL_ORIGIN = PixelOrigin()

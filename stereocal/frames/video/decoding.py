@@ -84,8 +84,10 @@ def score_frames(path: Path, first: float, last: float) -> FloatArray:
     return np.column_stack([times, sharpness, motion])
 
 
-def encoded_frames(path: Path, seconds: Sequence[float], lossless: bool) -> list[bytes | None]:
-    """The frames at these ascending time stamps as grey PNG, or JPEG if not `lossless`.
+def encoded_frames(
+    path: Path, seconds: Sequence[float], lossless: bool, coloured: bool = False
+) -> list[bytes | None]:
+    """The frames at these ascending time stamps as PNG, or JPEG if not `lossless`, grey or not.
 
     None for a frame that cannot be decoded.
     """
@@ -93,7 +95,7 @@ def encoded_frames(path: Path, seconds: Sequence[float], lossless: bool) -> list
     with _opened(path) as (container, stream):
         for start, stop in _runs(seconds):
             wanted = np.array(seconds[start:stop])
-            for time, image in _frames(container, stream, wanted[0], wanted[-1]):
+            for time, image in _frames(container, stream, wanted[0], wanted[-1], coloured):
                 at = int(np.abs(wanted - time).argmin())
                 if abs(wanted[at] - time) < 1e-6:
                     found[start + at] = _encoded(image, lossless)
@@ -137,12 +139,13 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _frames(
-    container: Any, stream: Any, first: float, last: float
+    container: Any, stream: Any, first: float, last: float, coloured: bool = False
 ) -> Iterator[tuple[float, GreyImage]]:
-    """Time and grey values of the frames from `first` to `last`."""
+    """Time and grey values, or blue, green and red, of the frames from `first` to `last`."""
     stream.codec_context.flush_buffers()
     container.seek(int(first / float(stream.time_base)), stream=stream, backward=True)
     form = "gray16le" if stream.codec_context.format.components[0].bits > 8 else "gray"
+    form = "bgr24" if coloured else form
     for frame in container.decode(stream):
         stamp = frame.dts if frame.pts is None else frame.pts
         if stamp is None:

@@ -37,8 +37,8 @@ SEGMENT = 200
 BATCH = 8
 """Frames that a child process returns in one go."""
 LOSSLESS_BYTES = 400e6
-"""Up to this size of all pixels, frames are PNG; above, JPEG of quality 95, which moves a target
-by 0.001 px (sample_data/README.md) and takes a fifth of the room."""
+"""Up to this size of all pixels and colours, frames are PNG; above, JPEG of quality 95, which moves
+a target by 0.001 px (sample_data/README.md) and takes a fifth of the room."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ class VideoSettings:
     n: int = 30
     later_s: float | None = None
     """As for `pair_times`."""
+    coloured: bool = False
+    """Frames keep their colours, for balls that differ by them; else they are grey."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def extract(
     try:
         times = [_read(guard, path) for path in videos]
         pairs = pair_times(times[0].seconds, times[1].seconds, settings.later_s)
-        work = _Work(guard, videos, times, pairs, begin, progress, cancelled)
+        work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress, cancelled)
         chosen = every(pairs, settings.n) if settings.choice == "every" else work.stillest()
         if chosen is None:
             return None
@@ -120,6 +122,7 @@ class _Work:
     videos: tuple[Path, Path]
     times: list[VideoTimes]
     pairs: VideoPairs
+    coloured: bool
     begin: Callable[[str], None]
     progress: Callable[[int, int], None]
     cancelled: Callable[[], bool]
@@ -153,6 +156,7 @@ class _Work:
         """
         self.begin(STAGES[1])
         pixels = sum(each.width * each.height for each in self.times) * len(chosen)
+        pixels *= 3 if self.coloured else 1
         lossless = pixels <= LOSSLESS_BYTES
         lost = 0
         with ThreadPoolExecutor(2) as threads:
@@ -187,7 +191,9 @@ class _Work:
     def _encoded(self, which: int, chosen: IntArray, lossless: bool) -> list[bytes | None]:
         path = self.videos[which]
         seconds = self.times[which].seconds[self.pairs.frames[chosen, which]].tolist()
-        found: list[bytes | None] = self.guard.read("frames", path, path.name, seconds, lossless)
+        found: list[bytes | None] = self.guard.read(
+            "frames", path, path.name, seconds, lossless, self.coloured
+        )
         return found
 
 

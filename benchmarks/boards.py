@@ -1,0 +1,199 @@
+"""A board before two cameras, against OpenCV's `stereoCalibrate`.
+
+    python -m benchmarks.boards {halves,bootstrap,orders} [FOLDER]
+
+`halves`: lenses and pose from a random half of the boards, the other half tested, ten times. Both
+have the lens of `calibrateCamera`; `stereoCalibrate` holds it, the refined set moves it within its
+standard errors. `bootstrap`: the spread over boards drawn with replacement, lenses included, over
+the stated standard errors. `orders`: renderings of a board that looks the same turned by half, the
+secondary rolled by any angle. The folder holds OpenCV's sample.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.frames.pairing import pair_names
+from stereocal.intrinsics.boards import BoardSearch, find_board
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens, solve
+from stereocal.intrinsics.stereo_boards import (
+    StereoBoards,
+    find_stereo_boards,
+    recording_of,
+    stereo_boards,
+)
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.uncertainty import standard_errors
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
+from tests.lens import PATTERN, SMALL, AtOnce, photographed
+from tests.rigs.boards import HERE, placings, stereo
+
+OPENCV = BoardPattern(9, 6, 0.03)
+HALVES, DRAWS, RENDERED = 10, 100, 100
+SETTINGS = LensSettings(subset=4, fix_k3=True)
+ENDS = np.array([(i, 53 - i) for i in range(27)])
+
+
+def boards_in(folder: Path) -> StereoBoards:
+    found = find_stereo_boards({p.name: p for p in folder.glob("*.jpg")}, OPENCV, AtOnce())
+    assert found is not None
+    print(found.sentence)
+    return found
+
+
+def some(boards: StereoBoards, chosen: Collection[int]) -> StereoBoards:
+    """Those of the common boards with these indices, which may repeat, numbered anew."""
+    views = [boards.common[at].views for at in chosen]
+    pairs = tuple(
+        replace(boards.pairing.pairs[0], frame=i, primary=f"l{i}", secondary=f"r{i}")
+        for i in range(len(views))
+    )
+    searches = [
+        BoardSearch(
+            OPENCV, tuple(replace(v[c], name=f"{'lr'[c]}{i}") for i, v in enumerate(views)), ()
+        )
+        for c in (0, 1)
+    ]
+    return StereoBoards(replace(boards.pairing, pairs=pairs), (searches[0], searches[1]), {})
+
+
+def camera_of(search: BoardSearch, known: LensUncertainty | None) -> Camera:
+    """The lens from all boards at once."""
+    v = solve(OPENCV, search.views, search.image_size, SETTINGS)
+    K = np.array([[v[0], 0.0, v[2]], [0.0, v[1], v[3]], [0.0, 0.0, 1.0]])
+    return Camera(K, v[4:], search.image_size, known)
+
+
+def uncertainties(boards: StereoBoards, subset: int) -> list[LensUncertainty | None]:
+    found = []
+    for search in boards.searches:
+        lens = calibrate_lens(search, replace(SETTINGS, subset=subset), AtOnce())
+        assert lens is not None
+        found.append(lens.camera.uncertainty)
+    return found
+
+
+def refined(boards: StereoBoards, known: list[LensUncertainty | None]) -> RefinedResult:
+    first, second = map(camera_of, boards.searches, known)
+    return refine(
+        with_baseline_found(recording_of(boards, (first, second), "x").pair("primary", "secondary"))
+    )
+
+
+def by_opencv(boards: StereoBoards, cameras: tuple[Camera, Camera]) -> Rig:
+    views = [[v.corners.astype(np.float32) for v in search.views] for search in boards.searches]
+    points = [OPENCV.points.astype(np.float32)] * len(views[0])
+    K1, D1, K2, D2 = (part.copy() for camera in cameras for part in (camera.K, camera.distortion))
+    found: Any = cv2.stereoCalibrate(
+        points,
+        views[0],
+        views[1],
+        K1,
+        D1,
+        K2,
+        D2,
+        cameras[0].image_size,
+        np.eye(3),
+        np.zeros((3, 1)),
+        flags=cv2.CALIB_FIX_INTRINSIC,
+        criteria=(3, 200, 1e-12),
+    )
+    R, T = (np.asarray(part, dtype=np.float64) for part in found[5:7])
+    return Rig(*cameras, Pose(R, T.ravel()))
+
+
+def errors(rig: Rig, boards: StereoBoards) -> tuple[float, float]:
+    """Mean distance from the epipolar lines in px, and mean error of 27 lengths a board in %."""
+    px, lengths = [], []
+    true = np.linalg.norm(np.diff(OPENCV.points[ENDS], axis=1)[:, 0], axis=1)
+    for seen in boards.common:
+        first, second = (view.corners for view in seen.views)
+        px.append(rig.epipolar_distances(first, second).mean())
+        points = rig.reconstruct(first, second)
+        found = np.linalg.norm(np.diff(points[ENDS], axis=1)[:, 0], axis=1)
+        lengths.append(np.abs(found / true - 1).mean())
+    return float(np.mean(px)), 100 * float(np.mean(lengths))
+
+
+def halves(boards: StereoBoards) -> None:
+    rows = []
+    for seed in range(HALVES):
+        order = np.random.default_rng(seed).permutation(len(boards.common))
+        fitted, tested = some(boards, order[:7]), some(boards, order[7:])
+        ours = refined(fitted, uncertainties(fitted, 4))
+        plain = camera_of(fitted.searches[0], None), camera_of(fitted.searches[1], None)
+        rows.append([*errors(by_opencv(fitted, plain), tested), *errors(ours.rig, tested)])
+        print(seed, np.round(rows[-1], 3))
+    mean = np.mean(rows, axis=0)
+    print(
+        f"stereoCalibrate {mean[0]:.3f} px {mean[1]:.3f} %, refined {mean[2]:.3f} px "
+        f"{mean[3]:.3f} %: {mean[2] / mean[0]:.2f} and {mean[3] / mean[1]:.2f} times"
+    )
+
+
+def bootstrap(boards: StereoBoards) -> None:
+    known = uncertainties(boards, 20)
+    stated = standard_errors(refined(some(boards, range(13)), known))
+    found: list[FloatArray] = []
+    for seed in range(DRAWS):
+        chosen = np.random.default_rng(seed).choice(13, 13)
+        fit = refined(some(boards, chosen), known)
+        found.append(np.array([value.value for value in standard_errors(fit).values()]))
+    spread = np.std(found, axis=0)
+    for (name, value), own in zip(stated.items(), spread, strict=True):
+        print(
+            f"{name:14} {value.value:10.5f} stated {value.sigma:.5f} spread {own:.5f} "
+            f"stated/spread {value.sigma / own:.2f}"
+        )
+
+
+def orders() -> None:
+    """Three boards each, by which the geometry has to decide."""
+    right = 0
+    pairing = pair_names([f"{side}{i}.png" for side in ("left", "right") for i in range(3)])
+    for at in range(RENDERED):
+        rng = np.random.default_rng(at)
+        rig = stereo(rng.uniform(-np.pi, np.pi))
+        views = []
+        poses = placings(rig, 3, at)
+        for side, camera in (("left", HERE), ("right", rig)):
+            found = [
+                find_board(photographed(camera @ pose), PATTERN, f"{side}{i}.png")
+                for i, pose in enumerate(poses)
+            ]
+            views.append(BoardSearch(PATTERN, tuple(found), ()))  # type: ignore[arg-type]
+        boards = stereo_boards(pairing, (views[0], views[1]))
+        data = recording_of(boards, (SMALL, SMALL), "x").pair("primary", "secondary")
+        px = Rig(SMALL, SMALL, rig).epipolar_distances(
+            data.correspondences.primary, data.correspondences.secondary
+        )
+        right += bool(px.max() < 1.0)
+    print(f"{right} of {RENDERED} in the right order")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("halves", "bootstrap", "orders"))
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("sample_data/boards"))
+    parsed = parser.parse_args()
+    if parsed.what == "orders":
+        orders()
+        return
+    boards = boards_in(parsed.folder)
+    halves(boards) if parsed.what == "halves" else bootstrap(boards)
+
+
+if __name__ == "__main__":
+    main()

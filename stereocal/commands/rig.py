@@ -1,0 +1,91 @@
+"""`stereocal rig`: one rig of three cameras and more."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from stereocal.commands.progress import ProgressBar
+from stereocal.errors import StereocalError
+from stereocal.figures.rig_report import rig_report
+from stereocal.formats.dataset_files import read_recording
+from stereocal.formats.lens_model import LENS_MODELS
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fuse_files import fuse_files
+from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.network.pair_of_rig import pair_name
+from stereocal.network.rig_file import RIG, RigFile, rig_file
+from stereocal.network.unknowns import RigSettings
+from stereocal.pairs_of_rig import files_of_pairs
+from stereocal.system.atomic_files import write_all
+
+
+def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The options of the command."""
+    command = commands.add_parser("rig", help="one rig of three cameras and more")
+    command.set_defaults(run=run)
+    command.add_argument(
+        "inputs",
+        type=Path,
+        nargs="+",
+        metavar="DATASET",
+        help="a data set with dataset.json of format 2; or refined parameter files of its pairs",
+    )
+    command.add_argument("--out", type=Path, required=True, help="folder for the files")
+    command.add_argument(
+        "--time-offset", action="store_true", help="bring the cameras into step; each its offset"
+    )
+    command.add_argument(
+        "--pairs",
+        action="store_true",
+        help="of every pair also the two sets of the paper, with forecast and threshold",
+    )
+    command.add_argument("--baseline-sigma", type=float, metavar="S", help="of baselines, m")
+    command.add_argument(
+        "--lens-model",
+        choices=LENS_MODELS,
+        help="the model of four distortion coefficients, if a camera file does not state it",
+    )
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Calibrate or fuse, write rig.json, report.html and the pairs' files, print the answer."""
+    if all(path.suffix == ".json" and path.is_file() for path in parsed.inputs):
+        _fuse(parsed.inputs, parsed.out)
+        return
+    if len(parsed.inputs) > 1:
+        raise StereocalError("Give one data set, or the parameter files (.json) of pairs.")
+    recording = read_recording(parsed.inputs[0], parsed.lens_model)
+    settings = RigSettings(baseline_sigma_m=parsed.baseline_sigma, time_offsets=parsed.time_offset)
+    with ProgressBar("steps") as bar:
+        rig = calibrate_rig(recording, settings, bar.show)
+    with ProgressBar("pairs") as bar:
+        pairs, figures, notes = files_of_pairs(rig, parsed.pairs, bar.show)
+    found = rig_file(rig)
+    for pair, own in figures.items():
+        found.about["pairs"][pair_name(pair)].update(own)
+    _write(found, recording.name, parsed.out, pairs, notes)
+
+
+def _fuse(files: Sequence[Path], out: Path) -> None:
+    found = fuse_files(files)
+    _write(found, ", ".join(file.stem for file in files), out, {}, [])
+
+
+def _write(
+    rig: RigFile, name: str, out: Path, pairs: dict[str, bytes], notes: Sequence[str]
+) -> None:
+    files = {
+        out / RIG: rig.dumps().encode(),
+        out / "report.html": rig_report(rig, name).encode(),
+        **{out / own: content for own, content in pairs.items()},
+    }
+    write_all(files)
+    print(rig_sentence(rig))
+    if loops := loops_sentence(rig):
+        print(loops)
+    for note in [*rig_notes(rig), *notes]:
+        print(f"Note: {note}")
+    for path in files:
+        print(f"wrote {path}")

@@ -1,0 +1,148 @@
+"""Which pixels of a photograph have the colour of a ball."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from PIL import ImageColor
+
+from stereocal.detection.target import BRIGHT, Balls
+from stereocal.errors import StereocalError
+from stereocal.refined.outliers import MAD_TO_SIGMA
+from stereocal.rig.compiled import FloatArray, compiled
+
+Colours = npt.NDArray[np.uint8]
+"""(h, w, 3): blue, green, red."""
+NAMED, MEASURED = (25.0, 0.3), (15.0, 0.6)
+"""Largest difference of hue, degrees, and least part of the target's saturation: for a pure colour,
+which is a name, and for one taken from a photograph."""
+LEAST_CHROMA = 10.0
+"""Grey levels; less is noise or a dark grey."""
+OVER_BACKGROUND = 6.0
+"""Robust standard deviations of the photograph's chroma in the same direction."""
+GREY_CHROMA = 0.12
+"""Targets with less chroma over intensity are found by their intensity."""
+
+
+def colour_at(image: npt.NDArray[Any], point: tuple[float, float]) -> str:
+    """The colour of a ball where a person clicked, as `Balls` has it; `white` for a grey.
+
+    Args:
+        image: as for `find_balls`.
+        point: (u, v), px.
+    """
+    colours = eight_bits(image)
+    u, v = (round(each) for each in point)
+    around = colours[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3].reshape(-1, 3)
+    if not len(around):
+        raise StereocalError("The click is outside the photograph.")
+    blue, green, red = (int(each) for each in np.median(around, axis=0))
+    if max(blue, green, red) - min(blue, green, red) < LEAST_CHROMA:
+        return "white"
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def eight_bits(image: npt.NDArray[Any]) -> Colours:
+    """The photograph (h, w, 3) with 8 bits, the brightest value at 255 if it had more."""
+    if image.dtype == np.uint8:
+        return image
+    gain = 255.0 / max(1.0, float(image.max()))
+    return np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
+
+
+def _bgr(colour: str) -> FloatArray:
+    return np.array(ImageColor.getrgb(colour)[2::-1], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rule:
+    """When a pixel has a target's colour: enough of its chroma, little of another hue."""
+
+    axes: FloatArray
+    """(2, 3): unit vectors, blue, green, red, along the target's chroma and across it."""
+    least: float
+    slack: float
+    ratio: float
+    """Least chroma over the length of the colour."""
+
+
+def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]:
+    """For each target, one for balls of one colour, (h, w): 1 where the photograph has its colour.
+
+    Args:
+        image: (h, w, 3), 8 bits.
+    """
+    found: list[npt.NDArray[np.uint8]] = []
+    for own in dict.fromkeys(target.colours):
+        rule = _rule(image[::8, ::8].astype(np.float64), own, target)
+        if rule is None:
+            grey: npt.NDArray[np.uint8] = np.asarray(image.max(axis=2), np.uint8)
+            dark = own != BRIGHT and _bgr(own).mean() < 127
+            found.append(_brighter(np.asarray(~grey if dark else grey, np.uint8)))
+        else:
+            mask: npt.NDArray[np.uint8] = np.zeros(image.shape[:2], np.uint8)
+            _fill_mask(image, rule.axes, rule.least, rule.slack, rule.ratio, mask)
+            found.append(mask)
+    return found
+
+
+def _rule(few: FloatArray, own: str, target: Balls) -> _Rule | None:
+    """The rule for a colour in a photograph, of which `few` pixels are given; None for a grey."""
+    if own == BRIGHT or (chroma := _chroma(own)) is None:
+        return None
+    size = float(np.linalg.norm(chroma))
+    along = chroma / size
+    across = np.cross(along, np.ones(3) / math.sqrt(3.0))
+    degrees, part = NAMED if _bgr(own).min() == 0 else MEASURED
+    slack = math.tan(math.radians(degrees))
+    for other in target.colours:
+        if other not in (own, BRIGHT) and (its := _chroma(other)) is not None:
+            between = abs(math.atan2(float(across @ its), float(along @ its)))
+            slack = min(slack, math.tan(0.5 * min(between, 2.0)))
+    signal = few @ along
+    usual = float(np.median(signal))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(signal - usual)))
+    least = max(LEAST_CHROMA, usual + OVER_BACKGROUND * spread)
+    ratio = part * size / float(np.linalg.norm(_bgr(own)))
+    return _Rule(np.array([along, across]), least, slack, ratio)
+
+
+def _chroma(colour: str) -> FloatArray | None:
+    """(3,): a colour without its grey; None for a grey."""
+    whole = _bgr(colour)
+    chroma = whole - whole.mean()
+    grey = np.linalg.norm(chroma) < GREY_CHROMA * np.linalg.norm(whole)
+    return None if grey or not whole.any() else chroma
+
+
+@compiled
+def _fill_mask(
+    image: npt.NDArray[np.uint8],
+    axes: FloatArray,
+    least: float,
+    slack: float,
+    ratio: float,
+    mask: npt.NDArray[np.uint8],
+) -> None:
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
+            signal = axes[0, 0] * b + axes[0, 1] * g + axes[0, 2] * r
+            if signal > least:
+                side = axes[1, 0] * b + axes[1, 1] * g + axes[1, 2] * r
+                if abs(side) < slack * signal:
+                    mask[y, x] = signal * signal > ratio * ratio * (b * b + g * g + r * r)
+
+
+def _brighter(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """(h, w): 1 above the middle between background and brightest."""
+    few = grey[::4, ::4]
+    usual, top = float(np.median(few)), float(grey.max())
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(few - usual)))
+    least = max(usual + 0.5 * (top - usual), usual + OVER_BACKGROUND * spread + 2.0)
+    return (grey > least).astype(np.uint8)

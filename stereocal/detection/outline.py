@@ -1,0 +1,204 @@
+"""The outline of a ball: a circle in the direction of its centre, fitted to edges around it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.detection.ball_colours import Colours
+from stereocal.detection.rim import profiles, steepest
+from stereocal.refined.outliers import MAD_TO_SIGMA
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+
+ANGLES_PX = 1.5
+REACHES = (0.25, 0.16, 0.12)
+"""Of the profiles in the rounds of the fit, in radii."""
+LEAST_SIGMA_PX, SHADING_OF_BLUR = 0.02, 0.6
+"""In light from the side, shading inside a blurred outline moves it by this times the blur's
+variance over the radius; found in renderings with blurs of 0.7 to 1.8 px."""
+CODING = (0.8, 0.42)
+"""A file does not say whether its grey levels are linear or coded for a screen (gamma 2.2). Coding
+moves a blurred edge towards its dark side by `0.8 tanh(0.42 log(ratio of the levels))` sigmas of
+the blur: with light from the side, the centre by 0.1 to 0.5 px. The middle is taken, and half the
+difference is part of the stated error."""
+CORRELATION, SECTORS = 2.0, 12
+WEAKEST_EDGE = 6.0
+LEAST_SEEN = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A fitted outline, in px."""
+
+    centre: FloatArray
+    """(2,): the image of the sphere's centre."""
+    radius: float
+    sigma: float
+    """Standard error of one coordinate of the centre."""
+    scatter: float
+    """Of the edges about the outline."""
+    seen: float
+    """Part of the outline that fits."""
+
+
+def fit_outline(
+    colours: Colours, middle: tuple[float, float], radius: float, camera: Camera | None
+) -> Outline | None:
+    """Fit the outline of a ball, from wide profiles to narrow ones.
+
+    Args:
+        middle, radius: of a circle around the ball's colour, px.
+        camera: its lens shapes the outline; None: a circle in the image.
+    """
+    first, centre = radius, np.array(middle)
+    pad = 1.6 * radius + 4.0
+    height, width = colours.shape[:2]
+    left, top = (int(max(0, c - pad)) for c in centre)
+    right, bottom = int(min(width, centre[0] + pad + 1)), int(min(height, centre[1] + pad + 1))
+    part = colours[top:bottom, left:right].astype(np.float32)
+    origin = np.array([left, top], dtype=np.float64)
+    fitted: Outline | None = None
+    for reach in REACHES:
+        lens = camera if reach == REACHES[-1] else None
+        fitted = _round(part, centre - origin, radius, max(3.0, reach * radius), lens, origin)
+        if fitted is None or fitted.seen < LEAST_SEEN:
+            return None
+        if not 0.5 * first < fitted.radius < 1.6 * first:
+            return None
+        centre, radius = fitted.centre, fitted.radius
+    return fitted
+
+
+def _round(
+    part: npt.NDArray[np.float32],
+    centre: FloatArray,
+    radius: float,
+    reach: float,
+    camera: Camera | None,
+    origin: FloatArray,
+) -> Outline | None:
+    """One round of the fit, in a part of the photograph at `origin`; `centre` is in the part."""
+    n = int(np.clip(2.0 * math.pi * radius / ANGLES_PX, 24, 120))
+    turn = 2.0 * math.pi * np.arange(n) / n
+    normals = np.column_stack([np.cos(turn), np.sin(turn)])
+    points = centre + radius * normals
+    sampled = [profiles(part[:, :, k], points, normals, reach) for k in range(3)]
+    along, colour = sampled[0][0], np.stack([one for _, one in sampled], axis=-1)
+    ends = max(2, len(along) // 4)
+    inside, outside = colour[:, :ends].mean(axis=1), colour[:, -ends:].mean(axis=1)
+    step = inside - outside
+    height = np.linalg.norm(step, axis=1)
+    # Each profile in the direction of its own change of colour, whatever is behind the ball.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        grey = (colour * (step / height[:, None])[:, None]).sum(axis=-1)
+    away, fall, spread = steepest(along, grey, 2.5)
+    good = np.isfinite(away) & (fall > WEAKEST_EDGE)
+    if good.sum() < 8:
+        return None
+    with np.errstate(invalid="ignore", divide="ignore"):
+        coded = (step**2 * _coding_shift(inside, outside)).sum(axis=1) / height**2
+    blur = float(np.median(spread[good]))
+    coded = 0.5 * math.sqrt(blur) * coded[good]
+    # The border between day and night on the ball is wider and weaker than its outline.
+    weight = np.clip(fall[good] / float(np.quantile(fall[good], 0.75)), 0.05, 1.0) ** 2
+    sharp = float(np.quantile(spread[good], 0.25))
+    weight *= np.clip(2.5 - spread[good] / sharp, 0.01, 1.0)
+    edges = origin + points[good] + (away[good] - coded)[:, None] * normals[good]
+    fitted = _circle(edges, weight, coded, origin + centre, radius, camera, n)
+    uneven = float(np.linalg.norm(fall[good] @ normals[good])) / float(fall[good].sum())
+    shading = SHADING_OF_BLUR * blur / radius * min(1.0, 10.0 * uneven)
+    shading = math.hypot(LEAST_SIGMA_PX, shading)
+    return fitted and replace(fitted, sigma=math.hypot(fitted.sigma, shading))
+
+
+def _coding_shift(inside: FloatArray, outside: FloatArray) -> FloatArray:
+    """How far a blurred edge moves outside by coding linear grey levels, in its blur's sigmas.
+
+    Args:
+        inside, outside: grey levels as coded.
+    """
+    ratio = np.log((inside + 1.0) / (outside + 1.0))
+    shift: FloatArray = CODING[0] * np.tanh(CODING[1] * ratio)
+    return shift
+
+
+def _circle(
+    edges: FloatArray,
+    weight: FloatArray,
+    coded: FloatArray,
+    centre: FloatArray,
+    radius: float,
+    camera: Camera | None,
+    n: int,
+) -> Outline | None:
+    """The outline of a sphere through edges (m, 2) px, robustly.
+
+    Args:
+        coded: (m,): how far the edges may lie farther outside, or inside, px.
+        n: the number of profiles.
+    """
+    if camera is None:
+        flat = edges - centre
+    else:
+        axes = _axes(camera, centre)
+        rays = np.column_stack([camera.undistort(edges), np.ones(len(edges))]) @ axes.T
+        scale = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
+        flat = scale * rays[:, :2] / rays[:, 2:]
+    if not np.isfinite(flat).all():
+        return None
+    limit, middle = 0.25 * radius, np.zeros(2)
+    for _ in range(8):
+        away = flat - middle
+        size = np.linalg.norm(away, axis=1)
+        off = size - radius
+        robust = weight * np.clip(1.0 - (off / limit) ** 2, 0.0, 1.0) ** 2
+        if (robust > 0).sum() < 6:
+            return None
+        J = np.column_stack([away / size[:, None], np.ones(len(flat))])
+        try:
+            inverse = np.linalg.inv(J.T @ (robust[:, None] * J))
+        except np.linalg.LinAlgError:
+            return None
+        step = inverse @ (J.T @ (robust * off))
+        middle = middle + step[:2]
+        radius += float(step[2])
+        limit = max(4.0 * MAD_TO_SIGMA * float(np.median(np.abs(off))), 0.8)
+    centre = centre + middle if camera is None else _back(camera, axes, middle / scale)
+    used = robust > 0
+    scatter = math.sqrt(float((robust * off**2).sum() / robust.sum()))
+    freedom = max(float(used.sum()) - 3.0, 1.0)
+    variance = float((robust * off**2).sum()) / freedom * CORRELATION
+    # Edges of one background go astray together: the sectors count as independent, not the edges.
+    sector = np.floor((np.arctan2(away[:, 1], away[:, 0]) / math.pi + 1.0) * 0.5 * SECTORS)
+    parts = np.zeros((SECTORS + 1, 3))
+    np.add.at(parts, sector.astype(int), (robust * off)[:, None] * J)
+    together = inverse @ (parts.T @ parts) @ inverse * (SECTORS / (SECTORS - 3.0))
+    cov = np.maximum(variance * inverse, together)
+    either = inverse @ (J.T @ (robust * coded))
+    return Outline(
+        centre,
+        radius,
+        math.sqrt(0.5 * float(cov[0, 0] + cov[1, 1] + either[0] ** 2 + either[1] ** 2)),
+        scatter,
+        float(used.sum()) / n,
+    )
+
+
+def _axes(camera: Camera, centre: FloatArray) -> FloatArray:
+    """(3, 3): a frame that looks at a point of the image; its third axis points there."""
+    ray = np.append(camera.undistort(centre[None])[0], 1.0)
+    ray /= np.linalg.norm(ray)
+    across = np.cross([0.0, 1.0, 0.0], ray)
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(ray, across), ray])
+
+
+def _back(camera: Camera, axes: FloatArray, point: FloatArray) -> FloatArray:
+    """Raw px of a point (2,) of the frame's plane at distance 1."""
+    ray = np.append(point, 1.0) @ axes
+    raw: FloatArray = camera.distort((ray[:2] / ray[2])[None])[0]
+    return raw

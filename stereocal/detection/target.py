@@ -1,0 +1,153 @@
+"""What was photographed, as one text: `bar2x2`, `balls:red,yellow`, `board:9x6:0.03`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import cv2
+from PIL import ImageColor
+
+from stereocal.errors import StereocalError, naming
+from stereocal.rig.board_pattern import BoardPattern
+
+BRIGHT = "bright"
+"""Instead of a colour: spots that are brighter than all else, such as LEDs."""
+EXAMPLES = "bar2x2, balls:red,yellow, balls:#c0392b,#f1c40f, balls:bright or tags:4X4_50:3,7"
+BOARDS = "board:9x6:0.03, board:0.03 or charuco:9x6:0.03:4X4_50:0.022"
+"""Inner corners and the side of a square in metres; without the size, it is found. A ChArUco board
+has its dictionary and the side of its markers too."""
+
+
+@dataclass(frozen=True)
+class Bar2x2:
+    """Two 2x2 checkerboards, which look alike."""
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Two balls or lamps."""
+
+    colours: tuple[str, str]
+    """Of A and B: `#rrggbb` or `bright`. Balls of one colour are told apart by the other frames."""
+
+    @property
+    def named(self) -> bool:
+        """Whether a photograph alone shows which is A."""
+        return self.colours[0] != self.colours[1]
+
+
+@dataclass(frozen=True)
+class Tags:
+    """Two ArUco or AprilTag markers."""
+
+    dictionary: str
+    """As OpenCV names it, without `DICT_`."""
+    ids: tuple[int, int]
+    """Of A and B."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board with known squares."""
+
+    square_m: float
+    size: str = ""
+    """In inner corners, such as `9x6`; empty if it is to be found."""
+    dictionary: str | None = None
+    marker_m: float | None = None
+
+    def pattern(self, size: str = "") -> BoardPattern:
+        """The pattern, of this size if the target does not say it."""
+        return BoardPattern.parse(self.size or size, self.square_m, self.dictionary, self.marker_m)
+
+
+Target = Bar2x2 | Balls | Tags
+BAR = Bar2x2()
+
+
+def parse_target(text: str) -> Target:
+    """The target that a text describes."""
+    kind, _, rest = text.strip().partition(":")
+    if kind not in KINDS:
+        raise StereocalError(f'"{text}" is not a kind of target: write {EXAMPLES}; or {BOARDS}.')
+    try:
+        return KINDS[kind](rest)
+    except StereocalError as error:
+        raise StereocalError(f'"{text}": {error}') from error
+
+
+def _bar(rest: str) -> Bar2x2:
+    if rest:
+        raise StereocalError("bar2x2 takes nothing after it.")
+    return Bar2x2()
+
+
+def _balls(rest: str) -> Balls:
+    names = [name.strip() for name in rest.split(",")]
+    if names == [BRIGHT]:
+        return Balls((BRIGHT, BRIGHT))
+    if len(names) != 2:
+        raise StereocalError("write the colours of A and B, such as balls:red,yellow.")
+    return Balls((_colour(names[0]), _colour(names[1])))
+
+
+def _colour(name: str) -> str:
+    if name == BRIGHT:
+        raise StereocalError("write balls:bright for two lamps, or the colours of both balls.")
+    try:
+        red, green, blue = ImageColor.getrgb(name)[:3]
+    except ValueError:
+        raise StereocalError(
+            f'"{name}" is not a colour: write its name, such as red, or #c0392b.'
+        ) from None
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _tags(rest: str) -> Tags:
+    found = re.fullmatch(r"(?:DICT_)?(\w+):\s*(\d+)\s*,\s*(\d+)\s*", rest)
+    if found is None:
+        raise StereocalError("write the dictionary and the numbers of A and B: tags:4X4_50:3,7.")
+    dictionary, a, b = found[1], int(found[2]), int(found[3])
+    number = getattr(cv2.aruco, f"DICT_{dictionary}", None)
+    if number is None:
+        raise StereocalError(
+            f"OpenCV has no dictionary {dictionary}; it has 4X4_50 to 7X7_1000, ARUCO_ORIGINAL, "
+            "APRILTAG_36h11 and others."
+        )
+    many = len(cv2.aruco.getPredefinedDictionary(number).bytesList)
+    if a == b or max(a, b) >= many:
+        raise StereocalError(f"A and B must be two different numbers from 0 to {many - 1}.")
+    return Tags(dictionary, (a, b))
+
+
+def parse_board(text: str) -> Board | None:
+    """The board that a text describes, such as those of `BOARDS`; None if it is none."""
+    size, dictionary, side = "", None, None
+    match text.strip().split(":"):
+        case ["board", square]:
+            pass
+        case ["board", size, square]:
+            pass
+        case ["charuco", size, square, name, marker]:
+            dictionary = name if name.startswith("DICT_") else f"DICT_{name}"
+            side = _metres(marker)
+        case ["board" | "charuco", *_]:
+            raise StereocalError(f'"{text}" is no board: write {BOARDS}.')
+        case _:
+            return None
+    with naming(f'"{text}"'):
+        found = Board(_metres(square), size, dictionary, side)
+        found.pattern("9x6")  # raises an error for what no board is
+    return found
+
+
+def _metres(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise StereocalError(f'"{text}" is not a length in metres, such as 0.03.') from None
+
+
+KINDS: Mapping[str, Callable[[str], Target]] = {"bar2x2": _bar, "balls": _balls, "tags": _tags}

@@ -1,0 +1,270 @@
+"""A data set of format 2: any number of cameras, any rigid object, and `points.csv`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import RefusedRowsError, StereocalError, naming
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.description import (
+    DESCRIPTION,
+    RECORDING_FORMAT,
+    camera_named,
+    find_description,
+    name_of,
+    optional_length,
+)
+from stereocal.formats.lens_model import LensModel
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import check_length, check_uncertainty
+from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.limits import Limits
+from stereocal.system.tables import EMPTY, Column, Rows, read_rows
+
+POINTS = "points.csv"
+REQUIRED = ("frame", "camera", "target", "u", "v")
+SIGMA = "sigma_px"
+NUMBERS = (
+    Column("frame", is_whole=True),
+    Column("u"),
+    Column("v"),
+    Column(SIGMA, may_be_empty=True, is_positive=True),
+)
+BOARD = "board"
+_BOARD = ("columns", "rows", "square_m", "dictionary", "marker_m")
+
+
+def parse_recording(
+    files: Mapping[str, bytes],
+    source: str,
+    photographs: bool = False,
+    lens_model: LensModel | None = None,
+    with_points: bool = True,
+) -> Recording:
+    """The recording from files by name, which may all be in one subfolder.
+
+    Args:
+        photographs: whether there are photographs too, in which targets can be detected.
+        lens_model: meaning of four distortion coefficients if a camera file does not state it.
+        with_points: whether to read its points; else it has none.
+    """
+    folder, description = find_description(files, source)
+    where = f"{source}: {DESCRIPTION}"
+    if description["format"] != RECORDING_FORMAT:
+        raise StereocalError(f'{where}: its "format" must be "{RECORDING_FORMAT}".')
+    named = description.get("cameras")
+    if not isinstance(named, dict) or len(named) < 2:
+        raise StereocalError(f'{where}: "cameras" must name the files of two cameras at least.')
+    cameras = {
+        which: camera_named(named[which], which, files, folder, source, lens_model)
+        for which in named
+    }
+    own = object_of(description, where)
+    if not with_points:
+        recording = Recording("", cameras, own, *_no_points())
+    elif folder + POINTS not in files:
+        how = "; find the targets first, with `stereocal detect`" if photographs else ""
+        raise StereocalError(f"{source}: the table of points {POINTS!r} is missing{how}.")
+    else:
+        recording = read_points(files[folder + POINTS], cameras, own, f"{source}: {POINTS}")
+    baselines = _baselines(description, list(named), where)
+    return replace(
+        recording,
+        name=name_of(description, source),
+        baselines_m=baselines,
+        baseline_sigma_m=optional_length(description, "baseline_sigma_m", where),
+        notes=str(description.get("notes", "")),
+    )
+
+
+def _no_points() -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
+    """The columns of a recording without rows."""
+    none = np.empty(0, dtype=np.int64)
+    return none, none, none, np.empty((0, 2)), np.empty(0)
+
+
+def object_of(description: Mapping[str, Any], where: str) -> RigidObject:
+    """The object that `dataset.json` describes: points by name, or a board."""
+    given = description.get("object")
+    sigma = optional_length(description, "object_sigma_m", where)
+    with naming(where):
+        if not isinstance(given, dict) or not given:
+            raise StereocalError(
+                '"object" must give the points of the object in metres, as {"A": [0, 0, 0], "B": '
+                '[0.39, 0, 0]}, or a board: {"board": {"columns": 9, "rows": 6, "square_m": 0.03}}.'
+            )
+        if BOARD in given:
+            found = RigidObject.of_board(_board(given[BOARD]), sigma)
+        else:
+            points = [_point(name, xyz) for name, xyz in given.items()]
+            found = RigidObject(tuple(given), np.array(points), sigma)
+        longest = float(found.distances.max())
+        check_length("longest distance between points of the object", longest)
+        check_uncertainty("object", sigma, longest)
+        return found
+
+
+def _board(given: Any) -> BoardPattern:
+    if not isinstance(given, dict) or not {*_BOARD[:3]} <= {*given} <= {*_BOARD}:
+        raise StereocalError(
+            'the board must have "columns", "rows" and "square_m"; a ChArUco board "dictionary" '
+            'and "marker_m" too.'
+        )
+    numbers = [given[name] for name in ("columns", "rows", "square_m", "marker_m") if name in given]
+    if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers) or not all(
+        isinstance(n, int) for n in numbers[:2]
+    ):
+        raise StereocalError("the board's columns and rows must be whole numbers, its sides metres")
+    return BoardPattern(**given)
+
+
+def _point(name: str, xyz: Any) -> list[float]:
+    if not (
+        isinstance(xyz, list)
+        and len(xyz) == 3
+        and all(isinstance(x, int | float) and not isinstance(x, bool) for x in xyz)
+    ):
+        raise StereocalError(f"the point {name[:40]!r} must be three numbers, in metres.")
+    return [float(x) for x in xyz]
+
+
+def _baselines(
+    description: Mapping[str, Any], cameras: Sequence[str], where: str
+) -> dict[Pair, float]:
+    """The measured baselines by pair of cameras."""
+    given = description.get("baselines_m") or {}
+    if not isinstance(given, dict):
+        raise StereocalError(f'{where}: "baselines_m" must give lengths by pair of cameras.')
+    pairs = {f"{a}-{b}": (a, b) for a in cameras for b in cameras if a != b}
+    found: dict[Pair, float] = {}
+    for key in given:
+        value = optional_length(given, key, f"{where}: baselines_m")
+        if key not in pairs:
+            raise StereocalError(
+                f"{where}: the baseline {key[:60]!r} is of no pair of cameras: {', '.join(pairs)}."
+            )
+        if value is not None:
+            with naming(where):
+                check_length(f"baseline {key}", value)
+            if pairs[key][::-1] in found:
+                raise StereocalError(f"{where}: the baseline {key} is stated twice.")
+            found[pairs[key]] = value
+    return found
+
+
+def read_points(
+    content: bytes, cameras: Mapping[str, Camera], own: RigidObject, source: str
+) -> Recording:
+    """The recording of a table of points, without name and baselines."""
+    lines = max(content.count(b"\n"), content.count(b"\r"))
+    Limits.from_environment().check_pairs(lines - 1, source)
+    rows = read_rows(content, source, REQUIRED, NUMBERS, (), EMPTY)
+    codes: dict[str, IntArray] = {}
+    for column, names in (("camera", list(cameras)), ("target", list(own.names))):
+        words = rows.raw[column].str.strip()
+        found = words.map({name: i for i, name in enumerate(names)})
+        bad = np.flatnonzero(found.isna())
+        for row, cell in zip(bad.tolist(), words.iloc[bad].tolist(), strict=True):
+            allowed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+            rows.reasons.setdefault(row, f'{column} is "{cell[:40]}"; it must be {allowed}')
+        codes[column] = np.asarray(found.fillna(0), dtype=np.int64)
+    _refuse_twice(rows, codes["camera"], codes["target"])
+    points = np.column_stack([rows.values["u"], rows.values["v"]])
+    sizes = np.array([camera.image_size for camera in cameras.values()])[codes["camera"]]
+    _refuse_outside(rows, points, sizes)
+    if rows.problems:
+        raise RefusedRowsError(f"{source}: ", rows.problems, "cannot be used")
+    return Recording(
+        name="",
+        cameras=dict(cameras),
+        object=own,
+        frame=rows.values["frame"].astype(np.int64),
+        camera=codes["camera"],
+        target=codes["target"],
+        points=points,
+        sigma_px=rows.values[SIGMA],
+    )
+
+
+def _at(rows: Rows, row: int) -> str:
+    camera, target = (rows.raw[name].iloc[row].strip() for name in ("camera", "target"))
+    return f"frame {rows.values['frame'][row]:.0f}, camera {camera}, target {target}"
+
+
+def _refuse_twice(rows: Rows, camera: IntArray, target: IntArray) -> None:
+    """Add the valid rows with a point that the table has already."""
+    keys = pd.DataFrame({"frame": rows.values["frame"], "camera": camera, "target": target})
+    keys = keys.drop(index=list(rows.reasons))
+    lines = pd.Series(rows.raw.index.to_numpy(), index=range(len(rows.raw)))
+    first = lines[keys.index].groupby([keys[name] for name in keys]).transform("first")
+    for row in keys.index[keys.duplicated()].tolist():
+        rows.reasons[row] = f"{_at(rows, row)} is in line {first[row]} already"
+
+
+def _refuse_outside(rows: Rows, points: FloatArray, sizes: IntArray) -> None:
+    """Add the points outside their images, which end 0.5 px beyond the outermost pixel centres."""
+    for row in np.flatnonzero(((points < -0.5) | (points > sizes - 0.5)).any(axis=1)).tolist():
+        u, v = points[row]
+        width, height = sizes[row]
+        rows.reasons.setdefault(
+            row,
+            f"{_at(rows, row)}: the point ({u:g}, {v:g}) is outside the {width}x{height} px image",
+        )
+
+
+def pack_recording(recording: Recording) -> dict[str, bytes]:
+    """The files of a recording by name, read back exactly by `parse_recording`."""
+    own, board = recording.object, recording.object.board
+    names = {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)}
+    described: Any = dict(zip(own.names, own.points.tolist(), strict=True))
+    if board is not None:
+        described = {BOARD: {k: getattr(board, k) for k in _BOARD if getattr(board, k) is not None}}
+    description = {
+        "format": RECORDING_FORMAT,
+        "name": recording.name,
+        "cameras": names,
+        "object": described,
+        "object_sigma_m": own.sigma_m,
+        "baselines_m": {f"{a}-{b}": m for (a, b), m in recording.baselines_m.items()} or None,
+        "baseline_sigma_m": recording.baseline_sigma_m,
+        "notes": recording.notes or None,
+    }
+    kept = {key: value for key, value in description.items() if value is not None}
+    return {
+        DESCRIPTION: (json.dumps(kept, indent=2) + "\n").encode(),
+        **{names[which]: write_camera(camera) for which, camera in recording.cameras.items()},
+        POINTS: write_points(recording),
+    }
+
+
+def write_points(recording: Recording) -> bytes:
+    """`points.csv`, read back exactly by `read_points`."""
+    cameras, targets = list(recording.cameras), recording.object.names
+    with_sigma = bool(np.isfinite(recording.sigma_px).any())
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*REQUIRED, *[SIGMA] * with_sigma])
+    for i, (u, v) in enumerate(recording.points.tolist()):
+        sigma = float(recording.sigma_px[i])
+        writer.writerow(
+            [
+                int(recording.frame[i]),
+                cameras[recording.camera[i]],
+                targets[recording.target[i]],
+                repr(u),
+                repr(v),
+                *(["" if np.isnan(sigma) else repr(sigma)] * with_sigma),
+            ]
+        )
+    return out.getvalue().encode()

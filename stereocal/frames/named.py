@@ -1,0 +1,111 @@
+"""Frames from targets that have names of their own: balls and tags.
+
+Their names need no epipolar geometry. It checks them: a frame that does not fit the others, or fits
+them only with A and B exchanged in one camera, is doubtful. Balls of one colour are named by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from stereocal.detection.sighting import Sighting, Spot
+from stereocal.detection.target import Balls, Tags
+from stereocal.frames.epipolar_labels import compare_labels
+from stereocal.frames.frame import Centre, CentrePair, Frame, State
+from stereocal.frames.labelling import FrameLabels, decide_labels
+from stereocal.frames.pairing import Pair
+from stereocal.frames.still import without_still
+from stereocal.rig.camera import CAMERAS, Camera
+
+EXCHANGED = "A and B fit the other frames only if they are exchanged in one camera."
+FAR_SIGMAS = 4.0
+"""A frame that is this much within its own stated errors fits, though others fit better."""
+Spots = tuple[Spot | None, Spot | None]
+
+
+def frames_of(
+    pairs: Sequence[Pair],
+    seen: Mapping[str, Sighting],
+    cameras: tuple[Camera, Camera],
+    target: Balls | Tags,
+    seed: int = 0,
+) -> list[Frame]:
+    """A frame for each pair, in order.
+
+    Args:
+        seen: by the name of the photograph.
+    """
+    named = isinstance(target, Tags) or target.named
+    sides = [
+        without_still([seen[name] for name in names])
+        for names in ([p.primary for p in pairs], [p.secondary for p in pairs])
+    ]
+    both = {pair.frame: (sides[0][k], sides[1][k]) for k, pair in enumerate(pairs)}
+    whole = [frame for frame, found in both.items() if all(all(one.spots) for one in found)]
+    rays = [
+        camera.undistort(
+            [(spot.u, spot.v) for frame in whole for spot in both[frame][i].spots if spot]
+        ).reshape(-1, 2, 2)
+        for i, camera in enumerate(cameras)
+    ]
+    focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
+    labels = compare_labels(rays[0], rays[1], focal, np.random.default_rng(seed))
+    decided = dict(zip(whole, decide_labels(whole, labels), strict=True))
+    return [_frame(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]
+
+
+def _frame(
+    pair: Pair,
+    both: tuple[Sighting, Sighting],
+    named: bool,
+    decided: tuple[bool, FrameLabels] | None,
+) -> Frame:
+    first, second = (found.spots for found in both)
+    reasons = [
+        found.missing if found.unreadable else f"{camera.capitalize()}: {found.missing}"
+        for found, camera in zip(both, CAMERAS, strict=True)
+        if found.missing
+    ]
+    sure = decided is not None
+    if decided is not None:
+        exchange, report = decided
+        if not named:
+            second = second[::-1] if exchange else second
+            sure = report.state in ("agreed", "swapped")
+            reasons.append(report.sentence)
+        elif exchange or (
+            report.state == "outlying" and report.residual_px > FAR_SIGMAS * _sigma(first, second)
+        ):
+            sure = False
+            reasons.append(EXCHANGED if exchange else report.sentence)
+    doubts = [
+        f"In the {camera}: {doubt}"
+        for spots, camera in zip((first, second), CAMERAS, strict=True)
+        for spot in spots
+        if spot
+        for doubt in spot.doubts
+    ]
+    shared = [a and b for a, b in zip(first, second, strict=True)]
+    state: State = "found" if sure and not doubts else "doubtful"
+    if not any(shared) or not (named or all(shared)):
+        state = "refused"
+    return Frame(
+        frame=pair.frame,
+        files=(pair.primary, pair.secondary),
+        centres=(_centres(first), _centres(second)),
+        state=state,
+        reason=" ".join(filter(None, [*reasons, *doubts])),
+        use=state == "found",
+    )
+
+
+def _sigma(first: Spots, second: Spots) -> float:
+    """The stated errors of a frame's centres, root mean square, px."""
+    return float(np.sqrt(np.mean([spot.sigma_px**2 for spot in (*first, *second) if spot])))
+
+
+def _centres(spots: Spots) -> CentrePair:
+    a, b = (Centre(spot.u, spot.v, spot.sigma_px) if spot else None for spot in spots)
+    return a, b

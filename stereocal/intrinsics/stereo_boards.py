@@ -1,0 +1,345 @@
+"""A board in front of two cameras: a recording of its corners, and the lenses if not known.
+
+The finder orders the corners by the colours of the squares (`board_corners.in_order`). Where a
+board looks the same turned, the two cameras may disagree. Then the geometry decides: with the right
+order all boards give one pose of the cameras. The direction of a row in the images does not tell:
+one camera may hang upside down.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.frames.pairing import Pairing, pair_names
+from stereocal.intrinsics.board_corners import eight_bits, size_of_board
+from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
+from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import Photographs
+from stereocal.system.tasks import Pieces, Progress
+
+SAME_PLACE_PX = 1.0
+"""Two boards whose corners lie closer together than this in both images stand at one place."""
+FITTING_PX = 8.0
+"""Median distance of corners from where another board's pose of the cameras puts them, of boards in
+the right order. A wrong order gives tens of pixels."""
+MOST_HYPOTHESES = 40
+LOOKED_AT = 6
+"""Photographs of which the size of a board is found."""
+STAGES = ("boards of the primary", "boards of the secondary", "lenses")
+Begin = Callable[[str], None]
+
+
+class Seen(NamedTuple):
+    """A board in both photographs of a frame."""
+
+    frame: int
+    views: tuple[BoardView, BoardView]
+
+
+@dataclass(frozen=True, eq=False)
+class StereoBoards:
+    """The boards in the photographs of two cameras."""
+
+    pairing: Pairing
+    searches: tuple[BoardSearch, BoardSearch]
+    """Of all photographs of each camera, without repeated ones."""
+    repeated: Mapping[int, int]
+    """Frames left out because their board stands where that of an earlier frame did."""
+
+    @property
+    def pattern(self) -> BoardPattern:
+        """What is printed on the board."""
+        return self.searches[0].pattern
+
+    @property
+    def common(self) -> list[Seen]:
+        """The boards that both cameras see, by frame."""
+        return _common(self.pairing, self.searches)
+
+    @property
+    def refused(self) -> tuple[Refused, ...]:
+        """The photographs without a usable board."""
+        return self.searches[0].refused + self.searches[1].refused
+
+    @property
+    def sentence(self) -> str:
+        """What was found, for the user."""
+        found = [len(search.views) for search in self.searches]
+        parts = [
+            f"{len(self.common)} boards of {self.pattern} inner corners are in photographs of both "
+            f"cameras; {found[0]} in the primary's, {found[1]} in the secondary's."
+        ]
+        if self.refused:
+            of = "; ".join(f"{item.name}: {item.reason}" for item in self.refused[:3])
+            more = f"; and {len(self.refused) - 3} more" if len(self.refused) > 3 else ""
+            parts.append(f"Not used: {of}{more}.")
+        if self.repeated:
+            same = ", ".join(f"{frame} (as {first})" for frame, first in self.repeated.items())
+            parts.append(
+                f"The board stands at the same place in several frames, and counts once: left out "
+                f"{same}."
+            )
+        return " ".join(parts)
+
+
+def size_in(photographs: Photographs) -> str:
+    """The size of the chessboard in the first photographs, such as `9x6`.
+
+    Raises:
+        StereocalError: none shows a chessboard, or they do not agree.
+    """
+    names = sorted(photographs)
+    chosen = names[:: max(len(names) // LOOKED_AT, 1)][:LOOKED_AT]
+    greys = (eight_bits(read_photograph(photographs[name])) for name in chosen)
+    found = Counter(size for size in map(size_of_board, greys) if size is not None)
+    best = found.most_common(2)
+    if not best or (len(best) > 1 and best[0][1] == best[1][1]):
+        raise StereocalError(
+            f"The size of the board cannot be found in the first {len(chosen)} photographs: count "
+            "the inner corners, where four squares meet, and state them, as board:9x6:0.03."
+        )
+    (columns, rows), _ = best[0]
+    return f"{columns}x{rows}"
+
+
+def find_stereo_boards(
+    photographs: Photographs,
+    pattern: BoardPattern,
+    executor: Executor,
+    begin: Begin = lambda _: None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[BoardView | Refused] | None = None,
+    pairing: Pairing | None = None,
+) -> StereoBoards | None:
+    """The boards in the photographs of two cameras, which are told apart by their names.
+
+    Args:
+        begin: called with the name of each stage.
+        progress, cancelled, pieces: as for `find_boards`.
+        pairing: which photographs belong together; None: by their names.
+
+    Returns:
+        None if cancelled.
+    """
+    pairing = pairing or pair_names(photographs)
+    if not pairing.pairs or pairing.ambiguous:
+        raise StereocalError(pairing.sentence)
+    searches = []
+    for camera, stage in enumerate(STAGES[:2]):
+        begin(stage)
+        names = [(pair.primary, pair.secondary)[camera] for pair in pairing.pairs]
+        names += [alone.name for alone in pairing.alone if alone.camera == camera]
+        own = {name: photographs[name] for name in names}
+        found = find_boards(own, pattern, executor, progress, cancelled, pieces)
+        if found is None:
+            return None
+        searches.append(found)
+    return stereo_boards(pairing, (searches[0], searches[1]))
+
+
+def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, BoardSearch]) -> StereoBoards:
+    """The boards that were found by camera, without repeated ones.
+
+    Raises:
+        StereocalError: no board is in both photographs of a frame.
+    """
+    common = _common(pairing, both)
+    if not common:
+        raise StereocalError(
+            f"No board is in both photographs of a frame: {len(both[0].views)} were found in the "
+            f"primary's photographs, {len(both[1].views)} in the secondary's. Photograph it where "
+            "both cameras see it, at the same moment."
+        )
+    repeated = _repeated(common)
+    again = [view.name for seen in common if seen.frame in repeated for view in seen.views]
+    kept = both[0].without(again), both[1].without(again)
+    return StereoBoards(pairing, kept, repeated)
+
+
+def lenses_of_boards(
+    boards: StereoBoards,
+    settings: LensSettings,
+    executor: Executor,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> tuple[LensCalibration, LensCalibration] | None:
+    """The lenses from all boards of each camera; None if cancelled."""
+    found = []
+    for search in boards.searches:
+        lens = calibrate_lens(search, settings, executor, progress, cancelled)
+        if lens is None:
+            return None
+        found.append(lens)
+    return found[0], found[1]
+
+
+def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str) -> Recording:
+    """The recording of the boards that both cameras see.
+
+    Raises:
+        StereocalError: the images of one camera are mirrored, or of another size than its lens.
+    """
+    for which, camera, search in zip(CAMERAS, cameras, boards.searches, strict=True):
+        if camera.image_size != search.image_size:
+            raise StereocalError(
+                f"The {which}'s photographs have {search.image_size[0]}x{search.image_size[1]} px, "
+                f"its camera file {camera.image_size[0]}x{camera.image_size[1]}."
+            )
+    rows = [
+        (seen.frame, camera, view.ids, view.corners)
+        for seen in in_one_order(boards.common, cameras, boards.pattern)
+        for camera, view in enumerate(seen.views)
+    ]
+    return Recording(
+        name=name,
+        cameras=dict(zip(CAMERAS, cameras, strict=True)),
+        object=RigidObject.of_board(boards.pattern),
+        frame=np.concatenate([np.full(len(ids), frame) for frame, _, ids, _ in rows]),
+        camera=np.concatenate([np.full(len(ids), camera) for _, camera, ids, _ in rows]),
+        target=np.concatenate([ids for _, _, ids, _ in rows]),
+        points=np.concatenate([corners for *_, corners in rows]),
+        sigma_px=np.full(sum(len(ids) for _, _, ids, _ in rows), np.nan),
+    )
+
+
+def _common(pairing: Pairing, searches: tuple[BoardSearch, BoardSearch]) -> list[Seen]:
+    first, second = ({view.name: view for view in search.views} for search in searches)
+    return [
+        Seen(pair.frame, (first[pair.primary], second[pair.secondary]))
+        for pair in pairing.pairs
+        if pair.primary in first and pair.secondary in second
+    ]
+
+
+def _repeated(common: Sequence[Seen]) -> dict[int, int]:
+    """Frames whose board stands where that of an earlier frame did, and that frame."""
+    found: dict[int, int] = {}
+    for at, seen in enumerate(common):
+        for earlier in common[:at]:
+            both = zip(seen.views, earlier.views, strict=True)
+            if earlier.frame not in found and all(_same_place(*views) for views in both):
+                found[seen.frame] = earlier.frame
+                break
+    return found
+
+
+def _same_place(one: BoardView, other: BoardView) -> bool:
+    _, a, b = np.intersect1d(one.ids, other.ids, return_indices=True)
+    if 2 * len(a) < len(one.ids):
+        return False
+    apart = np.linalg.norm(one.corners[a] - other.corners[b], axis=1)
+    return bool(np.median(apart) < SAME_PLACE_PX)
+
+
+def orders_of(pattern: BoardPattern) -> list[IntArray]:
+    """Other numbers of the corners with which a board looks the same, each (n,); its own first."""
+    grid = np.arange(pattern.rows * pattern.columns).reshape(pattern.rows, pattern.columns)
+    turned = [grid]
+    if pattern.dictionary is None and (pattern.rows + pattern.columns) % 2 == 0:
+        turned.append(grid[::-1, ::-1])
+        if pattern.rows == pattern.columns and pattern.rows % 2 == 0:
+            turned += [np.rot90(grid), np.rot90(grid, 3)]
+    return [order.ravel() for order in turned]
+
+
+def in_one_order(
+    common: Sequence[Seen], cameras: tuple[Camera, Camera], pattern: BoardPattern
+) -> list[Seen]:
+    """The boards with the corners of the secondary's in the order of the primary's.
+
+    Raises:
+        StereocalError: the images of one camera are mirrored.
+    """
+    orders = orders_of(pattern)
+    errors, chosen = _best_orders(common, cameras, pattern, orders)
+    if np.median(errors) > FITTING_PX and len(common) > 2:
+        grid = np.arange(len(pattern.points)).reshape(pattern.rows, pattern.columns)
+        flipped = [grid[:, ::-1].ravel(), grid[::-1].ravel()]
+        mirrored = [Seen(s.frame, (s.views[0], _mirrored(s.views[1]))) for s in common]
+        other = cameras[0], _mirrored_camera(cameras[1])
+        if np.median(_best_orders(mirrored, other, pattern, flipped)[0]) <= FITTING_PX:
+            raise StereocalError(
+                "The photographs of one camera are mirrored, left to right: only then do all "
+                "boards give one pose of the cameras. Give them as the camera recorded them."
+            )
+    return [
+        Seen(seen.frame, (seen.views[0], _renumbered(seen.views[1], orders[order])))
+        for seen, order in zip(common, chosen, strict=True)
+    ]
+
+
+def _best_orders(
+    common: Sequence[Seen],
+    cameras: tuple[Camera, Camera],
+    pattern: BoardPattern,
+    orders: Sequence[IntArray],
+) -> tuple[FloatArray, IntArray]:
+    """Of each board the distance (px) of the best order from the pose of the cameras that explains
+    most boards, and the order's index."""
+    candidates = [[_renumbered(seen.views[1], order) for order in orders] for seen in common]
+    boards = [_pose(cameras[0], pattern, seen.views[0]) for seen in common]
+    every = max(len(common) // MOST_HYPOTHESES, 1)
+    best = np.full((len(common), len(orders)), np.inf)
+    for own, board in list(zip(candidates, boards, strict=True))[::every]:
+        for view in own:
+            rig = _pose(cameras[1], pattern, view) @ board.inverse()
+            found = np.array(
+                [
+                    [_distance_px(cameras[1], pattern, rig @ at, other) for other in others]
+                    for others, at in zip(candidates, boards, strict=True)
+                ]
+            )
+            if np.median(found.min(axis=1)) < np.median(best.min(axis=1)):
+                best = found
+    return best.min(axis=1), best.argmin(axis=1).astype(np.int64)
+
+
+def _pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> Pose:
+    """`camera_from_board`."""
+    points = pattern.points[view.ids]
+    _, turn, shift = cv2.solvePnP(points, view.corners, camera.K, camera.distortion)
+    R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+    return Pose(R, np.asarray(shift, dtype=np.float64).ravel())
+
+
+def _distance_px(camera: Camera, pattern: BoardPattern, pose: Pose, view: BoardView) -> float:
+    """Median distance of a board's corners from where a pose puts them; infinite behind it."""
+    points = pose.apply(pattern.points[view.ids])
+    if not (points[:, 2] > 0).all():
+        return np.inf
+    with np.errstate(all="ignore"):  # far outside the image a distortion may have no value
+        apart = np.linalg.norm(camera.project(points) - view.corners, axis=1)
+    return float(np.median(np.nan_to_num(apart, nan=np.inf)))
+
+
+def _renumbered(view: BoardView, order: IntArray) -> BoardView:
+    return replace(view, ids=order[view.ids])
+
+
+def _mirrored(view: BoardView) -> BoardView:
+    width = view.image_size[0]
+    return replace(view, corners=np.array([width - 1.0, 0.0]) + [-1.0, 1.0] * view.corners)
+
+
+def _mirrored_camera(camera: Camera) -> Camera:
+    K, distortion = camera.K.copy(), camera.distortion.copy()
+    K[0, 2] = camera.image_size[0] - 1.0 - K[0, 2]
+    K[0, 1] *= -1.0
+    distortion[3:4] *= -1.0
+    return replace(camera, K=K, distortion=distortion)

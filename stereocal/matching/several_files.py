@@ -1,0 +1,283 @@
+"""Tables of the points of three cameras and more: matched into tracks.csv, measured from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import StereocalError, disk_errors
+from stereocal.matching.matching_files import check_points
+from stereocal.matching.pairs import ERROR_DECIMALS, POINT, pixels_of
+from stereocal.matching.point_noise import PointNoise, check_sigma
+from stereocal.matching.point_table import PointTable
+from stereocal.matching.reconstruction import name_of_world
+from stereocal.matching.reconstruction_files import (
+    COORDINATES,
+    OUTSIDE_VOLUME,
+    POINT_COLUMNS,
+    SIGMA_COLUMNS,
+)
+from stereocal.matching.several_views import (
+    ViewFitter,
+    expected_wrong,
+    images_of_groups,
+    match_views,
+)
+from stereocal.matching.table_writer import open_table
+from stereocal.matching.threshold import choose_threshold
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
+from stereocal.system.tables import EMPTY, Column, read_rows
+from stereocal.system.tasks import Progress
+
+SAMPLE_FRAMES = 60
+FEWEST_DECOYS = 3
+"""Frames without which the share of wrong groups is not estimated."""
+
+
+@dataclass(frozen=True)
+class TracksReport:
+    """The result of a matching of several cameras in numbers."""
+
+    frames: int
+    by_views: Mapping[int, int]
+    """Points by the number of cameras that see them."""
+    ambiguous: int
+    noise: PointNoise
+    wrong: Mapping[int, float]
+    """Share of wrong ones, at most about, by the number of cameras; empty if unknown."""
+    notes: Sequence[str] = ()
+
+    def sentences(self) -> list[str]:
+        """The result in words."""
+        counts = ", ".join(f"{count} by {views}" for views, count in self.by_views.items())
+        wrong = ", ".join(
+            f"{rounded(100 * share)} % of those seen by {views}"
+            for views, share in self.wrong.items()
+        )
+        return [
+            f"Your points scatter by {self.noise.in_words}.",
+            f"{sum(self.by_views.values())} points in {self.frames} frames: {counts} cameras; "
+            f"{self.ambiguous} ambiguous (another partner fits as well).",
+            f"At most about {wrong} are wrong."
+            if wrong
+            else "What share of them is wrong cannot be told from so few frames.",
+        ]
+
+
+def match_rig(
+    rig: RigFile,
+    tables: Mapping[str, PointTable],
+    out: Path,
+    sigma_px: float | None = None,
+    progress: Progress | None = None,
+) -> TracksReport:
+    """Match the tables of several cameras (`frame,u,v`) and write tracks.csv.
+
+    Args:
+        sigma_px: noise of the points; None: estimated, else that of the targets.
+        progress: called with the frames done and the total.
+    """
+    unknown = [name for name in tables if name not in rig.cameras]
+    if unknown or len(tables) < 2:
+        raise StereocalError(
+            f"Give the points of two cameras at least, each as NAME=FILE; the rig has the cameras "
+            f"{', '.join(rig.names)}" + (f", not {unknown[0]!r}." if unknown else ".")
+        )
+    check_sigma(sigma_px)
+    contents = {
+        name: check_points(table, rig.cameras[name], name) for name, table in tables.items()
+    }
+    by_frame: dict[int, dict[str, FloatArray]] = {}
+    for name, table in tables.items():
+        for frame, rows in table.frames():
+            by_frame.setdefault(frame, {})[name] = pixels_of(rows)
+    frames = sorted(by_frame)
+    empty = np.empty((0, 2))
+    points = [[by_frame[frame].get(name, empty) for name in rig.names] for frame in frames]
+    fitter = ViewFitter(rig)
+    noise = _noise(rig, points, sigma_px)
+    sigma = max(noise.sigma_px, 1e-3)
+    columns = _columns(rig)
+    counts: dict[int, int] = {}
+    ambiguous = 0
+    with open_table(out, columns) as writer:
+        for number, (frame, own) in enumerate(zip(frames, points, strict=True)):
+            found = match_views(fitter, own, sigma)
+            images = images_of_groups(found.images, own).reshape(-1, 2 * len(rig.names))
+            rows = pd.DataFrame(images, columns=columns[1:-3])
+            rows.insert(0, "frame", frame)
+            rows["views"], rows["error_px"] = found.views, found.error_px.round(ERROR_DECIMALS)
+            rows["ambiguous"] = found.ambiguous
+            writer.add(rows)
+            ambiguous += int(found.ambiguous.sum())
+            for views, count in zip(*np.unique(found.views, return_counts=True), strict=True):
+                counts[int(views)] = counts.get(int(views), 0) + int(count)
+            if progress is not None:
+                progress(number + 1, len(frames))
+    sample = points[:: max(len(points) // SAMPLE_FRAMES, 1)]
+    wrong = expected_wrong(fitter, sample, sigma) if len(sample) >= FEWEST_DECOYS else {}
+    notes = [
+        f"The camera {name} is {late:+.3f} frames late: points that move are used as recorded."
+        for name, late in rig.time_offsets.items()
+        if late
+    ]
+    notes += [
+        f"{tables[name].label}: {own.left_out} rows without a point were left out."
+        for name, own in contents.items()
+        if own.left_out
+    ]
+    ordered = dict(sorted(counts.items(), reverse=True))
+    return TracksReport(len(frames), ordered, ambiguous, noise, wrong, notes)
+
+
+def _columns(rig: RigFile) -> list[str]:
+    pixels = [f"{axis}_{name}" for name in rig.names for axis in POINT]
+    return ["frame", *pixels, "views", "error_px", "ambiguous"]
+
+
+def _noise(
+    rig: RigFile, frames: Sequence[Sequence[FloatArray]], sigma_px: float | None
+) -> PointNoise:
+    """The noise of the points, by the two cameras that see most of them together."""
+    if sigma_px is not None:
+        return PointNoise(sigma_px, "stated")
+    seen = np.array([[len(own) for own in frame] for frame in frames], dtype=np.float64)
+    both = np.minimum(seen[:, :, None], seen[:, None, :]).sum(axis=0)
+    np.fill_diagonal(both, -1.0)
+    first, second = sorted(np.unravel_index(int(both.argmax()), both.shape))
+    names = rig.names[int(first)], rig.names[int(second)]
+    pair = RigParameters(
+        rig.cameras[names[0]],
+        rig.cameras[names[1]],
+        rig.poses[names[1]] @ rig.poses[names[0]].inverse(),
+        method="refined",
+        cost=0.0,
+        settings={},
+        inputs={},
+        matching_threshold_px=2.0 * rig.noise_px,
+        noise_px=rig.noise_px,
+    )
+    sample = [(frame[int(first)], frame[int(second)]) for frame in frames]
+    sample = [own for own in sample if len(own[0]) and len(own[1])]
+    found = choose_threshold(pair, sample[:: max(len(sample) // SAMPLE_FRAMES, 1)]).noise
+    return found or PointNoise(rig.noise_px, "calibration")
+
+
+@dataclass(frozen=True)
+class RigPointsReport:
+    """The result of a reconstruction in numbers."""
+
+    points: int
+    lost: int
+    """Rows whose images do not meet in front of the cameras; their coordinates are empty."""
+    median_error_px: float
+    sigma_px: float
+    outside: int | None
+    """Points outside the volume of the object; None if unknown."""
+
+    def sentence(self) -> str:
+        """The result in words."""
+        lost = f"; {self.lost} do not meet in front of the cameras" if self.lost else ""
+        volume = (
+            f" {self.outside} lie outside the volume that the object filled, where errors can be "
+            "larger than stated."
+            if self.outside
+            else ""
+        )
+        return (
+            f"{self.points - self.lost} points, median reprojection error "
+            f"{rounded(self.median_error_px, 3)} px{lost}.{volume} Standard errors are for points "
+            f"known to {rounded(self.sigma_px)} px."
+        )
+
+
+def reconstruct_rig(
+    rig: RigFile,
+    tracks: Path,
+    out: Path,
+    world: Pose | None = None,
+    sigma_px: float | None = None,
+) -> RigPointsReport:
+    """Measure the points of tracks.csv from all cameras that see each, and write them.
+
+    Args:
+        world: `world_from_reference`.
+        sigma_px: noise of the points, for the standard errors; None: estimated from their errors.
+    """
+    check_sigma(sigma_px)
+    frame, pixels = read_tracks(rig, tracks)
+    fitter = ViewFitter(rig)
+    rays = fitter.rays(pixels)
+    if sigma_px is None:
+        sigma_px = _noise_of_tracks(fitter, pixels, rays)
+    found = fitter.fit(pixels, rays, max(sigma_px, 1e-6))
+    outside = None if rig.volume is None else ~rig.volume.contains(found.xyz)
+    xyz, covariance = found.xyz, found.covariance
+    if world is not None:
+        xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
+    table = pd.DataFrame({"frame": frame, **dict(zip("xyz", xyz.T, strict=True))})
+    table["error_px"] = found.error_px.round(ERROR_DECIMALS)
+    for k, name in enumerate(SIGMA_COLUMNS):
+        table[name] = np.sqrt(covariance[:, k, k])
+    table["views"] = np.isfinite(pixels[..., 0]).sum(axis=1)
+    columns = [*POINT_COLUMNS, *SIGMA_COLUMNS, "views"]
+    if outside is not None:
+        table[OUTSIDE_VOLUME] = outside
+        columns.append(OUTSIDE_VOLUME)
+    if world is not None:
+        table[COORDINATES] = name_of_world(world)
+        columns.append(COORDINATES)
+    with open_table(out, columns) as writer:
+        writer.add(table[columns])
+    lost = ~np.isfinite(found.xyz[:, 0])
+    median = float(np.nanmedian(found.error_px)) if not lost.all() else float("nan")
+    count = None if outside is None else int((outside & ~lost).sum())
+    return RigPointsReport(len(frame), int(lost.sum()), median, sigma_px, count)
+
+
+def read_tracks(rig: RigFile, path: Path) -> tuple[FloatArray, FloatArray]:
+    """Frames (n,) and pixels (n, c, 2) of tracks.csv; NaN where a camera does not see a point.
+
+    Raises:
+        StereocalError: not such a table, or without the columns of two cameras.
+    """
+    with disk_errors(f"{path} cannot be read"):
+        content = path.read_bytes()
+    names = [f"{axis}_{name}".lower() for name in rig.names for axis in POINT]
+    columns = [Column(name, may_be_empty=True) for name in names]
+    rows = read_rows(
+        content, str(path), ["frame", *names], [Column("frame", is_whole=True), *columns], (), EMPTY
+    )
+    rows.check(str(path))
+    pixels = np.column_stack([rows.values[name] for name in names])
+    shaped = pixels.reshape(len(pixels), len(rig.names), 2)
+    sizes = np.array([camera.image_size for camera in rig.cameras.values()])
+    outside = ((shaped < -0.5) | (shaped > sizes - 0.5)).any(axis=2)
+    if outside.any():
+        row, camera = np.argwhere(outside)[0]
+        raise StereocalError(
+            f"{path}: line {rows.raw.index[row]}: the point is outside the image of the camera "
+            f"{rig.names[camera]}."
+        )
+    shaped[~np.isfinite(shaped).all(axis=2)] = np.nan
+    return rows.values["frame"], shaped
+
+
+def _noise_of_tracks(fitter: ViewFitter, pixels: FloatArray, rays: FloatArray) -> float:
+    """By the errors of the points; that of the targets where they are few."""
+    found = fitter.fit(pixels, rays)
+    freedom = 2 * np.isfinite(pixels[..., 0]).sum(axis=1) - 3
+    known = np.isfinite(found.xyz[:, 0])
+    if known.sum() < 20:
+        return fitter.rig.noise_px
+    # robust: the median of each chi-square over that of its distribution, (1 - 2 / 9 k)^3 k
+    median = freedom[known] * (1 - 2 / (9 * freedom[known])) ** 3
+    return float(np.sqrt(np.median(found.chi_square[known] / median)))

@@ -1,0 +1,281 @@
+"""Match and reconstruct the points of three cameras and more.
+
+Two views are compared first: pairs whose rays meet. Every such pair predicts where the other
+cameras should see the point, and a point found there joins. A group of views is sound if the
+chi-square of its pixels about the point of least squares is; of groups that share an image the one
+with more views is taken, then the one that fits better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.special import chdtri
+
+from stereocal.errors import StereocalError
+from stereocal.matching.pair_candidates import pairs_within
+from stereocal.network.rig_file import RigFile
+from stereocal.network.unknowns import lens_places
+from stereocal.network.views import EACH, TRANSLATION, fill_point_fits
+from stereocal.refined.distortion import lens_terms
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+
+LOST = 0.005
+"""Share of correct groups whose chi-square is above the limit."""
+PAIR_SIGMAS = 2.1
+"""Of the mean reprojection error of a pair over the noise of a coordinate: 99.7 % are below."""
+REACH = 4.0
+"""Standard deviations from its prediction within which an image joins a pair."""
+MOST_GROUPS = 200_000
+DECOY_FRAMES = 40
+NONE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class ViewGroups:
+    """The points found in one frame."""
+
+    images: IntArray
+    """(k, c): row of each camera's points; -1 where it does not see the point."""
+    points_m: FloatArray
+    """(k, 3): in the reference's frame."""
+    error_px: FloatArray
+    """(k,): mean distance of the images from those of the point."""
+    ambiguous: BoolArray
+    """(k,): whether another group with one of its images, and as many of them, is sound too."""
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    @property
+    def views(self) -> IntArray:
+        """(k,): number of cameras."""
+        return np.asarray((self.images >= 0).sum(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Points of n groups of views."""
+
+    xyz: FloatArray
+    """(n, 3): metres, in the reference's frame; NaN where there is no point."""
+    error_px: FloatArray
+    """(n,): mean distance of the images from those of the point."""
+    covariance: FloatArray
+    """(n, 3, 3): of the noise of the images and of the cameras, which is common to all points."""
+    chi_square: FloatArray
+    """(n,): of the pixels, for noise of 1 px."""
+
+
+class ViewFitter:
+    """Points of the least sum of squared distances to their images, in a rig."""
+
+    def __init__(self, rig: RigFile) -> None:
+        self.rig, self.cameras = rig, list(rig.cameras.values())
+        self.q = np.zeros(EACH * len(self.cameras) + 1)
+        self.q[-1] = 1.0
+        for number, (name, camera) in enumerate(rig.cameras.items()):
+            self.q[lens_places(number)] = camera.lens_values
+            first = EACH * number + TRANSLATION
+            self.q[first : first + 3] = rig.poses[name].T
+        self.R = np.array([pose.R for pose in rig.poses.values()])
+        self.lenses = np.array([np.append(c.K[0, 1], lens_terms(c)) for c in self.cameras])
+
+    def rays(self, pixels: FloatArray) -> FloatArray:
+        """(n, c, 2): undistorted, of pixels (n, c, 2); NaN where not seen."""
+        return np.stack(
+            [camera.undistort(pixels[:, c]) for c, camera in enumerate(self.cameras)], axis=1
+        )
+
+    def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
+        """The points of images (n, c, 2); with `sigma_px` their covariances too."""
+        n, size = len(pixels), len(self.q)
+        points, residuals = np.empty((n, 3)), np.empty(pixels.shape)
+        own, by_shared = np.empty((n, 3, 3)), np.empty((n if sigma_px else 0, 3, size))
+        fill_point_fits(
+            self.q,
+            self.R,
+            self.lenses,
+            np.ascontiguousarray(pixels),
+            np.ascontiguousarray(rays),
+            points,
+            residuals,
+            own,
+            by_shared,
+        )
+        distances = np.linalg.norm(residuals, axis=2)
+        views = np.isfinite(distances).sum(axis=1)
+        error = np.nansum(distances, axis=1) / np.maximum(views, 1)
+        lost = ~np.isfinite(points[:, 0])
+        chi_square = np.nansum(np.square(distances), axis=1)
+        error[lost], chi_square[lost] = np.nan, np.inf
+        if sigma_px:
+            shared = by_shared @ self.rig.covariance @ by_shared.transpose(0, 2, 1)
+            own = sigma_px**2 * own + shared
+        return Measured(points, error, own, chi_square)
+
+
+def match_views(fitter: ViewFitter, points: Sequence[FloatArray], sigma_px: float) -> ViewGroups:
+    """Match the points of one frame.
+
+    Args:
+        points: of each camera (n, 2) raw pixels, in the order of the rig's cameras.
+        sigma_px: noise of a pixel coordinate.
+    """
+    rays = [camera.undistort(own) for camera, own in zip(fitter.cameras, points, strict=True)]
+    groups = _pairs(fitter, points, rays, sigma_px)
+    if not len(groups):
+        return ViewGroups(groups, np.empty((0, 3)), np.empty(0), np.empty(0, dtype=np.bool_))
+    groups = _joined(fitter, points, rays, groups, sigma_px)
+    groups, measured = _sound(fitter, points, rays, groups, sigma_px)
+    return _chosen(groups, measured)
+
+
+def expected_wrong(
+    fitter: ViewFitter, frames: Sequence[Sequence[FloatArray]], sigma_px: float
+) -> dict[int, float]:
+    """The share of wrong ones among groups of each number of views, at most about.
+
+    The cameras' points are taken from different frames, so that every group found is wrong. (Where
+    all points move little between the frames, correct groups are among them, and the share is too
+    large.)
+    """
+    count, cameras = len(frames), len(fitter.cameras)
+    found, left = np.zeros((2, cameras + 1)), []
+    step = max(count // max(cameras, 2), 1)
+    for number in range(0, count, max(count // DECOY_FRAMES, 1)):
+        mixed = [frames[(number + c * step) % count][c] for c in range(cameras)]
+        for row, own in enumerate((frames[number], mixed)):
+            groups = match_views(fitter, own, sigma_px)
+            found[row] += np.bincount(groups.views, minlength=cameras + 1)
+            if not row:
+                several = groups.images[groups.views > 2]
+                left += [1 - (several >= 0).sum() / max(sum(map(len, own)), 1)]
+    real, decoy = found
+    decoy[2] *= np.square(np.mean(left))  # only images that are not in larger groups are free
+    return {
+        views: float(min(decoy[views] / real[views], 1.0))
+        for views in range(2, cameras + 1)
+        if real[views]
+    }
+
+
+def images_of_groups(groups: IntArray, points: Sequence[FloatArray]) -> FloatArray:
+    """(k, c, 2): the pixels, or rays, of groups; NaN where not seen."""
+    found = np.full((*groups.shape, 2), np.nan)
+    for c, own in enumerate(points):
+        seen = groups[:, c] >= 0
+        found[seen, c] = own[groups[seen, c]]
+    return found
+
+
+def _pairs(
+    fitter: ViewFitter, points: Sequence[FloatArray], rays: Sequence[FloatArray], sigma: float
+) -> IntArray:
+    """Groups (k, c) of the two views of each pair whose rays meet."""
+    poses, found = list(fitter.rig.poses.values()), []
+    for a, b in combinations(range(len(points)), 2):
+        if not (len(points[a]) and len(points[b])):
+            continue
+        pose = poses[b] @ poses[a].inverse()
+        scale = np.array([fitter.cameras[a].pixel_scale, fitter.cameras[b].pixel_scale])
+        limit = PAIR_SIGMAS * sigma
+        one, other, *_ = pairs_within(
+            pose.R, pose.T, rays[a], rays[b], scale, limit, 0.0, float("inf")
+        )
+        groups = np.full((len(one), len(points)), NONE, dtype=np.int64)
+        groups[:, a], groups[:, b] = one, other
+        found.append(groups)
+    together = np.concatenate(found) if found else np.empty((0, len(points)), np.int64)
+    if len(together) > MOST_GROUPS:
+        raise StereocalError(
+            f"A frame has {len(together)} pairs of points that could belong together: state the "
+            "noise of the points with --sigma-px, or leave out points that are none."
+        )
+    return together
+
+
+def _joined(
+    fitter: ViewFitter,
+    points: Sequence[FloatArray],
+    rays: Sequence[FloatArray],
+    pairs: IntArray,
+    sigma: float,
+) -> IntArray:
+    """Pairs with the nearest image of every other camera near its prediction."""
+    images = images_of_groups(pairs, points)
+    measured = fitter.fit(images, images_of_groups(pairs, rays))
+    groups, poses = pairs.copy(), list(fitter.rig.poses.values())
+    for c, own in enumerate(points):
+        free = np.flatnonzero((pairs[:, c] < 0) & np.isfinite(measured.xyz[:, 0]))
+        if not (len(own) and len(free)):
+            continue
+        seen = poses[c].apply(measured.xyz[free])
+        predicted = fitter.cameras[c].project(seen)
+        known = np.isfinite(predicted[:, 0])
+        free, predicted, seen = free[known], predicted[known], seen[known]
+        # how far off the prediction is, from the noise of the two images
+        spread = poses[c].R @ measured.covariance[free] @ poses[c].R.T
+        focal = float(np.mean(fitter.cameras[c].pixel_scale[[0, 2]]))
+        J = np.zeros((len(free), 2, 3))
+        J[:, 0, 0] = J[:, 1, 1] = focal / seen[:, 2]
+        J[:, :, 2] = -focal * seen[:, :2] / seen[:, 2:] ** 2
+        variance = np.einsum("nij,njk,nik->ni", J, spread, J).max(axis=1)
+        distance, nearest = cKDTree(own).query(predicted)
+        near = distance <= REACH * sigma * np.sqrt(1.0 + variance)
+        groups[free[near], c] = np.asarray(nearest)[near]
+    return np.unique(np.concatenate([groups, pairs]), axis=0)
+
+
+def _sound(
+    fitter: ViewFitter,
+    points: Sequence[FloatArray],
+    rays: Sequence[FloatArray],
+    groups: IntArray,
+    sigma: float,
+) -> tuple[IntArray, Measured]:
+    """The groups whose pixels agree."""
+    images = images_of_groups(groups, points)
+    measured = fitter.fit(images, images_of_groups(groups, rays))
+    limits = np.append([0.0, 0.0], chdtri(2.0 * np.arange(2, len(points) + 1) - 3.0, LOST))
+    views = np.asarray((groups >= 0).sum(axis=1))
+    sound = measured.chi_square <= sigma**2 * limits[views]
+    return groups[sound], Measured(
+        measured.xyz[sound],
+        measured.error_px[sound],
+        measured.covariance[sound],
+        measured.chi_square[sound],
+    )
+
+
+def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
+    """Groups that share no image: first those with more views, then those that fit better."""
+    views = (groups >= 0).sum(axis=1)
+    freedom = np.maximum(2 * views - 3, 1)
+    order = np.lexsort((measured.chi_square / freedom, -views))
+    taken: dict[tuple[int, int], int] = {}
+    chosen: list[int] = []
+    rivals: dict[int, int] = {}
+    for k in order.tolist():
+        own = [(c, image) for c, image in enumerate(groups[k].tolist()) if image >= 0]
+        owners = {taken[image] for image in own if image in taken}
+        for owner in owners:
+            # a part of a group is no rival of it
+            part = all(taken.get(image) == owner for image in own)
+            if not part:
+                rivals[owner] = max(rivals.get(owner, 0), len(own))
+        if not owners:
+            chosen.append(k)
+            taken.update(dict.fromkeys(own, k))
+    picked = np.array(chosen, dtype=np.int64)
+    ambiguous = [rivals.get(k, 0) >= int((groups[k] >= 0).sum()) for k in chosen]
+    return ViewGroups(
+        groups[picked],
+        measured.xyz[picked],
+        measured.error_px[picked],
+        np.array(ambiguous, dtype=np.bool_),
+    )

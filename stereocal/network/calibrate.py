@@ -1,0 +1,236 @@
+"""Calibrate a rig of N cameras: pairs, fused; a joint fit that screens; the joint adjustment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.network.diagnosis import camera_warnings
+from stereocal.network.fit import RigFit
+from stereocal.network.fuse import Fused, PairFit, chained, fuse
+from stereocal.network.pairs import (
+    FEWEST_BARS,
+    FURTHER_STEPS,
+    Pairs,
+    Progress,
+    calibrate_pairs,
+    reached,
+)
+from stereocal.network.placings import rows_where
+from stereocal.network.result import RigCalibration
+from stereocal.network.screening import rows_of, wrong_images
+from stereocal.network.unknowns import RigSettings, unknowns_of
+from stereocal.refined.screening import WIDE_LENGTH_PRIOR
+from stereocal.refined.unknowns import LensPrior
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.tracks import interpolate
+
+WIDE_LENS = LensPrior(0.05, 50.0)
+MOST_ROUNDS = 8
+IN_STEP = 0.05
+"""A remaining time offset below this fraction of its standard error is left to the fit."""
+MOST_MISFIT = 400.0
+"""Growth of a pair's chi-square by being fused above which it contradicts the others: one of its
+lengths or lenses is another than theirs. Sound pairs of a real recording: 2 to 5."""
+
+
+def calibrate_rig(
+    recording: Recording,
+    settings: RigSettings | None = None,
+    progress: Progress | None = None,
+) -> RigCalibration:
+    """Calibrate all cameras of a recording together.
+
+    Args:
+        progress: called with the steps done, and those in all.
+
+    Raises:
+        StereocalError: no two cameras can be calibrated.
+    """
+    settings = settings or RigSettings()
+    pairs = calibrate_pairs(recording, settings, progress)
+    if not pairs.fits:
+        raise StereocalError(_no_pair(recording, pairs))
+    names = reached(list(recording.cameras), pairs.fits)
+    unreached = {
+        name: _why_unreached(name, pairs) for name in recording.cameras if name not in names
+    }
+    kept = of_cameras(recording, names)
+    fits, contradicting = _consistent(kept, pairs, settings)
+    pairs = replace(pairs, fits=fits, failed={**pairs.failed, **contradicting})
+    fused = fused_pairs(kept, list(fits.values()), settings)
+    noise = float(np.median([own.noise_px for own in fits.values()]))
+    wide = replace(
+        settings,
+        lenses=dict.fromkeys(names, WIDE_LENS),
+        object_sigma=WIDE_LENGTH_PRIOR,
+    )
+    report = progress or (lambda *_: None)
+    steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
+    report(steps - 2, steps)
+    screening, _ = _fit(kept, fused, wide, noise)
+    wrong = wrong_images(screening)
+    out = screening.frames[screening.outlying]
+    out = out[~np.isin(out, [own.frame for own in wrong])]
+    good = ~rows_of(kept, wrong) & ~np.isin(kept.frame, out)
+    report(steps - 1, steps)
+    fit, offsets = _fit(rows_where(kept, good), fused, settings, screening.sigma_px)
+    report(steps, steps)
+    left_out = {*out.tolist(), *fit.frames[fit.outlying].tolist()}
+    return RigCalibration(
+        fit,
+        pairs,
+        fused,
+        tuple(wrong),
+        tuple(sorted(left_out)),
+        unreached,
+        offsets,
+        tuple(camera_warnings(fit)),
+    )
+
+
+def of_cameras(recording: Recording, names: list[str]) -> Recording:
+    """A recording with some of its cameras only."""
+    every = list(recording.cameras)
+    if names == every:
+        return recording
+    numbers = np.array([names.index(name) if name in names else -1 for name in every])
+    found = rows_where(recording, numbers[recording.camera] >= 0)
+    return replace(
+        found,
+        cameras={name: recording.cameras[name] for name in names},
+        camera=numbers[found.camera],
+        baselines_m={
+            pair: length for pair, length in recording.baselines_m.items() if {*pair} <= {*names}
+        },
+    )
+
+
+def fused_pairs(recording: Recording, fits: list[PairFit], settings: RigSettings) -> Fused:
+    """The pairs of a recording, fused."""
+    names = list(recording.cameras)
+    start = chained(names, {(own.first, own.second): own.pose for own in fits})
+    unknowns = unknowns_of(recording, [start[name] for name in names], settings)
+    return fuse(names, fits, unknowns)
+
+
+def _consistent(
+    recording: Recording, pairs: Pairs, settings: RigSettings
+) -> tuple[dict[Pair, PairFit], dict[Pair, str]]:
+    """The pairs that agree with each other, and those that do not, worst first."""
+    names, fits = list(recording.cameras), dict(pairs.fits)
+    fits = {pair: own for pair, own in fits.items() if {*pair} <= {*names}}
+    failed: dict[Pair, str] = {}
+    while True:
+        misfits = fused_pairs(recording, list(fits.values()), settings).misfits
+        spare = [
+            pair
+            for pair, misfit in sorted(misfits.items(), key=lambda item: -item[1])
+            if misfit > MOST_MISFIT and len(reached(names, fits.keys() - {pair})) == len(names)
+        ]
+        if not spare:
+            return fits, failed
+        del fits[spare[0]]
+        failed[spare[0]] = "it contradicts the other pairs"
+
+
+@dataclass(frozen=True, eq=False)
+class _Shifted:
+    """A recording at the instants of the reference's frames."""
+
+    recording: Recording
+    motion: FloatArray
+    """(n, 2): velocities of its rows, in pixels per frame."""
+
+
+def _fit(
+    recording: Recording, start: Fused, settings: RigSettings, noise_px: float
+) -> tuple[RigFit, FloatArray]:
+    """The joint fit, and by how many frames each camera is late."""
+    count = len(recording.cameras)
+    p = dict(zip(start.unknowns.names, start.p.tolist(), strict=True))
+    late = [f"{name} time offset" for name in recording.cameras]
+    offsets = np.array([p.pop(name, 0.0) for name in late])
+    poses: list[Pose] = start.poses
+    for _ in range(MOST_ROUNDS):
+        shifted = _shifted(recording, offsets) if settings.time_offsets else None
+        fit = RigFit(recording if shifted is None else shifted.recording, poses, settings)
+        if shifted is not None:
+            fit.motion = _motion_of(fit, shifted)
+        fit.start_at(p, noise_px)
+        if not fit.run():
+            raise StereocalError(
+                "No rig of these cameras fits the points: check that points and camera files are "
+                "not exchanged."
+            )
+        if not settings.time_offsets:
+            break
+        found = dict(zip(fit.unknowns.names, fit.p.tolist(), strict=True))
+        rest = np.array([found.pop(name, 0.0) for name in late])
+        sigma = np.sqrt(np.diag(fit.unknowns.covariance(fit.information)))
+        at = [fit.unknowns.names.index(name) for name in late if name in fit.unknowns.names]
+        offsets, poses, p, noise_px = offsets + rest, fit.poses, found, fit.sigma_px
+        if (np.abs(rest[1:]) < IN_STEP * sigma[at]).all():
+            break
+    assert len(offsets) == count
+    return fit, offsets
+
+
+def _shifted(recording: Recording, offsets: FloatArray) -> _Shifted:
+    """The points between the frames of cameras that are late, without those that have no
+    neighbours there."""
+    late = offsets[recording.camera]
+    track = recording.camera * len(recording.object.names) + recording.target
+    found = interpolate(track, recording.frame, recording.points, late)
+    moved, known = late != 0.0, found.known.copy()
+    for number, camera in enumerate(recording.cameras.values()):
+        own = recording.camera == number
+        known[own] &= found.inside(camera.image_size)[own]
+    points = np.where((moved & known)[:, None], found.positions, recording.points)
+    kept = ~moved | known
+    shifted = rows_where(replace(recording, points=points), kept)
+    return _Shifted(shifted, np.nan_to_num(found.velocities[kept]))
+
+
+def _motion_of(fit: RigFit, shifted: _Shifted) -> FloatArray:
+    """The velocities in the order of the fit's pixels, (n, 2, c, 2)."""
+    recording, own = shifted.recording, fit.placings
+    frames, at = np.unique(recording.frame, return_inverse=True)
+    shape = len(frames), len(recording.object.names), len(recording.cameras), 2
+    motion = np.zeros(shape)
+    motion[at, recording.target, recording.camera] = shifted.motion
+    of_unit = np.searchsorted(frames, own.frames[own.of_frame])
+    return np.ascontiguousarray(motion[of_unit[:, None], own.targets])
+
+
+def _why_unreached(name: str, pairs: Pairs) -> str:
+    """Why a camera is not connected with the others."""
+    shared = {pair: count for pair, count in pairs.bars.items() if name in pair}
+    if not shared:
+        return f"The camera {name} sees no bar that another camera sees too."
+    most = max(shared.values())
+    if most < FEWEST_BARS:
+        return (
+            f"The camera {name} shares {most} bars at most with another one, {FEWEST_BARS} are "
+            "needed: record more bars that both see."
+        )
+    why = [f"{'-'.join(pair)}: {text}" for pair, text in pairs.failed.items() if name in pair]
+    return (
+        f"The camera {name} agrees with none of the others: are its points of this recording, with "
+        "the same frame numbers, is its camera file its own, and did it stand still? "
+        f"{' '.join(why)[:400]}"
+    )
+
+
+def _no_pair(recording: Recording, pairs: Pairs) -> str:
+    if not pairs.failed:
+        return (
+            f"No two cameras share {FEWEST_BARS} bars: record bars that two cameras see together. "
+            f"{recording.describe_pairs()}"
+        )
+    pair, why = next(iter(pairs.failed.items()))
+    return f"No two cameras can be calibrated with each other. {'-'.join(pair)}: {why}"

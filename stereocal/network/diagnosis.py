@@ -1,0 +1,111 @@
+"""What is wrong with a whole camera: its file, or that it moved during the recording."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from stereocal.network.fit import RigFit
+from stereocal.network.unknowns import lens_places
+from stereocal.network.views import EACH
+from stereocal.refined.unknowns import LensPrior, lens_prior
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
+
+CONTRADICTED = 30.0
+"""Chi-square of a camera's focal length and centre about the stated ones, of 3 values."""
+BETTER = 0.3
+"""What is left of it, at most, when the files of two cameras are exchanged."""
+BLOCKS = 16
+"""Into which a recording is divided to find when a camera moved."""
+MOVED, OF_COST = 60.0, 0.1
+"""Least chi-square, of 6 values, that a step of a camera explains, and least share of the fit's."""
+APART = 1.3
+"""How many times more the moved camera must explain than any other."""
+OUT_OF_STEP = (
+    " If the object moved fast, the cameras may be out of step instead: ask for their time offsets."
+)
+
+
+def camera_warnings(fit: RigFit) -> list[str]:
+    """What to check, of a joint fit that has ended."""
+    return [*_lens_warnings(fit), *_moved_warnings(fit)]
+
+
+def _lens_warnings(fit: RigFit) -> list[str]:
+    """Cameras whose files the images contradict, and which of them look exchanged."""
+    names, stated = list(fit.recording.cameras), list(fit.recording.cameras.values())
+    priors = [
+        lens_prior(camera, fit.rig_settings.lenses.get(name))
+        for name, camera in zip(names, stated, strict=True)
+    ]
+    found = [fit.q[lens_places(number)] for number in range(len(names))]
+    files = [camera.lens_values for camera in stated]
+    own = [_lens_chi_square(*each) for each in zip(found, files, priors, strict=True)]
+    for a, b in combinations(range(len(names)), 2):
+        before = own[a] + own[b]
+        after = _lens_chi_square(found[a], files[b], priors[a])
+        after += _lens_chi_square(found[b], files[a], priors[b])
+        if before > CONTRADICTED and after < BETTER * before:
+            return [
+                f"The camera files of {names[a]} and {names[b]} look exchanged: each lens fits the "
+                "other camera's images."
+            ]
+    return [
+        f"The images contradict the stated lens of camera {names[number]}: its focal length would "
+        f"be {rounded(100 * abs(found[number][0] / files[number][0] - 1))} % "
+        f"{'longer' if found[number][0] > files[number][0] else 'shorter'}. Is it the file of this "
+        "camera, with this zoom and focus?"
+        for number in range(len(names))
+        if own[number] > CONTRADICTED
+    ]
+
+
+def _lens_chi_square(found: FloatArray, stated: FloatArray, prior: LensPrior) -> float:
+    """Of focal length and centre; 0 without a prior."""
+    if not (0 < prior.focal < np.inf and 0 < prior.centre_px < np.inf):
+        return 0.0
+    focal = (found[0] / stated[0] - 1.0) / prior.focal
+    return float(focal**2 + np.square((found[2:4] - stated[2:4]) / prior.centre_px).sum())
+
+
+def _moved_warnings(fit: RigFit) -> list[str]:
+    """The camera that moved during the recording, if one did."""
+    used = np.flatnonzero(~fit.outlying)
+    if len(used) < 2 * BLOCKS:
+        return []
+    blocks = np.array_split(used, BLOCKS)
+    H, g, _ = fit.equations(fit.q, blocks, np.ones(len(fit.q), dtype=np.bool_))
+    M = fit.unknowns.M
+    C = fit.unknowns.covariance(fit.information)
+    after_H, after_g = H[::-1].cumsum(axis=0)[::-1], g[::-1].cumsum(axis=0)[::-1]
+    names = list(fit.recording.cameras)
+    best = {name: (0.0, 0, np.zeros(6)) for name in names}
+    for number, name in enumerate(names):
+        pose = slice(EACH * number, EACH * number + 6)
+        for start in range(2, BLOCKS - 1):
+            by_all = after_H[start, pose] @ M
+            information = after_H[start, pose, pose] - by_all @ C @ by_all.T
+            step = -np.linalg.pinv(information, hermitian=True) @ after_g[start, pose]
+            explained = float(-step @ after_g[start, pose])
+            if explained > best[name][0]:
+                best[name] = explained, start, step
+    ranked = sorted(names, key=lambda name: -best[name][0])
+    explained, start, step = best[ranked[0]]
+    if explained < max(MOVED, OF_COST * fit.cost):
+        return []
+    when = int(fit.frames[blocks[start][0]])
+    step_or_not = "" if fit.rig_settings.time_offsets else OUT_OF_STEP
+    if explained < APART * best[ranked[1]][0]:
+        return [
+            f"A camera seems to have moved at about frame {when}, and it cannot be told which: "
+            f"{ranked[0]} or {ranked[1]}. Calibrate with the frames before it, or after it, alone."
+            f"{step_or_not}"
+        ]
+    return [
+        f"The camera {ranked[0]} seems to have moved at about frame {when}, by "
+        f"{rounded(float(np.degrees(np.linalg.norm(step[:3]))))}° and "
+        f"{rounded(1000 * float(np.linalg.norm(step[3:])))} mm. Calibrate with the frames before "
+        f"it, or after it, alone.{step_or_not}"
+    ]

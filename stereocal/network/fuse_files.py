@@ -1,0 +1,163 @@
+"""Refined parameter files of pairs, recorded at different times or by different people, fused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.network.fuse import LOCAL, Fused, PairFit, chained, difference, fuse
+from stereocal.network.pairs import reached
+from stereocal.network.rig_file import RigFile, fused_file
+from stereocal.network.unknowns import RigSettings, camera_at, lens_places, unknowns_of
+from stereocal.refined.bar_fit import BAR, SHARED
+from stereocal.refined.unknowns import LensPrior, Unknowns, shared_unknowns
+from stereocal.rig.camera import Camera
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.numbers import rounded
+from stereocal.system.records import of_plain
+
+CONTRADICTS = 60.0
+"""Growth of a pair's chi-square above which a file contradicts the others: with 24 values, sound
+pairs exceed it in 1 of 10,000."""
+EXPLAINED = 0.2
+"""What is left of the growth of all files when one length explains it."""
+
+
+def fuse_files(files: Sequence[Path]) -> RigFile:
+    """The rig of the pairs of some files.
+
+    Raises:
+        StereocalError: a file cannot be read, says not what its images tell, or names no cameras;
+            or the pairs do not connect all cameras.
+    """
+    sets = [RigParameters.load(file) for file in files]
+    pairs = [_pair(own, str(file)) for own, file in zip(sets, files, strict=True)]
+    names = list(dict.fromkeys(name for own in pairs for name in (own.first, own.second)))
+    known = reached(names, [(own.first, own.second) for own in pairs])
+    if len(known) < len(names):
+        lost = ", ".join(name for name in names if name not in known)
+        raise StereocalError(
+            f"No file connects {lost} with {', '.join(known)}: calibrate a pair of both groups."
+        )
+    stated, priors = _lenses(sets, files)
+    chain = chained(names, {(own.first, own.second): own.pose for own in pairs})
+    none = np.empty(0, dtype=np.int64)
+    wand = RigidObject.bar(1.0)
+    empty = Recording("", stated, wand, none, none, none, np.empty((0, 2)), np.empty(0))
+    settings = RigSettings(lenses=priors)
+    unknowns = unknowns_of(empty, [chain[name] for name in names], settings)
+    fused = fuse(names, pairs, unknowns)
+    found = fused_file(stated, pairs, fused)
+    about: dict[str, Any] = dict(found.about)
+    if max(fused.misfits.values()) > CONTRADICTS:
+        growth = sum(fused.misfits.values())
+        about["warnings"] = [_contradiction(names, pairs, unknowns, growth)]
+    return replace(found, about=about)
+
+
+def _pair(own: RigParameters, source: str) -> PairFit:
+    """What a file says of its pair."""
+    if own.camera_names is None:
+        raise StereocalError(
+            f"{source}: the file does not name its cameras: calibrate the pair from a data set of "
+            "format 2, with the names of its cameras."
+        )
+    stored = (own.uncertainties or {}).get("information")
+    if stored is None or own.noise_px is None:
+        raise StereocalError(
+            f"{source}: the file does not say what its images tell: give parameters_refined.json "
+            "of `stereocal calibrate`, of this version."
+        )
+    try:
+        H, g = (np.array(stored[name], dtype=np.float64) for name in ("matrix", "gradient"))
+        q = shared_unknowns(own)
+        q[BAR] = float(stored["bar_factor"])
+        if H.shape != (SHARED, SHARED) or g.shape != (SHARED,) or not np.isfinite(H).all():
+            raise ValueError("the information is not a table of numbers")
+        frames = int(stored["frames"])
+    except DAMAGED as error:
+        raise StereocalError(f"{source}: its information is damaged ({error}).") from error
+    return PairFit(*own.camera_names, q, H, g, own.noise_px, frames)
+
+
+def _lenses(
+    sets: Sequence[RigParameters], files: Sequence[Path]
+) -> tuple[dict[str, Camera], dict[str, LensPrior]]:
+    """The stated lens of each camera, and how well it was known; the same in all files."""
+    stated: dict[str, Camera] = {}
+    priors: dict[str, LensPrior] = {}
+    values: dict[str, list[float]] = {}
+    for own, file in zip(sets, files, strict=True):
+        assert own.camera_names is not None
+        assert own.uncertainties is not None
+        lenses = own.uncertainties["information"]["lenses"]
+        for name, which, lens in zip(
+            own.camera_names, ("primary", "secondary"), lenses, strict=True
+        ):
+            if name in values and not np.allclose(values[name], lens, rtol=1e-9):
+                raise StereocalError(
+                    f"{file}: the camera {name} was stated with another lens in another file: "
+                    "calibrate both pairs with the same camera file, or name the cameras apart."
+                )
+            values[name] = lens
+            stated[name] = _with_lens(own.primary if which == "primary" else own.secondary, lens)
+            given = own.settings.get(which)
+            priors[name] = LensPrior() if given is None else of_plain(given, LensPrior)
+    return stated, priors
+
+
+def _with_lens(camera: Camera, values: Sequence[float]) -> Camera:
+    q = np.zeros(16)
+    q[lens_places(0)] = values
+    return camera_at(camera, q, 0)
+
+
+def _contradiction(
+    names: Sequence[str], pairs: Sequence[PairFit], unknowns: Unknowns, growth: float
+) -> str:
+    """Which file contradicts the others: the one whose known length, left open, explains it."""
+    total, length = [], []
+    for k, own in enumerate(pairs):
+        others = [*pairs[:k], _without_length(own), *pairs[k + 1 :]]
+        fused = fuse(names, others, unknowns)
+        total.append(sum(fused.misfits.values()))
+        length.append(_length_of(own, names, fused))
+    order = np.argsort(total)
+    best, second = (total[k] for k in order[:2])
+    if best < EXPLAINED * growth and second > 2.0 * best:
+        own = pairs[order[0]]
+        percent = 100 * (length[order[0]] - 1)
+        return (
+            f"The pair {own.first}-{own.second} contradicts the others by its length: its object "
+            f"seems {rounded(abs(percent))} % {'longer' if percent > 0 else 'shorter'} than stated "
+            "there. Measure it, correct the length of that recording, and calibrate the pair again."
+        )
+    return (
+        "The pairs contradict each other, and it cannot be told which is wrong: a camera was moved "
+        "between the recordings, or a length or a camera file of one of them is wrong. Record all "
+        "cameras together, or one more pair."
+    )
+
+
+def _without_length(own: PairFit) -> PairFit:
+    """A pair as if the length of its object had not been measured."""
+    H, g = own.information, own.gradient
+    along = H[:, BAR] / H[BAR, BAR]
+    return replace(own, information=H - np.outer(along, H[BAR]), gradient=g - along * g[BAR])
+
+
+def _length_of(own: PairFit, names: Sequence[str], fused: Fused) -> float:
+    """The length of a pair's object over the stated one, as the others have it."""
+    d, _ = difference(own, names.index(own.first), names.index(own.second), fused)
+    _, A, b = own.local
+    bar = LOCAL - 2
+    rest = A[bar] @ d - A[bar, bar] * d[bar] + b[bar]
+    q = fused.unknowns.origin + fused.unknowns.M @ fused.p
+    return float((own.q[BAR] - rest / A[bar, bar]) / q[-1])

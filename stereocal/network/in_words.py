@@ -1,0 +1,104 @@
+"""What a rig's file says, in sentences: the same on page, in the report and the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from stereocal.network.rig_file import RigFile
+from stereocal.system.numbers import rounded
+
+SHOWN = 8
+
+
+def rig_sentence(rig: RigFile) -> str:
+    """How good the rig is, and which camera is the weakest."""
+    figures, count = rig.about.get("figures"), len(rig.cameras)
+    if figures is None:
+        return (
+            f"One rig of {count} cameras, of {len(rig.about['pairs'])} pairs fused. Where pairs "
+            "share points of one recording, its errors are larger than stated: give the recording "
+            "instead."
+        )
+    length = figures["length_error_p95"]
+    lengths = "" if length is None else f", 95 % of lengths within {rounded(100 * length)} %"
+    weakest = figures["weakest_camera"]
+    error = rig.about["image_errors_px"].get(weakest)
+    known = "" if error is None else f": its images are predicted to {rounded(error)} px"
+    partner, bars = _best_partner(rig.about["pairs"], weakest)
+    return (
+        f"One rig of {count} cameras: {rounded(figures['reprojection_px'])} px{lengths} on the "
+        f"{figures['frames']} frames it was fitted to. The weakest camera is {weakest}{known}; it "
+        f"shares {bars} bars with {partner}. More bars that both see, at other places and in other "
+        "directions, would help most."
+    )
+
+
+def rig_notes(rig: RigFile) -> list[str]:
+    """What was left out, what is not connected, and what to check."""
+    about = rig.about
+    notes = [*about.get("warnings", []), *about.get("not_connected", {}).values()]
+    notes += [
+        f"The pair {name} was not used: {own['failed']}."
+        for name, own in about.get("pairs", {}).items()
+        if "failed" in own
+    ]
+    if wrong := [wrong_sentence(own) for own in about.get("wrong_images", [])]:
+        more = f"; {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
+        notes.append(f"Left out: {'; '.join(wrong[:SHOWN])}{more}.")
+    if frames := about.get("frames_left_out", []):
+        more = f" and {len(frames) - SHOWN} more" if len(frames) > SHOWN else ""
+        shown = ", ".join(map(str, frames[:SHOWN])) + more
+        notes.append(
+            f"{len(frames)} frames contradict the others, and it cannot be told which camera is "
+            f"wrong in them; they are left out: {shown}."
+        )
+    for name, late in rig.time_offsets.items():
+        if late:
+            error = rig.to_json()["cameras"][name]["standard_errors"]["time_offset"]
+            notes.append(
+                f"The camera {name} takes its frames {late:+.3f} ± {error:.3f} frame intervals "
+                f"after the camera {rig.names[0]}."
+            )
+    return notes
+
+
+def wrong_sentence(own: Mapping[str, Any]) -> str:
+    """What is wrong in an image, of `wrong_images`."""
+    if own["exchanged"]:
+        return f"frame {own['frame']}: the two ends look exchanged in camera {own['camera']}"
+    what = "the object" if own["target"] is None else f"target {own['target']}"
+    return f"frame {own['frame']}: {what} in camera {own['camera']}"
+
+
+def loops_sentence(rig: RigFile) -> str:
+    """How far the pairs by themselves were from closing; empty without loops."""
+    loops, thirds = rig.about.get("loops", []), rig.about.get("third_camera_px", [])
+    if not loops:
+        return ""
+    worst = max(loops, key=lambda loop: loop["before"]["translation_m"])
+    text = (
+        f"Pairs by themselves do not close: {' - '.join(worst['cameras'])} by "
+        f"{rounded(worst['before']['rotation_deg'])}° and "
+        f"{rounded(1000 * worst['before']['translation_m'])} mm; in the rig they do."
+    )
+    if thirds:
+        most = max(thirds, key=lambda own: own["before"])
+        text += (
+            f" Points of {'-'.join(most['pair'])} lie {rounded(most['before'])} px off in the "
+            f"camera {most['camera']} with the pairs, {rounded(most['after'])} px with the rig "
+            "(median)."
+        )
+    return text
+
+
+def _best_partner(pairs: Mapping[str, Any], name: str) -> tuple[str, int]:
+    """With which camera a camera shares most bars, and how many."""
+    shared = [
+        (own["bars"], other)
+        for pair, own in pairs.items()
+        for one, other in (own["cameras"], own["cameras"][::-1])
+        if one == name
+    ]
+    bars, partner = max(shared)
+    return partner, bars

@@ -1,0 +1,132 @@
+"""The pairs of a rig that are worth calibrating, and their refined sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.network.fuse import PairFit
+from stereocal.network.placings import images_of
+from stereocal.network.unknowns import RigSettings
+from stereocal.refined.bar_fit import TIME
+from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.screening import wide_settings
+from stereocal.refined.time_offset import bring_into_step
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.recording import Pair, Recording
+
+FEWEST_BARS = 8
+"""Bars that two cameras must share: with fewer, their pose and lenses can fit wrong points too."""
+MOST_NOISE = 4.0
+"""Of a sound pair, over the median of all pairs."""
+LEAST_NOISE_PX = 2.0
+"""A pair with less noise than this is sound."""
+MOST_LEFT_OUT = 0.4
+"""Of the frames of a sound pair."""
+FURTHER_STEPS = 2
+"""Of a rig, after its pairs: the joint fit that screens, and the adjustment."""
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The refined sets of the pairs of a rig."""
+
+    bars: Mapping[Pair, int]
+    """Bars that both cameras see, of all pairs that share any."""
+    fits: Mapping[Pair, PairFit]
+    """Of the sound pairs, best first."""
+    failed: Mapping[Pair, str] = field(default_factory=dict)
+    """Pairs with enough bars and no sound fit, and why."""
+
+
+def shared_bars(recording: Recording) -> dict[Pair, int]:
+    """How many bars each pair of cameras sees, of all pairs that see any; most first."""
+    _, pixels = images_of(recording)
+    ends = pixels[..., 0][:, list(recording.object.longest)]
+    whole = np.asarray(np.isfinite(ends).all(axis=1), dtype=np.int64)
+    counts, names = whole.T @ whole, list(recording.cameras)
+    found = {
+        (names[i], names[j]): int(counts[i, j])
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if counts[i, j]
+    }
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def calibrate_pairs(
+    recording: Recording, settings: RigSettings, progress: Progress | None = None
+) -> Pairs:
+    """Calibrate every pair that shares enough bars.
+
+    Args:
+        progress: called with the pairs done, and those in all.
+    """
+    bars = shared_bars(recording)
+    worth = [pair for pair, count in bars.items() if count >= FEWEST_BARS]
+    fits: dict[Pair, RefinedResult] = {}
+    failed: dict[Pair, str] = {}
+    for number, pair in enumerate(worth):
+        if progress is not None:
+            progress(number, len(worth) + FURTHER_STEPS)
+        try:
+            fits[pair] = _fit(recording, pair, settings)
+        except StereocalError as error:
+            failed[pair] = str(error)
+    noises = [fit.sigma_px.value for fit in fits.values()]
+    limit = max(MOST_NOISE * float(np.median(noises)) if noises else 0.0, LEAST_NOISE_PX)
+    for pair, fit in list(fits.items()):
+        out = int(fit.outlying.sum())
+        if fit.sigma_px.value <= limit and out <= MOST_LEFT_OUT * len(fit.frames):
+            continue
+        failed[pair] = (
+            f"its fit leaves {fit.sigma_px.value:.1f} px and contradicts {out} of "
+            f"{len(fit.frames)} frames"
+        )
+        del fits[pair]
+    found = {pair: _pair_fit(pair, fit) for pair, fit in fits.items()}
+    best = sorted(found.items(), key=lambda item: -item[1].frames / item[1].noise_px ** 2)
+    return Pairs(bars, dict(best), failed)
+
+
+def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResult:
+    """The robust refined set of a pair."""
+    dataset = recording.pair(*pair)
+    if settings.baseline_sigma_m is not None and not dataset.baseline_is_free:
+        dataset = replace(dataset, baseline_sigma_m=settings.baseline_sigma_m)
+    primary, secondary = (settings.lenses.get(name) for name in pair)
+    own = RefineSettings(primary=primary, secondary=secondary)
+    if settings.object_sigma is not None:
+        own = replace(own, distance_sigma_m=settings.object_sigma * dataset.target_distance_m)
+    dataset = with_rough_baseline(dataset)
+    if settings.time_offsets:
+        in_step = bring_into_step(dataset, wide_settings(dataset)).fit
+        if in_step is not None:
+            return in_step
+    return refine(dataset, own)
+
+
+def _pair_fit(pair: Pair, fit: RefinedResult) -> PairFit:
+    own = PairFit.of(*pair, fit)
+    shift = fit.dataset.time_offset
+    if shift is None:
+        return own
+    q = own.q.copy()
+    q[TIME] += shift.frames  # the points have been shifted by so much
+    return replace(own, q=q)
+
+
+def reached(cameras: Sequence[str], pairs: Iterable[Pair]) -> list[str]:
+    """The largest group of cameras that pairs connect, in the cameras' order."""
+    groups = {name: {name} for name in cameras}
+    for one, other in pairs:
+        joined = groups[one] | groups[other]
+        for name in joined:
+            groups[name] = joined
+    largest = max(groups.values(), key=len)
+    return [name for name in cameras if name in largest]

@@ -1,0 +1,120 @@
+"""The points of a recording as the joint adjustment takes them: units of two, seen by N cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.refined.robust import limits_of
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Placings:
+    """The placings of an object, in units as of `views`; a frame has one placing."""
+
+    frames: IntArray
+    """(f,): the frame numbers, ascending."""
+    of_frame: IntArray
+    """(n,): index of the frame of each unit."""
+    targets: IntArray
+    """(n, 2): indices into the object's names; -1 for none."""
+    pixels: FloatArray
+    """(n, 2, c, 2): raw; NaN where a camera does not see a point."""
+    distances: FloatArray
+    """(n,): in metres; NaN for a unit of one point."""
+
+    @property
+    def seen(self) -> BoolArray:
+        """(n, 2, c)."""
+        return np.asarray(np.isfinite(self.pixels[..., 0]))
+
+    @property
+    def unit_freedom(self) -> IntArray:
+        """(n,): of the pixels: two for each image of a point, less three for the point."""
+        views = self.seen.sum(axis=2)
+        return np.asarray(np.where(views > 0, 2 * views - 3, 0).sum(axis=1))
+
+    @property
+    def pixel_freedom(self) -> IntArray:
+        """(f,)."""
+        return np.bincount(self.of_frame, self.unit_freedom, len(self.frames)).astype(np.int64)
+
+    def limits(self, unknowns: int) -> FloatArray:
+        """(f,): the chi-squares above which frames are outliers (`robust.limits_of`).
+
+        The points of one placing have errors that are alike: it is judged by their mean, as one
+        unit.
+        """
+        freedom, largest = self.pixel_freedom + self.bars, np.zeros(len(self.frames), np.int64)
+        np.maximum.at(largest, self.of_frame, self.unit_freedom + np.isfinite(self.distances))
+        with np.errstate(invalid="ignore"):
+            return limits_of(largest, unknowns) * (freedom / largest)
+
+    @property
+    def bars(self) -> IntArray:
+        """(f,): number of known lengths."""
+        known = np.isfinite(self.distances)
+        return np.bincount(self.of_frame, known, len(self.frames)).astype(np.int64)
+
+    def of_frames(self, chosen: IntArray) -> Placings:
+        """Those of some frames, given by their indices."""
+        chosen = np.sort(chosen)
+        kept = np.isin(self.of_frame, chosen)
+        return Placings(
+            self.frames[chosen],
+            np.searchsorted(chosen, self.of_frame[kept]),
+            self.targets[kept],
+            self.pixels[kept],
+            self.distances[kept],
+        )
+
+
+def rows_where(recording: Recording, kept: BoolArray) -> Recording:
+    """A recording without some of its rows."""
+    columns = ("frame", "camera", "target", "points", "sigma_px")
+    return replace(recording, **{name: getattr(recording, name)[kept] for name in columns})
+
+
+def images_of(recording: Recording) -> tuple[IntArray, FloatArray]:
+    """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen."""
+    frames, at = np.unique(recording.frame, return_inverse=True)
+    shape = len(frames), len(recording.object.names), len(recording.cameras), 2
+    pixels = np.full(shape, np.nan)
+    pixels[at, recording.target, recording.camera] = recording.points
+    return frames, pixels
+
+
+def placings_of(recording: Recording) -> Placings:
+    """The units of all frames, of the points that two cameras or more see.
+
+    As in a pair, a unit is two targets with one of the longest known distances among those seen
+    (`RigidObject.pairs_among`), or a single target.
+    """
+    frames, pixels = images_of(recording)
+    several = np.isfinite(pixels[..., 0]).sum(axis=2) > 1
+    kept = np.flatnonzero(several.any(axis=1))
+    frames, pixels, several = frames[kept], pixels[kept], several[kept]
+    units_of: dict[bytes, list[tuple[int, int]]] = {}
+    of_frame: list[int] = []
+    targets: list[tuple[int, int]] = []
+    for i, seen in enumerate(several):
+        own = units_of.setdefault(seen.tobytes(), [])
+        if not own:
+            own += _units(recording, np.flatnonzero(seen).tolist())
+        of_frame += [i] * len(own)
+        targets += own
+    which, ends = np.array(of_frame, np.int64), np.array(targets, np.int64).reshape(-1, 2)
+    images = pixels[which[:, None], ends]
+    images[ends[:, 1] < 0, 1] = np.nan
+    distances = recording.object.distances[ends[:, 0], ends[:, 1]]
+    return Placings(frames, which, ends, images, np.where(ends[:, 1] < 0, np.nan, distances))
+
+
+def _units(recording: Recording, seen: list[int]) -> list[tuple[int, int]]:
+    """The targets of each unit, of those seen in a frame; -1 for none."""
+    pairs = [(one, other) for one, other in recording.object.pairs_among(seen).tolist()]
+    paired = {target for pair in pairs for target in pair}
+    return pairs + [(target, -1) for target in seen if target not in paired]

@@ -1,0 +1,296 @@
+"""A calibrated rig of N cameras: poses, lenses, their covariance, and what the points say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.network.fit import RigFit
+from stereocal.network.fuse import Fused
+from stereocal.network.pairs import Pairs
+from stereocal.network.placings import Placings
+from stereocal.network.screening import WrongImage
+from stereocal.network.unknowns import camera_at
+from stereocal.network.views import EACH, TIME, TRANSLATION, fill_point_fits
+from stereocal.refined.design_effect import design_effect
+from stereocal.rig.camera import LENS_UNKNOWNS, Camera
+from stereocal.rig.clusters import Clusters, clusters_of
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Pair, Recording
+
+IMAGE_POINTS = 80
+"""Points by which a camera's image error is judged."""
+STEP = 1e-6
+"""Of numerical derivatives, in metres, radians and pixels."""
+
+
+@dataclass(frozen=True)
+class CameraErrors:
+    """Standard errors of a camera."""
+
+    rotation_rad: tuple[float, float, float]
+    """About its own axes; 0 for the reference."""
+    translation_m: tuple[float, float, float]
+    lens: Mapping[str, float]
+    image_px: float
+    """Of its images of points that two other cameras see, from the errors of all cameras."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """How far three pairs are from closing, before they are one rig."""
+
+    cameras: tuple[str, str, str]
+    rotation_deg: float
+    translation_m: float
+
+
+@dataclass(frozen=True)
+class ThirdCamera:
+    """Median distance of points of two cameras from their images in a third, in px."""
+
+    cameras: tuple[str, str, str]
+    """The two, and the third."""
+    before_px: float
+    """With the three pairs each by itself."""
+    after_px: float
+    points: int
+
+
+@dataclass(frozen=True, eq=False)
+class RigCalibration:
+    """A rig, with its data and how it was found."""
+
+    fit: RigFit
+    """The joint fit of the sound images of the cameras that are connected."""
+    pairs: Pairs
+    fused: Fused
+    wrong: tuple[WrongImage, ...]
+    left_out: tuple[int, ...]
+    """Frames that contradict the others, and no single image does; ascending."""
+    unreached: Mapping[str, str]
+    """Cameras that could not be connected with the others, and why."""
+    time_offsets: FloatArray
+    """(c,): by how many frames each camera is late; 0 if not asked for."""
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def recording(self) -> Recording:
+        """What the rig was fitted to."""
+        return self.fit.recording
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.recording.cameras)
+
+    @cached_property
+    def poses(self) -> dict[str, Pose]:
+        """`camera_from_reference`; the first camera is the reference."""
+        return dict(zip(self.names, self.fit.poses, strict=True))
+
+    @cached_property
+    def cameras(self) -> dict[str, Camera]:
+        """With the refined lenses."""
+        stated = self.recording.cameras
+        return {
+            name: camera_at(stated[name], self.fit.q, number)
+            for number, name in enumerate(self.names)
+        }
+
+    @property
+    def object_factor(self) -> float:
+        """Estimated over stated lengths of the object."""
+        return float(self.fit.q[-1])
+
+    @cached_property
+    def point_fits(self) -> tuple[FloatArray, FloatArray]:
+        """Points (n, 2, 3) of the units of `fit.placings`, from their pixels alone, and residuals
+        (n, 2, c, 2) in pixels; NaN where not seen."""
+        own, cameras = self.fit.placings, len(self.names)
+        n = 2 * len(own.pixels)
+        points, residuals = np.empty((n, 3)), np.empty((n, cameras, 2))
+        pixels, rays = (v.reshape(n, cameras, 2) for v in (own.pixels, self.fit.rays))
+        fit_points(self.fit, pixels, rays, points, residuals, np.empty((n, 3, 3)))
+        return points.reshape(-1, 2, 3), residuals.reshape(-1, 2, cameras, 2)
+
+    @cached_property
+    def used(self) -> IntArray:
+        """Indices of the frames of `fit.placings` that were not left out."""
+        return np.flatnonzero(~self.fit.outlying)
+
+    @cached_property
+    def clusters(self) -> Clusters:
+        """The used frames, in clusters of alike errors."""
+        own, (_, residuals) = self.fit.placings, self.point_fits
+        first = np.full((len(own.frames), residuals[0].size), np.nan)
+        for unit in np.flatnonzero(~self.fit.outlying[own.of_frame])[::-1]:
+            first[own.of_frame[unit]] = residuals[unit].ravel()
+        times = own.frames[self.used]
+        return clusters_of(times, first[self.used] / self.fit.sigma_px)
+
+    @cached_property
+    def design_effect(self) -> float:
+        """How many times the clusters scatter more than independent frames would; at least 1."""
+        return design_effect(self.fit, self.fit.q, self.used, self.clusters)
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(Q, Q): of the unknowns of `views`; 0 for fixed ones."""
+        M = self.fit.unknowns.M
+        found = self.fit.unknowns.covariance(self.fit.information / self.design_effect)
+        return np.asarray(M @ found @ M.T)
+
+    @cached_property
+    def errors(self) -> dict[str, CameraErrors]:
+        """The standard errors of each camera."""
+        sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        found = {}
+        for number, name in enumerate(self.names):
+            own = sigma[EACH * number : EACH * (number + 1)]
+            x, y, z = own[:TRANSLATION].tolist()
+            tx, ty, tz = own[TRANSLATION : 2 * TRANSLATION].tolist()
+            lens = dict(zip(LENS_UNKNOWNS, own[2 * TRANSLATION : TIME].tolist(), strict=True))
+            found[name] = CameraErrors((x, y, z), (tx, ty, tz), lens, self._image_px(number))
+        return found
+
+    def time_offset_error(self, name: str) -> float:
+        """Standard error of a camera's time offset, in frames; 0 if not asked for."""
+        at = EACH * self.names.index(name) + TIME
+        return float(np.sqrt(self.covariance[at, at]))
+
+    def _image_px(self, number: int) -> float:
+        """Root mean square error of a camera's images of points that two others see; NaN without
+        such points."""
+        own, count = self.fit.placings, len(self.fit.q)
+        pixels, rays = (
+            values.reshape(-1, *values.shape[2:]).copy() for values in (own.pixels, self.fit.rays)
+        )
+        seen = np.isfinite(pixels[:, number, 0]) & (np.isfinite(pixels[..., 0]).sum(axis=1) > 2)
+        at = np.flatnonzero(seen)[:: max(int(seen.sum()) // IMAGE_POINTS, 1)]
+        pixels, rays = pixels[at], rays[at]
+        pixels[:, number], rays[:, number] = np.nan, np.nan
+        n = len(at)
+        points, residuals, of_points = np.empty((n, 3)), np.empty_like(pixels), np.empty((n, 3, 3))
+        by_shared = np.empty((n, 3, count))
+        fit_points(self.fit, pixels, rays, points, residuals, of_points, by_shared)
+        known = np.isfinite(points[:, 0])
+        if not known.any():
+            return float("nan")
+        points, by_shared = points[known], by_shared[known]
+        J = np.einsum("nkj,njq->nkq", self._by_point(number, points), by_shared)
+        block = slice(EACH * number, EACH * (number + 1))
+        J[:, :, block] += self._by_camera(number, points)
+        squares = np.einsum("nkq,qr,nkr->nk", J, self.covariance, J)
+        return float(np.sqrt(np.mean(squares)))
+
+    def _images(self, number: int, points: FloatArray, step: FloatArray) -> FloatArray:
+        """Images of points after a small change of a camera's unknowns, (15,)."""
+        pose, q = self.fit.poses[number], self.fit.q.copy()
+        q[EACH * number : EACH * (number + 1)] += step
+        turn = Rotation.from_rotvec(step[:TRANSLATION]).as_matrix()
+        moved = Pose(turn @ pose.R, pose.T + step[TRANSLATION : 2 * TRANSLATION])
+        return camera_at(self.cameras[self.names[number]], q, number).project(moved.apply(points))
+
+    def _by_point(self, number: int, points: FloatArray) -> FloatArray:
+        """(n, 2, 3): derivatives of a camera's images by the points."""
+        still = np.zeros(EACH)
+        columns = [
+            (self._images(number, points + h, still) - self._images(number, points - h, still))
+            / (2 * STEP)
+            for h in STEP * np.eye(3)
+        ]
+        return np.stack(columns, axis=2)
+
+    def _by_camera(self, number: int, points: FloatArray) -> FloatArray:
+        """(n, 2, 15): the same by the camera's unknowns; 0 by its time offset."""
+        columns = [
+            (self._images(number, points, h) - self._images(number, points, -h)) / (2 * STEP)
+            for h in STEP * np.eye(EACH)
+        ]
+        return np.stack(columns, axis=2)
+
+    @property
+    def weakest(self) -> str:
+        """The camera whose images are predicted worst; where no three cameras see the same points,
+        the one that shares fewest bars."""
+        errors = {name: own.image_px for name, own in self.errors.items()}
+        if np.isfinite(list(errors.values())).all():
+            return max(errors, key=lambda name: errors[name])
+        return min(self.names, key=lambda name: self.bars_with(name)[1])
+
+    def bars_with(self, name: str) -> tuple[str, int]:
+        """With which camera a camera shares most bars, and how many."""
+        shared = {
+            other: self.pairs.bars.get((name, other), self.pairs.bars.get((other, name), 0))
+            for other in self.names
+            if other != name
+        }
+        best = max(shared, key=lambda other: shared[other])
+        return best, shared[best]
+
+    @cached_property
+    def reprojection_px(self) -> FloatArray:
+        """(f,): root mean square distance of the images of each frame; NaN if left out."""
+        own, squares = self.fit.placings, np.square(self.point_fits[1]).sum(axis=3)
+        seen = np.isfinite(squares)
+        total = np.bincount(own.of_frame, np.where(seen, squares, 0.0).sum(axis=(1, 2)))
+        count = np.bincount(own.of_frame, seen.sum(axis=(1, 2)))
+        return np.where(self.fit.outlying, np.nan, np.sqrt(total / np.maximum(count, 1)))
+
+    @cached_property
+    def length_errors(self) -> FloatArray:
+        """(m,): relative errors of the lengths of the frames used."""
+        own, points = self.fit.placings, self.point_fits[0]
+        found = np.linalg.norm(points[:, 0] - points[:, 1], axis=1) / own.distances - 1.0
+        return np.asarray(found[np.isfinite(found) & ~self.fit.outlying[own.of_frame]])
+
+    @cached_property
+    def loops(self) -> list[Loop]:
+        """Of every three cameras whose three pairs were calibrated."""
+        found = []
+        for a, b, c in combinations(self.names, 3):
+            poses = [self.pair_pose(*pair) for pair in ((a, b), (b, c), (c, a))]
+            if all(poses):
+                ab, bc, ca = (pose for pose in poses if pose is not None)
+                round_trip = ca @ bc @ ab
+                cosine = np.clip((np.trace(round_trip.R) - 1) / 2, -1, 1)
+                found.append(
+                    Loop((a, b, c), float(np.degrees(np.arccos(cosine))), round_trip.baseline)
+                )
+        return found
+
+    def pair_pose(self, one: str, other: str) -> Pose | None:
+        """`other_from_one` as the pair by itself has it; None if it was not calibrated."""
+        if (own := self.pairs.fits.get((one, other))) is not None:
+            return own.pose
+        reverse = self.pairs.fits.get((other, one))
+        return None if reverse is None else reverse.pose.inverse()
+
+    def pose_of(self, pair: Pair) -> Pose:
+        """`second_from_first` of the rig."""
+        return self.poses[pair[1]] @ self.poses[pair[0]].inverse()
+
+    @property
+    def used_placings(self) -> Placings:
+        return self.fit.placings.of_frames(self.used)
+
+
+def fit_points(
+    fit: RigFit,
+    pixels: FloatArray,
+    rays: FloatArray,
+    points: FloatArray,
+    residuals: FloatArray,
+    covariances: FloatArray,
+    by_shared: FloatArray | None = None,
+) -> None:
+    """`views.fill_point_fits` with the parameters of a fit."""
+    nothing = np.empty((0, 3, len(fit.q)))
+    by = nothing if by_shared is None else by_shared
+    fill_point_fits(fit.q, fit.R, fit.lenses, pixels, rays, points, residuals, covariances, by)

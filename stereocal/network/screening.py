@@ -1,0 +1,150 @@
+"""Screening of a rig: a frame is seen in all cameras at once, so that the wrong image has a name.
+
+Of two cameras that contradict each other nothing says which is wrong. Where more see a point, the
+frame is tried without each marker, and then without each camera: if it fits without exactly one of
+them, that one is wrong, and the rest of the frame stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.network.fit import RigFit
+from stereocal.network.placings import Placings
+from stereocal.network.views import sum_normal_equations
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.recording import Recording
+
+
+@dataclass(frozen=True)
+class WrongImage:
+    """What is wrong in a frame."""
+
+    frame: int
+    camera: str
+    target: str | None
+    """None: all that the camera saw in this frame."""
+    exchanged: bool = False
+    """Whether it fits with the two ends exchanged in this camera."""
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A frame with something changed in a camera."""
+
+    frame: int
+    camera: int
+    target: int
+    """Without this one; -1 without all; -2 with the ends of each known length exchanged."""
+
+
+def wrong_images(fit: RigFit) -> list[WrongImage]:
+    """What is wrong in the outlying frames of a fit, where exactly one image can be."""
+    own, names = fit.placings, list(fit.recording.cameras)
+    found: list[WrongImage] = []
+    bad = np.flatnonzero(fit.outlying)
+    trials = [
+        _Trial(int(frame), camera, target)
+        for frame in bad
+        for camera in range(len(names))
+        for target in (*_targets(own, int(frame), camera), -1, -2)
+    ]
+    fits = _fitting(fit, trials)
+    for frame in bad:
+        mine = [trial for trial, fits_ in zip(trials, fits, strict=True) if fits_]
+        mine = [trial for trial in mine if trial.frame == frame]
+        for is_one in (True, False):
+            some = [
+                trial for trial in mine if (trial.target >= 0 if is_one else trial.target == -1)
+            ]
+            if len(some) == 1:
+                trial = some[0]
+                both = trial.camera in {t.camera for t in mine if t.target == -2}
+                target = fit.recording.object.names[trial.target] if is_one else None
+                found.append(WrongImage(int(own.frames[frame]), names[trial.camera], target, both))
+            if some:
+                break  # several: it cannot be told which
+    return found
+
+
+def rows_of(recording: Recording, wrong: list[WrongImage]) -> BoolArray:
+    """(n,): the rows of the images that are wrong."""
+    names, targets = list(recording.cameras), recording.object.names
+    found = np.zeros(len(recording.frame), dtype=np.bool_)
+    for own in wrong:
+        mine = (recording.frame == own.frame) & (recording.camera == names.index(own.camera))
+        if own.target is not None:
+            mine &= recording.target == targets.index(own.target)
+        found |= mine
+    return found
+
+
+def _fitting(fit: RigFit, trials: list[_Trial]) -> list[bool]:
+    """Which trials the parameters of a fit explain, with a contradiction left to find."""
+    own = fit.placings
+    if not trials:
+        return []
+    units = [np.flatnonzero(own.of_frame == trial.frame) for trial in trials]
+    order = np.concatenate(units)
+    of_trial = np.repeat(np.arange(len(trials)), [len(some) for some in units])
+    pixels, rays = own.pixels[order], fit.rays[order]
+    for number, trial in enumerate(trials):
+        mine = of_trial == number
+        for images in (pixels, rays):
+            images[mine] = _changed(images[mine], own.targets[order][mine], trial)
+    views = np.isfinite(pixels[..., 0]).sum(axis=2)
+    lone = views < 2
+    pixels[lone], rays[lone] = np.nan, np.nan
+    distances = np.where(lone.any(axis=1), np.nan, own.distances[order])
+    changed = Placings(np.arange(len(trials)), of_trial, own.targets[order], pixels, distances)
+    chi_squares = _chi_squares(fit, changed, rays)
+    limit = changed.limits(len(fit.unknowns.names))
+    return [bool(ok) for ok in (chi_squares <= limit) & (changed.pixel_freedom > 0)]
+
+
+def _targets(own: Placings, frame: int, camera: int) -> list[int]:
+    """What a camera sees of a frame."""
+    mine = own.of_frame == frame
+    found: list[int] = own.targets[mine][own.seen[mine][:, :, camera]].tolist()
+    return found
+
+
+def _changed(images: FloatArray, targets: IntArray, trial: _Trial) -> FloatArray:
+    """The images (m, 2, c, 2) of a frame's units after a trial."""
+    changed = images.copy()
+    if trial.target == -2:
+        pairs = targets[:, 1] >= 0
+        changed[pairs, :, trial.camera] = images[pairs, ::-1, trial.camera]
+    elif trial.target == -1:
+        changed[:, :, trial.camera] = np.nan
+    else:
+        changed[..., trial.camera, :][targets == trial.target] = np.nan
+    return changed
+
+
+def _chi_squares(fit: RigFit, placings: Placings, rays: FloatArray) -> FloatArray:
+    """(f,): of other placings, with the parameters of a fit."""
+    count, n = len(placings.frames), len(placings.pixels)
+    of_frame: IntArray = placings.of_frame
+    chi_squares, H = np.empty(count), np.empty_like(fit.H)
+    sum_normal_equations(
+        fit.q,
+        fit.R,
+        fit.lenses,
+        fit.free,
+        of_frame,
+        placings.pixels,
+        rays,
+        fit.motion[:0],
+        placings.distances,
+        1 / fit.sigma_px,
+        1 / fit.scatter,
+        np.zeros(count),
+        np.full((n, 6), np.nan),
+        chi_squares,
+        H,
+        np.empty(len(H)),
+    )
+    return chi_squares

@@ -1,0 +1,141 @@
+"""The unknowns of a rig of N cameras and their priors, in the order of `views`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.network.views import DISTORTION, EACH, LENS, TIME, TRANSLATION
+from stereocal.refined.unknowns import (
+    DEFAULT_BASELINE,
+    DEFAULT_DISTANCE,
+    WIDE_TIME,
+    Block,
+    LensPrior,
+    Unknowns,
+    free_parameters,
+    lens_block,
+    lens_prior,
+    with_lens,
+)
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
+
+
+@dataclass(frozen=True)
+class RigSettings:
+    """What is stated of a rig's cameras and lengths, where the recording does not say it."""
+
+    lenses: Mapping[str, LensPrior] = field(default_factory=dict)
+    """By camera. Others: the camera's own uncertainty if it has one, else 1 % and 10 px."""
+    baseline_sigma_m: float | None = None
+    """None: the recording's, else 1 % of each."""
+    object_sigma: float | None = None
+    """Standard deviation of the object's lengths, as a fraction, common to all. None: the
+    recording's, else 0.1 %."""
+    time_offsets: bool = False
+    """Whether each camera may be out of step by some frames."""
+
+
+def lens_places(number: int) -> list[int]:
+    """The places in q of the lens unknowns of a camera."""
+    first, distortion = EACH * number + LENS, EACH * number + DISTORTION
+    return [*range(first, first + 4), *range(distortion, distortion + 4)]
+
+
+def unknowns_of(
+    recording: Recording, poses: Sequence[Pose], settings: RigSettings, bars: bool = True
+) -> Unknowns:
+    """The unknowns of a recording; the first camera is the reference and has no pose.
+
+    Args:
+        poses: `camera_from_reference` of each camera.
+        bars: whether there are known lengths; if not, their factor is held fixed.
+    """
+    count = EACH * len(recording.cameras) + 1
+    origin = np.zeros(count)
+    origin[-1] = 1.0
+    blocks: list[Block] = []
+    focal_lengths: list[int] = []
+    for number, (name, camera) in enumerate(recording.cameras.items()):
+        first, places = EACH * number, lens_places(number)
+        origin[first + TRANSLATION : first + LENS] = poses[number].T
+        origin[places] = camera.lens_values
+        focal_lengths += places[:2]
+        if number:
+            turns = [(f"{name} turn {axis}", np.inf, [first + i]) for i, axis in enumerate("xyz")]
+            shifts = [
+                (f"{name} {axis}", np.inf, [first + TRANSLATION + i])
+                for i, axis in enumerate("xyz")
+            ]
+            blocks.append((turns + shifts, None))
+        blocks.append(lens_block(name, lens_prior(camera, settings.lenses.get(name)), places))
+        late = WIDE_TIME * (settings.time_offsets and number > 0)
+        blocks.append(([(f"{name} time offset", late, [first + TIME])], None))
+    stated = recording.object.sigma_m
+    longest = float(recording.object.distances.max())
+    sigma = DEFAULT_DISTANCE if stated is None else stated / longest
+    if settings.object_sigma is not None:
+        sigma = settings.object_sigma
+    blocks.append(([("object", sigma * bars, [count - 1])], None))
+    return free_parameters(blocks, origin, focal_lengths)
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A measured distance of two cameras, by their numbers, in metres."""
+
+    first: int
+    second: int
+    length_m: float
+    sigma_m: float
+
+
+def baselines_of(recording: Recording, settings: RigSettings) -> list[Baseline]:
+    """The measured baselines with their standard deviations."""
+    numbers = {name: number for number, name in enumerate(recording.cameras)}
+    stated = settings.baseline_sigma_m or recording.baseline_sigma_m
+    return [
+        Baseline(numbers[one], numbers[other], length, stated or DEFAULT_BASELINE * length)
+        for (one, other), length in recording.baselines_m.items()
+        if not np.isinf(stated or 0.0)
+    ]
+
+
+def baseline_equations(
+    baselines: Sequence[Baseline], q: FloatArray, R: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Cost, normal matrix (Q, Q) and gradient (Q,) of the measured baselines."""
+    cost, H, g = 0.0, np.zeros((len(q), len(q))), np.zeros(len(q))
+    for own in baselines:
+        J, centres = np.zeros(len(q)), []
+        for number in (own.first, own.second):
+            at = EACH * number + TRANSLATION
+            centres.append(-R[number].T @ q[at : at + 3])
+        apart = centres[0] - centres[1]
+        length = float(np.linalg.norm(apart))
+        for number, along in ((own.first, apart / length), (own.second, -apart / length)):
+            first, T = EACH * number, q[EACH * number + TRANSLATION : EACH * number + LENS]
+            # centre = -R^T T; turning the camera by w moves it by R^T (w x T)
+            J[first : first + 3] = np.cross(T, R[number] @ along)
+            J[first + TRANSLATION : first + LENS] = -R[number] @ along
+        J /= own.sigma_m
+        error = (length - own.length_m) / own.sigma_m
+        cost, H, g = cost + error**2, H + np.outer(J, J), g + J * error
+    return cost, H, g
+
+
+def turned(R: FloatArray, q: FloatArray) -> FloatArray:
+    """(c, 3, 3): the rotations R after the small ones of q."""
+    turns = q[:-1].reshape(-1, EACH)[:, :3]
+    return np.asarray(Rotation.from_rotvec(turns).as_matrix() @ R)
+
+
+def camera_at(stated: Camera, q: FloatArray, number: int) -> Camera:
+    """The stated camera with the lens of q."""
+    return with_lens(stated, q[lens_places(number)])

@@ -1,0 +1,82 @@
+"""A recording of three cameras and more in a project, and the rig that was found from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stereocal.formats.description import find_description
+from stereocal.formats.recording_files import POINTS, parse_recording
+from stereocal.network.rig_file import RIG, RigFile
+from stereocal.projects.files import StoredFile
+from stereocal.projects.project import INPUT, Project
+from stereocal.rig.recording import Recording
+
+RECORDING, RIG_FILES = "recording", "rig"
+"""Parts of a project: the files of the data set, and those that were computed from it."""
+PAIRS = "pairs.zip"
+
+
+class ProjectRecording:
+    """The recording of one project. Every change is on disk when its method returns."""
+
+    def __init__(self, project: Project) -> None:
+        self.project, self.database = project, project.database
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the project holds a recording."""
+        return bool(self.database.files(RECORDING))
+
+    @property
+    def digest(self) -> list[str]:
+        """Identifies the recording."""
+        return [file.sha256 for file in self.database.files(RECORDING).values()]
+
+    @property
+    def camera_count(self) -> int:
+        """How many cameras the recording has, without reading its points."""
+        files = self.database.files(RECORDING)
+        contents = {name: file.read_bytes() for name, file in files.items() if name != POINTS}
+        return len(find_description(contents, "the recording of this project")[1]["cameras"])
+
+    def give(self, files: Mapping[str, bytes], source: str) -> Recording:
+        """Store a recording instead of what was there; its rig goes.
+
+        Raises:
+            StereocalError: it is invalid; nothing has changed.
+        """
+        found = parse_recording(files, source)
+        kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
+        with self.database.transaction():
+            self.database.replace_files(RECORDING, kept)
+            self.database.forget_files(RIG_FILES)
+            self.database.keep_values(INPUT, {"name": found.name})
+        return found
+
+    def read(self) -> Recording | None:
+        """The recording; None if the project holds none."""
+        files = self.database.files(RECORDING)
+        if not files:
+            return None
+        contents = {name: file.read_bytes() for name, file in files.items()}
+        return parse_recording(contents, "the recording of this project")
+
+    def keep_rig(self, rig: str, pairs: bytes) -> None:
+        """Store rig.json and the zip of the pairs' files."""
+        kept: dict[str, StoredFile] = {
+            RIG: self.database.keep_file(rig.encode(), RIG),
+            PAIRS: self.database.keep_file(pairs, PAIRS),
+        }
+        self.database.replace_files(RIG_FILES, kept)
+
+    @property
+    def rig(self) -> RigFile | None:
+        """The rig; None before it was found."""
+        found = self.database.file(RIG_FILES, RIG)
+        return None if found is None else RigFile.loads(found.read_bytes().decode())
+
+    @property
+    def pairs(self) -> bytes | None:
+        """The zip of the pairs' files."""
+        found = self.database.file(RIG_FILES, PAIRS)
+        return None if found is None else found.read_bytes()

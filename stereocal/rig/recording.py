@@ -1,0 +1,141 @@
+"""A recording of one object by any number of cameras; any two of them are a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
+from stereocal.rig.rigid_object import RigidObject
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Image points of the targets of an object, one row per frame, camera and target.
+
+    All arrays have n rows. Pixels are raw (distorted); (0, 0) is the centre of the top-left pixel.
+    """
+
+    name: str
+    cameras: Mapping[str, Camera]
+    """By name. The first of two is the primary."""
+    object: RigidObject
+    frame: IntArray
+    camera: IntArray
+    """Index into `cameras`."""
+    target: IntArray
+    """Index into `object.names`."""
+    points: FloatArray
+    """(n, 2)."""
+    sigma_px: FloatArray
+    """Standard error of each coordinate; NaN if unknown."""
+    baselines_m: Mapping[Pair, float] = field(default_factory=dict)
+    """Of the pairs whose baseline was measured; each pair in one order or the other."""
+    baseline_sigma_m: float | None = None
+    notes: str = ""
+
+    @classmethod
+    def of_pair(cls, dataset: Dataset) -> Recording:
+        """The recording of a data set, with the points as recorded."""
+        rows = dataset.correspondences
+        own = rows.rigid_object
+        if own is None:
+            own = RigidObject.bar(dataset.target_distance_m, dataset.target_distance_sigma_m)
+        free = dataset.baseline_is_free
+        return cls(
+            name=dataset.name,
+            cameras=dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)),
+            object=replace(own, sigma_m=dataset.target_distance_sigma_m),
+            frame=np.tile(rows.frame, 2),
+            camera=np.repeat([0, 1], len(rows)),
+            target=np.tile(rows.target, 2),
+            points=np.vstack([rows.primary, rows.recorded_secondary]),
+            sigma_px=np.concatenate([rows.sigma_primary_px, rows.sigma_secondary_px]),
+            baselines_m={} if free else {CAMERAS: dataset.baseline_m},
+            baseline_sigma_m=None if free else dataset.baseline_sigma_m,
+            notes=dataset.notes,
+        )
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """All pairs of cameras, in the cameras' order."""
+        return list(combinations(self.cameras, 2))
+
+    def pair_named(self, text: str) -> Pair:
+        """The pair of a name such as `left-right`, in its order.
+
+        Raises:
+            StereocalError: there is no such pair; the message lists those there are.
+        """
+        for first, second in self.pairs:
+            for found in ((first, second), (second, first)):
+                if text == "-".join(found):
+                    return found
+        raise StereocalError(f'There is no pair "{text[:60]}". {self.describe_pairs()}')
+
+    def describe_pairs(self) -> str:
+        """The pairs and how many frames both cameras of each see."""
+        seen = [f"{a}-{b} ({len(self.common_frames(a, b))} frames)" for a, b in self.pairs]
+        return f"Pairs and the frames that both cameras see: {', '.join(seen)}."
+
+    def common_frames(self, first: str, second: str) -> IntArray:
+        """The frames in which both cameras see the same target, ascending."""
+        return np.unique(self.frame[self._common(first, second)[0]])
+
+    def baseline_m(self, first: str, second: str) -> float | None:
+        """The measured distance of two cameras; None if it is free."""
+        return self.baselines_m.get((first, second), self.baselines_m.get((second, first)))
+
+    def pair(self, first: str, second: str) -> Dataset:
+        """The data set of two cameras, of the points that both see.
+
+        A baseline that was not measured is free, and 1 m until it is found.
+
+        Raises:
+            StereocalError: the two see nothing in common.
+        """
+        a, b = self._common(first, second)
+        if not len(a):
+            raise StereocalError(
+                f"The cameras {first} and {second} see no point in the same frame. "
+                f"{self.describe_pairs()}"
+            )
+        measured, names = self.baseline_m(first, second), self.object.names
+        return Dataset(
+            name=self.name if len(self.cameras) == 2 else f"{self.name}, {first}-{second}",
+            primary=self.cameras[first],
+            secondary=self.cameras[second],
+            correspondences=Correspondences.from_arrays(
+                self.frame[a],
+                [names[target] for target in self.target[a].tolist()],
+                self.points[a],
+                self.points[b],
+                sigma_primary_px=self.sigma_px[a],
+                sigma_secondary_px=self.sigma_px[b],
+                rigid_object=None if names == TARGETS else self.object,
+            ),
+            baseline_m=1.0 if measured is None else measured,
+            target_distance_m=float(self.object.distances[self.object.longest]),
+            baseline_sigma_m=np.inf if measured is None else self.baseline_sigma_m,
+            target_distance_sigma_m=self.object.sigma_m,
+            notes=self.notes,
+            camera_names=None if (first, second) == CAMERAS else (first, second),
+        )
+
+    def _common(self, first: str, second: str) -> tuple[IntArray, IntArray]:
+        """The rows of two cameras with the same target in the same frame, in the first's order."""
+        names = list(self.cameras)
+        rows = [np.flatnonzero(self.camera == names.index(name)) for name in (first, second)]
+        width = len(self.object.names)
+        of_first, of_second = (self.frame[own] * width + self.target[own] for own in rows)
+        _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
+        order = np.argsort(one)
+        return rows[0][one[order]], rows[1][other[order]]

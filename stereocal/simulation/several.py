@@ -1,0 +1,114 @@
+"""Simulated recordings of a wand by three cameras and more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.refined.uncertainty import in_view
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.simulation.simulate import lens_off_by
+
+WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.2, 0, 0], [0.6, 0, 0]]))
+IMAGE_SIZE = (1280, 1024)
+DISTANCE_M = 6.0
+LENS_ERRORS = 0.003, 5.0
+"""Standard deviations of the nominal focal lengths, as a fraction, and of the centres, in px."""
+NEAR, FAR = 0.6, 0.9
+"""Least and greatest share of what a camera could see that it saw."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRig:
+    """A rig, a recording with its nominal lenses, and the truth."""
+
+    recording: Recording
+    cameras: dict[str, Camera]
+    """The true ones."""
+    poses: dict[str, Pose]
+    """`camera_from_reference`, true; the first camera is the reference."""
+    points_m: FloatArray
+    """(frames, targets, 3): true, in the reference's frame."""
+
+
+def simulated_rig(
+    rng: np.random.Generator,
+    cameras: int = 3,
+    frames: int = 150,
+    noise_px: float = 0.2,
+    lens_errors: tuple[float, float] = LENS_ERRORS,
+    wand: RigidObject = WAND,
+    neighbours_only: bool = False,
+    arc_deg: float = 100.0,
+) -> SimulatedRig:
+    """Cameras on an arc about the volume where a wand is moved.
+
+    Args:
+        arc_deg: of the first and the last camera about the volume: at 180 they face each other.
+        neighbours_only: whether each bar is seen by two neighbouring cameras only, as in a chain.
+    """
+    names = [f"c{number + 1}" for number in range(cameras)]
+    world = [_camera_pose(rng, number, cameras, arc_deg) for number in range(cameras)]
+    poses = {name: pose @ world[0].inverse() for name, pose in zip(names, world, strict=True)}
+    true = {name: _camera(rng) for name in names}
+    placed = _placed(rng, frames, wand)
+    points = world[0].apply(placed.reshape(-1, 3)).reshape(placed.shape)
+    rows: list[tuple[int, int, int]] = []
+    pixels: list[FloatArray] = []
+    for number, (name, camera) in enumerate(true.items()):
+        own = poses[name].apply(points.reshape(-1, 3))
+        images = camera.project(own) + rng.normal(0.0, noise_px, (len(own), 2))
+        inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
+        seen = (in_view(camera, own) & inside).reshape(frames, -1)
+        seen &= rng.random(seen.shape) < rng.uniform(NEAR, FAR)
+        if neighbours_only:
+            first = np.arange(frames) % (cameras - 1)
+            seen &= np.isin(number - first, (0, 1))[:, None]
+        at = np.argwhere(seen)
+        rows += [(int(frame), number, int(target)) for frame, target in at]
+        pixels.append(images.reshape(frames, -1, 2)[seen])
+    focal, centre = lens_errors
+    nominal = {
+        name: lens_off_by(
+            camera, rng.normal(0.0, focal), (rng.normal(0.0, centre), rng.normal(0.0, centre))
+        )
+        for name, camera in true.items()
+    }
+    frame, which, target = np.array(rows, dtype=np.int64).T
+    images = np.concatenate(pixels)
+    unknown = np.full(len(frame), np.nan)
+    recording = Recording("simulated", nominal, wand, frame, which, target, images, unknown)
+    return SimulatedRig(recording, true, poses, points)
+
+
+def _camera(rng: np.random.Generator) -> Camera:
+    focal, centre = rng.uniform(1100, 1300), 0.5 * (np.array(IMAGE_SIZE) - 1)
+    cx, cy = centre + rng.normal(0.0, 8.0, 2)
+    K = np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
+    return Camera(K, np.array([-0.2, 0.08, 0.0, 0.0]), IMAGE_SIZE)
+
+
+def _camera_pose(rng: np.random.Generator, number: int, cameras: int, arc_deg: float) -> Pose:
+    """`camera_from_world`, of a camera that looks at the world's origin."""
+    angle = np.radians(arc_deg) * (number / max(cameras - 1, 1) - 0.5) + rng.normal(0.0, 0.05)
+    away = DISTANCE_M * rng.uniform(0.9, 1.1)
+    centre = np.array([away * np.sin(angle), rng.uniform(-1.0, 0.3), -away * np.cos(angle)])
+    forward = -centre / np.linalg.norm(centre)
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right /= np.linalg.norm(right)
+    R = np.array([right, np.cross(forward, right), forward])
+    return Pose(R, -R @ centre)
+
+
+def _placed(rng: np.random.Generator, frames: int, wand: RigidObject) -> FloatArray:
+    """(frames, targets, 3): the wand at random places and directions, in the world."""
+    middle = rng.uniform([-1.2, -0.9, -1.2], [1.2, 0.9, 1.2], (frames, 3))
+    along = rng.normal(size=(frames, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    offsets = wand.points[:, 0] - wand.points[:, 0].mean()
+    return np.asarray(middle[:, None] + offsets[:, None] * along[:, None])

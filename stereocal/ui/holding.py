@@ -1,0 +1,220 @@
+"""What stands on the bar: 2x2 targets, balls of two colours, or tags."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import streamlit as st
+
+from stereocal.detection.ball_colours import colour_at
+from stereocal.detection.balls import find_balls
+from stereocal.detection.sighting import Sighting
+from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Target, parse_target
+from stereocal.errors import StereocalError
+from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
+from stereocal.frames.pairing import Pair
+from stereocal.frames.thumbnails import eight_bits
+from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.rig.camera import Camera
+from stereocal.system.photograph import read_colours
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.messages import callback
+from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
+from stereocal.ui.texts import escape_markdown
+
+KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "Tags"}
+BOARD = "board"
+FOUND = "held_found"
+USUAL_TAGS = "4X4_50:0,1"
+
+
+def _kind(project: Project) -> Field:
+    return setting(project, "held", "bar2x2", one_of(tuple(KINDS)))
+
+
+def _colours(project: Project) -> Field:
+    """Of A and B; while the user clicks, of A only."""
+    return setting(project, "held_balls", "", _text)
+
+
+def _tags(project: Project) -> Field:
+    return setting(project, "held_tags", USUAL_TAGS, _text)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
+
+
+def held_text(project: Project) -> str:
+    """The target as `parse_target` reads it."""
+    kind: str = _kind(project).value()
+    rest = {"balls": _colours, "tags": _tags}.get(kind)
+    return kind if rest is None else f"{kind}:{rest(project).value()}"
+
+
+def holds_board(project: Project) -> bool:
+    """Whether a board is held."""
+    return bool(_kind(project).value() == BOARD)
+
+
+def is_stale(project: Project) -> bool:
+    """Whether the found targets are of another kind or colour than stated now."""
+    return bool(project.settings.get(FOUND, "bar2x2") != held_text(project))
+
+
+def keep_what_was_found(project: Project, held: str) -> None:
+    """Store the `held_text` of the targets found."""
+    project.keep_settings({FOUND: held})
+
+
+def held_target(project: Project) -> Target:
+    """The target of the project; 2x2 targets if what was stated is incomplete."""
+    try:
+        return parse_target(held_text(project))
+    except StereocalError:
+        return BAR
+
+
+def ask_what_is_held(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> Target | None:
+    """The controls.
+
+    Args:
+        pair: whose first photograph the balls are picked in.
+        fold: the photograph is folded away, since the targets have been found.
+
+    Returns:
+        The target; None until it is stated, and for a board.
+    """
+    project = store.project
+    kind = st.segmented_control(
+        "What do you hold?",
+        tuple(KINDS),
+        required=True,
+        format_func=KINDS.__getitem__,
+        **_kind(project).widget(),
+    )
+    if kind == BOARD:
+        return None
+    if kind == "bar2x2":
+        return BAR
+    if kind == "tags":
+        st.text_input(
+            "Dictionary, and the numbers of A and B",
+            help="As `4X4_50:3,7`, or `APRILTAG_36h11:0,1`; the names are OpenCV's.",
+            **_tags(project).widget(),
+        )
+    else:
+        _ask_colours(store, pair, fold)
+    if kind == "balls" and _unfinished(project):
+        return None
+    try:
+        return parse_target(held_text(project))
+    except StereocalError as error:
+        st.error(escape_markdown(str(error)))
+        return None
+
+
+def _unfinished(project: Project) -> bool:
+    colours: str = _colours(project).value()
+    return "," not in colours and colours != BRIGHT
+
+
+def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> None:
+    """A photograph to click the balls in, and their colours to type."""
+    project = store.project
+    field = _colours(project)
+    file = store.photographs.get(pair.primary) if pair else None
+    if _unfinished(project):
+        which = "B, the other ball" if field.value() else "A, then ball B"
+        st.info(f"Click ball {which}, on the lit side.")
+    if file is not None and pair is not None:
+        folded = fold and not _unfinished(project)
+        with st.expander("Pick the colours again") if folded else st.container():
+            _pick(store, file, pair.primary)
+    st.text_input(
+        "Colours of A and B",
+        placeholder="red,yellow",
+        help="Clicks fill this in. Names or `#c0392b,#f1c40f`; `bright` for two lamps, "
+        "`white,white` for balls of one colour, which are told apart by the other frames.",
+        **field.widget(),
+    )
+
+
+def _pick(store: ProjectPhotographs, file: StoredFile, name: str) -> None:
+    project = store.project
+    marks = [] if _unfinished(project) else _found(store, file, name)
+    label = "Photograph to pick the colours of the balls in. Enter picks at the cross-hair."
+    try:
+        shown = _shown(file.name, file, name)
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+    else:
+        pick(shown, marks, label, "pick_colour", False, lambda at: _take(project, file, at))
+
+
+@st.cache_data(show_spinner=False, max_entries=4)
+def _shown(digest: str, _file: StoredFile, _name: str) -> Shown:
+    return encode(eight_bits(read_colours(_file, _name)), f"colours-{digest}")
+
+
+@callback
+def _take(project: Project, file: StoredFile, at: Pick) -> None:
+    """Use the colour at a click: of A, then of B, then anew."""
+    field = _colours(project)
+    own = colour_at(read_colours(file, "the photograph"), (at.u, at.v))
+    before = field.value()
+    if own == "white":
+        field.set("white,white")
+    else:
+        field.set(f"{before},{own}" if before and _unfinished(project) else own)
+
+
+def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]:
+    """The balls in the photograph, as marks, and a line about them."""
+    target, camera = held_target(store.project), store.project.cameras[0]
+    if not isinstance(target, Balls):
+        return []
+    lens = "" if camera is None else json.dumps(camera.to_json())
+    try:
+        seen = _sighting(file.name, held_text(store.project), lens, file, name)
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return []
+    if seen.missing:
+        st.warning(f"{seen.missing} Click both balls again, or in the middle of their lit side.")
+    else:
+        radii = " and ".join(f"{spot.radius_px:.0f}" for spot in seen.spots if spot)
+        st.success(f"Both balls are found here, with radii of {radii} px.")
+    return [
+        Mark(letter, at.u, at.v, at.radius_px, TARGET_COLOURS[letter], TARGET_SYMBOLS[letter])
+        for letter, at in zip("AB", seen.spots, strict=True)
+        if at
+    ]
+
+
+@st.cache_data(show_spinner=False, max_entries=8)
+def _sighting(digest: str, text: str, lens: str, _file: StoredFile, _name: str) -> Sighting:
+    assert _file.name == digest  # the content, for the cache
+    target = parse_target(text)
+    assert isinstance(target, Balls)
+    camera = Camera.from_json(json.loads(lens), "the lens") if lens else None
+    return find_balls(read_colours(_file, _name), target, camera)
+
+
+def is_coloured(target: Target) -> bool:
+    """Whether its photographs are read in colours."""
+    return isinstance(target, Balls)
+
+
+def called(target: Target) -> str:
+    """What a click moves a centre to."""
+    return (
+        "fitted corner"
+        if isinstance(target, Bar2x2)
+        else ("ball" if isinstance(target, Balls) else "tag")
+    )

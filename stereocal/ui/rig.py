@@ -1,0 +1,142 @@
+"""The Rig page: all cameras of a recording together."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.figures.rig_graph import describe_rig_graph, plot_cameras, plot_rig_graph
+from stereocal.figures.rig_report import camera_table
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.network.rig_file import RIG, RigFile, rig_file
+from stereocal.network.unknowns import RigSettings
+from stereocal.pairs_of_rig import bars_of_pair, files_of_pairs
+from stereocal.projects.data_folder import default_home
+from stereocal.projects.project import Project
+from stereocal.projects.recording import PAIRS, ProjectRecording
+from stereocal.rig.recording import Recording
+from stereocal.ui import jobs
+from stereocal.ui.figure import show_figure
+from stereocal.ui.intake import give_dataset
+from stereocal.ui.project import projects_in_creation
+from stereocal.ui.samples import begin_sample
+from stereocal.ui.texts import escape_markdown
+
+KIND: jobs.Kind = "rig"
+STAGES = ("steps",)
+TIME_OFFSETS = "rig_time_offsets"
+
+
+class _CancelledError(Exception):
+    """A person has cancelled the job."""
+
+
+def work_of(project: Project, time_offsets: bool) -> jobs.Work:
+    """The work of a press."""
+    store = ProjectRecording(project)
+    about = {"recording": store.digest, "time_offsets": time_offsets}
+
+    def run(job: jobs.Job) -> bool:
+        job.begin("steps")
+        recording = store.read()
+        if recording is None:
+            raise StereocalError("This project holds no recording of several cameras.")
+
+        def report(done: int, total: int) -> None:
+            job.progress(done, total)
+            if job.cancelled:
+                raise _CancelledError
+
+        try:
+            found = calibrate_rig(recording, RigSettings(time_offsets=time_offsets), report)
+        except _CancelledError:
+            return False
+        files, _, _ = files_of_pairs(found)
+        store.keep_rig(rig_file(found).dumps(), _zipped(files))
+        return True
+
+    return jobs.Work(project, KIND, STAGES, about, run)
+
+
+def show_rig_page(project: Project, recording: Recording) -> None:
+    """The press, and the rig if there is one."""
+    store = ProjectRecording(project)
+    rig = store.rig
+    left, right = st.columns([1, 2], vertical_alignment="center")
+    with right:
+        offsets = st.toggle(
+            "The cameras may be out of step by fractions of a frame", key=TIME_OFFSETS
+        )
+    work = work_of(project, offsets)
+    with left:
+        st.button(
+            "Calibrate all again" if rig else "Calibrate all",
+            type="primary",
+            key="rig_run",
+            on_click=jobs.start,
+            args=(work,),
+            disabled=jobs.is_running(project, KIND),
+        )
+    jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.", work)
+    if rig is None:
+        count = len(recording.cameras)
+        st.info(
+            f"{count} cameras, {len({*recording.frame.tolist()})} frames. "
+            f"{escape_markdown(recording.describe_pairs())}"
+        )
+        return
+    _show_rig(recording, rig, store.pairs)
+
+
+def _show_rig(recording: Recording, rig: RigFile, pairs: bytes | None) -> None:
+    st.success(escape_markdown(rig_sentence(rig)))
+    with st.container(horizontal=True):
+        st.download_button(
+            "rig.json", rig.dumps(), RIG, "application/json", on_click="ignore", key="rig_json"
+        )
+        if pairs is not None:
+            st.download_button(
+                "All pairs (zip)", pairs, PAIRS, "application/zip", on_click="ignore", key="rig_zip"
+            )
+    show_figure(plot_rig_graph(rig), describe_rig_graph(rig), "rig_graph")
+    if loops := loops_sentence(rig):
+        st.caption(escape_markdown(loops))
+    for note in rig_notes(rig):
+        st.warning(escape_markdown(note))
+    names = list(rig.about["pairs"])
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        chosen = st.selectbox("A pair by itself", names, key="rig_pair")
+        st.button(
+            "Open this pair",
+            key="rig_open_pair",
+            on_click=begin_sample,
+            args=(projects_in_creation(), lambda: _project_of_pair(recording, rig, chosen)),
+            help="a project of its own with the bars that both cameras saw, for all other pages",
+        )
+    st.header("The cameras", divider="gray")
+    show_figure(plot_cameras(rig), describe_rig_graph(rig), "rig_cameras")
+    st.table(camera_table(rig))
+
+
+def _project_of_pair(recording: Recording, rig: RigFile, name: str) -> Project:
+    """A project with the bars of a pair."""
+    project = Project.create(default_home())
+    pair = recording.pair_named(name)
+    one, other = (rig.poses.get(camera) for camera in pair)
+    baseline = None if one is None or other is None else (other @ one.inverse()).baseline
+    dataset = bars_of_pair(recording, pair, baseline)
+    give_dataset(project, pack_dataset(dataset), dataset.name)
+    return project
+
+
+def _zipped(files: dict[str, bytes]) -> bytes:
+    target = io.BytesIO()
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return target.getvalue()

@@ -1,0 +1,138 @@
+"""`stereocal rig`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.formats.exchange.exchange import read_camera_pair
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.recording_files import pack_recording
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences
+from stereocal.rig.parameters import RigParameters
+from stereocal.simulation.several import simulated_rig
+from tests.archives import kalibr_chain, wand_csv
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dataset")
+    truth = simulated_rig(np.random.default_rng(30), 3, 60)
+    for name, content in pack_recording(truth.recording).items():
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def test_rig_writes_its_files(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["rig", str(dataset), "--out", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "One rig of 3 cameras" in told
+    assert RigFile.load(tmp_path / "rig.json").names == ["c1", "c2", "c3"]
+    assert "One rig of 3 cameras" in (tmp_path / "report.html").read_text()
+    pairs = [tmp_path / f"{pair}_refined.json" for pair in ("c1-c2", "c1-c3", "c2-c3")]
+    for file in pairs:
+        assert RigParameters.load(file).method == "refined"
+    # the rig's pairs are not fused again: they share all their points
+    assert main(["rig", *map(str, pairs), "--out", str(tmp_path / "again")]) == 2
+    assert not (tmp_path / "again").exists()
+
+
+def test_rig_with_the_sets_of_the_paper(dataset: Path, tmp_path: Path) -> None:
+    assert main(["rig", str(dataset), "--out", str(tmp_path), "--pairs"]) == 0
+    for pair in ("c1-c2", "c1-c3", "c2-c3"):
+        for method in ("2d", "3d", "refined"):
+            own = RigParameters.load(tmp_path / f"{pair}_{method}.json")
+            assert own.method == method
+            assert own.camera_names == tuple(pair.split("-"))
+        figures = json.loads((tmp_path / "rig.json").read_text())["pairs"][pair]
+        assert 0 <= figures["fcp_reprojection"]["value"] < 0.2
+        assert figures["threshold_px"]["value"] > 0
+
+
+def test_files_of_pairs_as_calibrate_writes_them(dataset: Path, tmp_path: Path) -> None:
+    files = []
+    for pair in ("c1-c2", "c2-c3"):
+        out = tmp_path / pair
+        command = ["calibrate", str(dataset), "--pair", pair, "--out", str(out), "--runs", "0"]
+        assert main(command) == 0
+        files.append(str(out / "parameters_refined.json"))
+    assert main(["rig", *files, "--out", str(tmp_path / "rig")]) == 0
+    assert RigFile.load(tmp_path / "rig" / "rig.json").names == ["c1", "c2", "c3"]
+
+
+def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
+    assert main(["rig", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
+    assert main(["rig", str(dataset), str(dataset), "--out", str(tmp_path / "out")]) == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> None:
+    assert main(["rig", str(dataset), "--out", str(tmp_path)]) == 0
+    rig = RigFile.load(tmp_path / "rig.json")
+    for name, file in (("aniposelib", "calibration.toml"), ("kalibr", "camchain.yaml")):
+        out = str(tmp_path / file)
+        assert main(["convert", str(tmp_path / "rig.json"), "--to", name, "--out", out]) == 0
+        options = ExchangeOptions(cameras=("1", "3"))
+        pair = read_camera_pair({file: (tmp_path / file).read_bytes()}, options)
+        assert pair.pose is not None
+        assert pytest.approx(rig.poses["c3"].T, abs=1e-9) == pair.pose.T
+        assert pytest.approx(rig.poses["c3"].R, abs=1e-9) == pair.pose.R
+        assert pytest.approx(rig.cameras["c3"].K, rel=1e-9) == pair.secondary.K
+    out = str(tmp_path / "dlt.csv")
+    assert main(["convert", str(tmp_path / "rig.json"), "--to", "dlt", "--out", out]) == 0
+    L = np.loadtxt(out, delimiter=",")
+    assert L.shape == (11, 3)
+    point = np.array([0.1, -0.2, 6.0, 1.0])
+    for number, name in enumerate(rig.names):
+        P = np.append(L[:, number], 1.0).reshape(3, 4)
+        u, v, w = P @ (point + np.array([0.0, 0.0, -1e-6, 0.0]))
+        plain = replace(rig.cameras[name], distortion=np.zeros(0))
+        expected = plain.project(rig.poses[name].apply(point[None, :3]))[0]
+        assert [u / w, v / w] == pytest.approx(expected, abs=1e-4)
+    assert main(["convert", str(tmp_path / "rig.json"), "--to", "ros", "--out", out]) == 2
+
+
+def sorted_pixels(rows: Correspondences) -> FloatArray:
+    """(n, 4): pixels of both cameras."""
+    pixels = np.column_stack([rows.primary, rows.secondary])
+    return np.asarray(pixels[np.lexsort(pixels.T)])
+
+
+def test_all_cameras_of_another_program(tmp_path: Path) -> None:
+    (tmp_path / "camchain.yaml").write_bytes(kalibr_chain())
+    # the third camera sees what the second sees
+    lines = [line.split(",") for line in wand_csv().decode().split()]
+    rows = [[*row[:4], *row[2:4], *row[4:], *row[6:]] for row in lines[1:]]
+    head = [f"cam{k}_{axis}" for _ in "AB" for k in range(3) for axis in "xy"]
+    (tmp_path / "wand.csv").write_text("\n".join(map(",".join, [head, *rows])) + "\n")
+    (tmp_path / "two.csv").write_bytes(wand_csv())
+    files = [str(tmp_path / name) for name in ("camchain.yaml", "wand.csv")]
+    out = tmp_path / "every"
+    words = ["import", *files, "--distance", "0.5", "--cameras", "all", "--out", str(out)]
+    assert main(words) == 0
+    recording = read_recording(out)
+    assert list(recording.cameras) == ["1", "2", "3"]
+    # the same points as of each pair
+    for pair in ("1,2", "2,3"):
+        own = str(tmp_path / pair)
+        words = ["import", *files, "--distance", "0.5", "--cameras", pair, "--out", own]
+        assert main([*words, "--baseline", "1"]) == 0
+        expected = read_dataset(own).correspondences
+        first, second = pair.split(",")
+        found = recording.pair(first, second).correspondences
+        for one, other in zip(*(sorted_pixels(each) for each in (found, expected)), strict=True):
+            assert one == pytest.approx(other)
+    none = ["--distance", "0.5", "--cameras", "all", "--out", str(tmp_path / "none")]
+    assert main(["import", files[1], *none]) == 2
+    assert main(["import", files[0], str(tmp_path / "two.csv"), *none]) == 2
+    assert not (tmp_path / "none").exists()

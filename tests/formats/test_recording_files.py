@@ -1,0 +1,237 @@
+"""Data sets of any number of cameras and any rigid object."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.correspondences_csv import read_table, write_table
+from stereocal.formats.dataset_files import (
+    pack_dataset,
+    pack_pair,
+    parse_dataset,
+    read_dataset,
+    read_recording,
+)
+from stereocal.formats.recording_files import pack_recording, parse_recording
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from tests.rigs.objects import BOARD, recorded
+
+FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
+
+
+def recording_of(dataset: Dataset, third: Camera | None = None) -> Recording:
+    """A data set of two cameras as a recording; with a third camera, which sees frame 1 alone."""
+    rows = dataset.correspondences
+    n = len(rows)
+    cameras = {"left": dataset.primary, "right": dataset.secondary}
+    found = Recording(
+        name=dataset.name,
+        cameras=cameras,
+        object=RigidObject.bar(dataset.target_distance_m, dataset.target_distance_sigma_m),
+        frame=np.tile(rows.frame, 2),
+        camera=np.repeat([0, 1], n),
+        target=np.tile(rows.target, 2),
+        points=np.vstack([rows.primary, rows.secondary]),
+        sigma_px=np.full(2 * n, np.nan),
+        baselines_m={("left", "right"): dataset.baseline_m},
+        baseline_sigma_m=dataset.baseline_sigma_m,
+        notes="windy",
+    )
+    if third is None:
+        return found
+    return replace(
+        found,
+        cameras={**cameras, "top": third},
+        frame=np.append(found.frame, rows.frame[0]),
+        camera=np.append(found.camera, 2),
+        target=np.append(found.target, rows.target[0]),
+        points=np.vstack([found.points, [[700.0, 500.0]]]),
+        sigma_px=np.append(found.sigma_px, 0.25),
+    )
+
+
+THREE = recording_of(FIELD, FIELD.primary)
+FILES = pack_recording(THREE)
+
+
+def changed(**keys: Any) -> dict[str, bytes]:
+    """The files of three cameras with other values in dataset.json; `...` leaves a key out."""
+    description = {**json.loads(FILES["dataset.json"]), **keys}
+    kept = {key: value for key, value in description.items() if value is not ...}
+    return {**FILES, "dataset.json": json.dumps(kept).encode()}
+
+
+def test_two_cameras_are_a_data_set_like_any_other(tmp_path: Path) -> None:
+    for name, content in pack_recording(recording_of(FIELD)).items():
+        (tmp_path / name).write_bytes(content)
+    found = read_dataset(tmp_path)
+    assert found.sha256 == FIELD.sha256
+    assert (found.name, found.notes) == (FIELD.name, "windy")
+    assert found.baseline_sigma_m == FIELD.baseline_sigma_m
+    assert read_dataset(tmp_path, pair="left-right").sha256 == FIELD.sha256
+
+
+def test_a_pair_the_other_way_round_has_the_other_primary() -> None:
+    found = parse_dataset(FILES, "x", pair="right-left")
+    assert found.baseline_m == FIELD.baseline_m
+    assert (found.correspondences.primary == FIELD.correspondences.secondary).all()
+
+
+def test_more_cameras_ask_for_a_pair() -> None:
+    with pytest.raises(
+        StereocalError,
+        match=r"^x: it has 3 cameras: .*left-right \(25 frames\), left-top \(1 frames\), right-top",
+    ):
+        parse_dataset(FILES, "x")
+    with pytest.raises(StereocalError, match=r'no pair "left-up".*left-right \(25 frames\)'):
+        parse_dataset(FILES, "x", pair="left-up")
+    with pytest.raises(StereocalError, match="two cameras"):
+        parse_dataset(pack_dataset(FIELD), "x", pair="left-right")
+
+
+def test_a_baseline_that_was_not_measured_is_free() -> None:
+    found = parse_dataset(changed(baselines_m=...), "x", pair="left-right")
+    assert found.baseline_is_free
+    # The bars of 25 frames give the scale to a few mm; measured: 2 mm.
+    assert found.baseline_m == pytest.approx(FIELD.baseline_m, rel=0.005)
+
+
+@given(st.data())
+def test_there_and_back(data: st.DataObject) -> None:
+    """Any table of points is read as it was written, to the last bit."""
+    cameras = dict.fromkeys(data.draw(st.sets(NAMES, min_size=2, max_size=4)), FIELD.primary)
+    targets = tuple(data.draw(st.sets(NAMES, min_size=2, max_size=5)))
+    keys = st.tuples(
+        st.integers(-5, 1000),
+        st.integers(0, len(cameras) - 1),
+        st.integers(0, len(targets) - 1),
+    )
+    rows = np.array(data.draw(st.lists(keys, min_size=1, max_size=20, unique=True)))
+    pixel = st.floats(-0.5, 1000)
+    points = [[data.draw(pixel), data.draw(pixel)] for _ in rows]
+    sigmas = st.one_of(st.just(np.nan), st.floats(1e-3, 5))
+    one = Recording(
+        "any",
+        cameras,
+        RigidObject(targets, np.array([[i, i * i, 0.1] for i in range(len(targets))], float), 0.01),
+        rows[:, 0].copy(),
+        rows[:, 1].copy(),
+        rows[:, 2].copy(),
+        np.array(points),
+        np.array([data.draw(sigmas) for _ in rows]),
+    )
+    back = parse_recording(pack_recording(one), "x")
+    for name in ("frame", "camera", "target", "points", "sigma_px"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
+    assert list(back.cameras) == list(cameras)
+    assert back.object.names == targets
+    assert (back.object.points == one.object.points).all()
+
+
+NAMES = st.text(
+    st.characters(categories=("L", "N"), include_characters="-_ .,;\"'"), min_size=1, max_size=8
+).map(lambda text: f"x{text}x")
+
+
+def test_a_board_is_described_by_its_pattern() -> None:
+    board = BoardPattern(9, 6, 0.03, "DICT_4X4_50", 0.02)
+    one = replace(THREE, object=RigidObject.of_board(board, 1e-4))
+    back = parse_recording(pack_recording(one), "x").object
+    assert (back.board, back.sigma_m, back.names[53]) == (board, 1e-4, "53")
+    assert back.points[53] == pytest.approx([0.24, 0.15, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("1,left,A,1,2", r"line \d+: frame 1, camera left, target A is in line 2 already"),
+        ("99,lefd,A,1,2", r'camera is "lefd"; it must be left, right, top'),
+        ("99,left,C,1,2", r'target is "C"; it must be A, B'),
+        ("99,left,A,1", "v is empty"),
+        ("99,left,A,x,2", 'u is "x", which is not a number'),
+        ("99,right,B,9999,2", r"frame 99, camera right, target B: the point .*is outside"),
+        ("9.5,left,A,1,2", "not a whole number"),
+    ],
+)
+def test_bad_rows_are_named_with_frame_camera_and_target(row: str, says: str) -> None:
+    table = FILES["points.csv"] + f"{row}\n".encode()
+    with pytest.raises(StereocalError, match=rf"^x: points\.csv: 1 row cannot be used: .*{says}"):
+        parse_recording({**FILES, "points.csv": table}, "x")
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({"cameras": {"left": "camera_1.json"}}, "two cameras at least"),
+        ({"cameras": ["camera_1.json"]}, "two cameras at least"),
+        ({"cameras": {"left": "camera_1.json", "right": "none.json"}}, "right's camera file"),
+        ({"object": ...}, '"object" must give the points'),
+        ({"object": {"A": [0, 0, 0]}}, "two points at least"),
+        ({"object": {"A": [0, 0, 0], "B": [0, 0, 0]}}, "A and B .* same place"),
+        ({"object": {"A": [0, 0, 0], "B": [0.9, 0]}}, "'B' must be three numbers"),
+        ({"object": {"A": [0, 0, 0], "B": [900, 0, 0]}}, None),
+        ({"object": {"A": [0, 0, 0], "B": [9000, 0, 0]}}, "millimetres"),
+        ({"object": {"board": {"columns": 9, "rows": 6}}}, '"columns", "rows" and "square_m"'),
+        ({"object": {"board": {"columns": 9.5, "rows": 6, "square_m": 0.03}}}, "whole numbers"),
+        ({"object_sigma_m": 0.5}, "uncertainty of the object"),
+        ({"baselines_m": {"left-up": 4.5}}, "'left-up' is of no pair"),
+        ({"baselines_m": {"left-right": -1}}, "above 0"),
+        ({"baselines_m": {"left-right": 4.5, "right-left": 4.6}}, "stated twice"),
+        ({"baselines_m": [4.5]}, "by pair of cameras"),
+        ({"format": "stereocal-dataset/3"}, "stereocal-dataset/2"),
+    ],
+)
+def test_wrong_descriptions(keys: dict[str, Any], says: str | None) -> None:
+    if says is None:
+        parse_recording(changed(**keys), "x")
+        return
+    with pytest.raises(StereocalError, match=rf"^x: dataset\.json.*{says}|^x: .*{says}"):
+        parse_recording(changed(**keys), "x")
+
+
+def test_the_table_of_reconstruct_is_told_apart() -> None:
+    with pytest.raises(StereocalError, match=r"columns camera, target, u, v are missing"):
+        parse_recording({**FILES, "points.csv": b"frame,x,y,z,error_px\n1,2,3,4,5\n"}, "x")
+
+
+def test_frames_without_a_common_point_are_named() -> None:
+    with pytest.raises(StereocalError, match=r"top see no point in the same frame"):
+        apart = replace(THREE, frame=THREE.frame + 100 * (THREE.camera == 2))
+        apart.pair("left", "top")
+
+
+def test_read_from_a_folder(tmp_path: Path) -> None:
+    for name, content in FILES.items():
+        (tmp_path / name).write_bytes(content)
+    found = read_recording(tmp_path)
+    assert found.describe_pairs() == THREE.describe_pairs()
+    with pytest.raises(StereocalError, match="format"):
+        read_recording(Path(__file__).parents[2] / "sample_data" / "field")
+
+
+def test_a_table_of_two_cameras_says_where_targets_are_on_an_object() -> None:
+    """What a project stores of an object: the same data set, to its digest."""
+    seen = np.random.default_rng(1).random((6, 35)) < 0.8
+    data = recorded(BOARD, 6, seen=seen)
+    back = parse_dataset(pack_pair(data), "x")
+    assert back.sha256 == data.sha256
+    own = back.correspondences.rigid_object
+    assert own is not None
+    assert own.names == BOARD.names
+    assert own.half_turn.tolist() == [*range(35)][::-1]
+    table = write_table(data.correspondences).replace(b",0.1,0.0,0.0\n", b",0.15,0.0,0.0\n", 1)
+    with pytest.raises(StereocalError, match="target 1 is at two places on the object"):
+        read_table(table, "x").strict("x")

@@ -1,0 +1,253 @@
+"""A board in the photographs of two cameras: order of corners, repeated and mirrored images."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.detection.target import parse_board, parse_target
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.formats.recording_files import pack_recording
+from stereocal.frames.pairing import pair_names
+from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
+from stereocal.intrinsics.calibrate_lens import LensSettings
+from stereocal.intrinsics.stereo_boards import (
+    Seen,
+    StereoBoards,
+    find_stereo_boards,
+    in_one_order,
+    lenses_of_boards,
+    orders_of,
+    recording_of,
+    size_in,
+    stereo_boards,
+)
+from stereocal.refined.refine import refine
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.geometry import Pose
+from stereocal.system.photograph import read_photograph
+from tests.lens import PATTERN, SMALL, AtOnce
+from tests.rigs.boards import charuco, photographs, placings, stereo
+
+SQUARE, EVEN = BoardPattern(6, 6, 0.03), BoardPattern(7, 5, 0.03)
+
+
+def seen(rig: Pose, count: int, pattern: BoardPattern = PATTERN, seed: int = 1) -> list[Seen]:
+    """Boards by projection, with the corners in the pattern's order, at 0.1 px."""
+    rng = np.random.default_rng(seed)
+    middle = pattern.points.mean(axis=0)
+
+    def view(pose: Pose) -> BoardView:
+        pixels = SMALL.project(pose.apply(pattern.points - middle))
+        noisy = pixels + 0.1 * rng.normal(size=pixels.shape)
+        return BoardView("x", SMALL.image_size, np.arange(len(noisy)), noisy)
+
+    return [
+        Seen(at, (view(pose), view(rig @ pose)))
+        for at, pose in enumerate(placings(rig, count, seed))
+    ]
+
+
+def turned_at_random(boards: list[Seen], pattern: BoardPattern, seed: int = 0) -> list[Seen]:
+    """Each secondary board in any of the orders in which it looks the same."""
+    rng, found = np.random.default_rng(seed), []
+    for frame, (first, second) in boards:
+        order = orders_of(pattern)[rng.integers(len(orders_of(pattern)))]
+        found.append(Seen(frame, (first, replace(second, ids=order[second.ids]))))
+    return found
+
+
+@pytest.mark.parametrize("roll", [0.0, np.pi / 2, np.pi, 2.0])
+@pytest.mark.parametrize("pattern", [PATTERN, SQUARE, EVEN])
+def test_corners_are_in_one_order_however_cameras_hang(roll: float, pattern: BoardPattern) -> None:
+    right = seen(stereo(roll), 12, pattern)
+    found = in_one_order(turned_at_random(right, pattern), (SMALL, SMALL), pattern)
+    for own, true in zip(found, right, strict=True):
+        np.testing.assert_array_equal(own.views[1].ids, true.views[1].ids)
+
+
+def test_orders_with_which_a_board_looks_the_same() -> None:
+    assert [len(orders_of(p)) for p in (PATTERN, EVEN, SQUARE, BoardPattern(9, 6, 0.03))] == [
+        2,
+        2,
+        4,
+        1,
+    ]
+    assert len(orders_of(BoardPattern(8, 6, 0.03, "DICT_4X4_50", 0.02))) == 1
+
+
+@pytest.mark.parametrize("pattern", [PATTERN, BoardPattern(9, 6, 0.02)])
+def test_a_mirrored_camera_is_named(pattern: BoardPattern) -> None:
+    """Its boards look sound, one by one: right-handed, and in an order that the colours allow."""
+    grid = np.arange(len(pattern.points)).reshape(pattern.rows, pattern.columns)
+    boards = []
+    for frame, (first, second) in seen(stereo(0.1), 10, pattern):
+        corners = np.array([SMALL.image_size[0] - 1.0, 0]) + [-1.0, 1.0] * second.corners
+        view = replace(second, corners=corners, ids=grid[::-1].ravel()[second.ids])
+        boards.append(Seen(frame, (first, view)))
+    with pytest.raises(StereocalError, match="mirrored"):
+        in_one_order(boards, (SMALL, SMALL), pattern)
+
+
+def test_a_board_at_the_same_place_counts_once() -> None:
+    boards = seen(stereo(0.0), 6)
+    again = boards[2]
+    rng = np.random.default_rng(5)
+    moved = [
+        replace(view, corners=view.corners + 0.2 * rng.normal(size=view.corners.shape))
+        for view in again.views
+    ]
+    found = found_boards([*boards, Seen(17, (moved[0], moved[1]))])
+    assert found.repeated == {17: 2}
+    assert "17 (as 2)" in found.sentence
+    assert [len(search.views) for search in found.searches] == [6, 6]
+
+
+def found_boards(boards: list[Seen]) -> StereoBoards:
+    """As found in photographs of these boards."""
+    named = {
+        f"{side}{board.frame:02}.png": replace(view, name=f"{side}{board.frame:02}.png")
+        for board in boards
+        for side, view in zip(("left", "right"), board.views, strict=True)
+    }
+
+    searches = [
+        BoardSearch(PATTERN, tuple(v for v in named.values() if v.name.startswith(side)), ())
+        for side in ("left", "right")
+    ]
+    return stereo_boards(pair_names(named), (searches[0], searches[1]))
+
+
+def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Upside-down secondary, one board hidden in half: the rig to 0.3 degrees and 1 % (measured:
+    0.02 degrees and 0.04 %)."""
+    rig = stereo(np.pi - 0.1)
+    files = photographs(rig, 11, 3)
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    half = read_photograph(tmp_path / "right04.png").copy()
+    half[:, : half.shape[1] // 2] = 120
+    cv2.imwrite(str(tmp_path / "right04.png"), half)
+    out = tmp_path / "found"
+    command = ["detect", str(tmp_path), "--target", "board:8x6:0.03", "--out", str(out)]
+    assert main(command) == 0
+    told = "".join(capsys.readouterr())
+    assert "10 boards of 8x6 inner corners are in photographs of both" in told
+    assert "right04.png: no board with 8x6 inner corners is completely visible" in told
+    data = read_dataset(out)
+    found = refine(data).pose
+    off = np.degrees(np.arccos(np.clip((np.trace(found.R @ rig.R.T) - 1) / 2, -1, 1)))
+    assert off < 0.3
+    assert found.baseline == pytest.approx(rig.baseline, rel=0.01)
+
+
+def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In every third frame a part is hidden; the rig to 0.3 degrees and 1 % (measured: 0.02 degrees
+    and 0.04 %)."""
+    rig = stereo(np.pi - 0.2)
+    for name, content in photographs(rig, 10, 2, charuco(), hidden=240).items():
+        (tmp_path / name).write_bytes(content)
+    out = tmp_path / "found"
+    command = ["detect", str(tmp_path), "--out", str(out), "--target"]
+    assert main([*command, "charuco:8x6:0.03:4X4_50:0.022"]) == 0
+    data = read_dataset(out)
+    counts = np.unique(data.correspondences.frame, return_counts=True)[1]
+    assert counts.min() < 40 < counts.max() == 48
+    found = refine(data).pose
+    off = np.degrees(np.arccos(np.clip((np.trace(found.R @ rig.R.T) - 1) / 2, -1, 1)))
+    assert off < 0.3
+    assert found.baseline == pytest.approx(rig.baseline, rel=0.01)
+    assert main([*command, "charuco:6x8:0.03:4X4_50:0.022"]) == 2
+    assert "shows one with 8x6: exchange columns and rows" in capsys.readouterr().err
+
+
+def test_a_table_with_the_lenses_of_the_data_set(tmp_path: Path) -> None:
+    """Without baseline in dataset.json it is free; the table alone is written."""
+    for name, content in photographs(stereo(0.0), 9, 4).items():
+        (tmp_path / name).write_bytes(content)
+    whole = tmp_path.with_name("whole")
+    assert main(["intrinsics", *map(str, sorted(tmp_path.glob("*.png"))), "--board", "8x6",
+                 "--square", "0.03", "--out", str(whole)]) == 0  # fmt: off
+    recording = read_recording(whole)
+    assert list(recording.cameras) == ["primary", "secondary"]
+    table = tmp_path / "points.csv"
+    for name, content in pack_recording(recording).items():
+        if name != "points.csv":
+            (tmp_path / name).write_bytes(content)
+    command = ["detect", str(tmp_path), "--target", "board:8x6:0.03", "--out", str(table)]
+    assert main(command) == 0
+    assert table.read_bytes() == (whole / "points.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("board:9x6:3", "this looks like centimetres"),
+        ("board:9x6", '"9x6" is not a length'),
+        ("board:9:0.03", "write the numbers of inner corners like 18x12"),
+        ("board:9x6:0.03:7", "is no board: write"),
+        ("charuco:9x6:0.03", "is no board: write"),
+        ("charuco:9x6:0.03:4X4_5000:0.02", "dictionary .* is not known"),
+        ("charuco:9x6:0.03:4X4_50:0.04", "side of its markers"),
+    ],
+)
+def test_wrong_boards(text: str, says: str) -> None:
+    with pytest.raises(StereocalError, match=says):
+        parse_board(text)
+
+
+def test_boards_and_bars_are_told_apart() -> None:
+    board = parse_board("charuco:9x6:0.03:4X4_50:0.022")
+    assert board is not None
+    assert board.pattern() == BoardPattern(9, 6, 0.03, "DICT_4X4_50", 0.022)
+    assert parse_board("tags:4X4_50:3,7") is None
+    with pytest.raises(StereocalError, match="board:9x6"):
+        parse_target("boards")
+
+
+@pytest.fixture(scope="module")
+def files() -> dict[str, Path]:
+    if "STEREOCAL_REAL_DATA" not in os.environ:
+        pytest.skip("STEREOCAL_REAL_DATA names no folder of recordings")
+    folder = Path(os.environ["STEREOCAL_REAL_DATA"], "opencv_boards")
+    return {path.name: path for path in sorted(folder.glob("*.jpg"))}
+
+
+class TestOpencvsSample:
+    """13 pairs of 640x480 px, a board of 9x6 inner corners."""
+
+    def test_the_size_is_found(self, files: dict[str, Path]) -> None:
+        assert size_in(files) == "9x6"
+
+    def test_all_boards_serve(self, files: dict[str, Path]) -> None:
+        boards = find_stereo_boards(files, BoardPattern(9, 6, 0.03), AtOnce())
+        assert boards is not None
+        assert len(boards.common) == 13
+        assert not boards.refused
+        assert not boards.repeated
+        lenses = lenses_of_boards(boards, LensSettings(fix_k3=True), AtOnce())
+        assert lenses is not None
+        recording = recording_of(boards, (lenses[0].camera, lenses[1].camera), "x")
+        assert len(recording.frame) == 13 * 54 * 2
+
+    def test_columns_and_rows_exchanged_are_the_same_board(self, files: dict[str, Path]) -> None:
+        """The corners are the same, in an order of their own in both photographs."""
+        image = read_photograph(files["left03.jpg"])
+        found = [find_board(image, BoardPattern(*size, 0.03), "x") for size in ((9, 6), (6, 9))]
+        one, other = (view.corners for view in found if isinstance(view, BoardView))
+        apart = np.linalg.norm(one[:, None] - other[None], axis=2).min(axis=1)
+        assert apart.max() < 0.01
+
+
+def test_sizes_of_lens_files_and_photographs() -> None:
+    boards = seen(stereo(0.0), 3)
+    found = found_boards(boards)
+    with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
+        recording_of(found, (replace(SMALL, image_size=(800, 600)), SMALL), "x")

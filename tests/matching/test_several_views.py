@@ -1,0 +1,132 @@
+"""Points of three cameras: which belong together, and where they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.cli import main
+from stereocal.matching.several_views import ViewFitter, expected_wrong, match_views
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.network.unknowns import RigSettings
+from stereocal.refined.unknowns import LensPrior
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
+
+NOISE = 0.3
+
+
+@pytest.fixture(scope="module")
+def truth() -> SimulatedRig:
+    return simulated_rig(np.random.default_rng(5), 3, 150)
+
+
+@pytest.fixture(scope="module")
+def rig(truth: SimulatedRig) -> RigFile:
+    priors = dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS))
+    return rig_file(calibrate_rig(truth.recording, RigSettings(lenses=priors)))
+
+
+def scene(
+    truth: SimulatedRig, rng: np.random.Generator, count: int, cameras: int = 3
+) -> tuple[FloatArray, list[FloatArray], list[IntArray]]:
+    """Points, their images in each camera, of which 5 % are missing, and which point each is."""
+    middle = truth.points_m.reshape(-1, 3).mean(axis=0)
+    points = middle + rng.uniform(-1.2, 1.2, (count, 3))
+    images, which = [], []
+    for number, (name, camera) in enumerate(truth.cameras.items()):
+        pixels = camera.project(truth.poses[name].apply(points))
+        pixels += rng.normal(0.0, NOISE, pixels.shape)
+        size = np.array(camera.image_size) - 1
+        seen = ((pixels > 0) & (pixels < size)).all(axis=1) & (rng.random(count) > 0.05)
+        seen &= number < cameras
+        images.append(pixels[seen])
+        which.append(np.flatnonzero(seen))
+    return points, images, which
+
+
+def wrong_share(truth: SimulatedRig, rig: RigFile, count: int, cameras: int) -> tuple[float, float]:
+    """Of groups of as many views as there are cameras; and the share that is stated."""
+    fitter, rng = ViewFitter(rig), np.random.default_rng(1)
+    wrong = total = 0
+    frames = []
+    for _ in range(20):
+        _, images, which = scene(truth, rng, count, cameras)
+        frames.append(images)
+        found = match_views(fitter, images, NOISE)
+        for group in found.images[found.views == cameras]:
+            ids = {which[c][image] for c, image in enumerate(group) if image >= 0}
+            wrong, total = wrong + (len(ids) > 1), total + 1
+    return wrong / total, expected_wrong(fitter, frames, NOISE).get(cameras, 0.0)
+
+
+def test_a_third_view_decides(truth: SimulatedRig, rig: RigFile) -> None:
+    # 40 points: two cameras 4.4 % wrong, three 0 of 687; 80 points: 7.7 % and 0.07 %
+    two, _ = wrong_share(truth, rig, 60, 2)
+    three, stated = wrong_share(truth, rig, 60, 3)
+    assert two > 0.04
+    assert three <= 0.005
+    assert stated <= 0.01
+
+
+def test_images_of_nothing_belong_to_nothing(truth: SimulatedRig, rig: RigFile) -> None:
+    fitter, rng = ViewFitter(rig), np.random.default_rng(2)
+    _, one, _ = scene(truth, rng, 10)
+    found = match_views(fitter, [one[0], np.empty((0, 2)), np.empty((0, 2))], NOISE)
+    assert len(found) == 0
+    assert len(match_views(fitter, [np.empty((0, 2))] * 3, NOISE)) == 0
+
+
+def test_the_commands(
+    truth: SimulatedRig, rig: RigFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(3)
+    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in truth.cameras}
+    true = {}
+    for frame in range(30):
+        true[frame], images, _ = scene(truth, rng, 15)
+        for name, own in zip(truth.cameras, images, strict=True):
+            tables[name].append(pd.DataFrame({"frame": frame, "u": own[:, 0], "v": own[:, 1]}))
+    tables["c1"].append(pd.DataFrame({"frame": [30], "u": [5.0], "v": [5.0]}))  # without partner
+    given = []
+    for name, parts in tables.items():
+        pd.concat(parts).to_csv(tmp_path / f"{name}.csv", index=False)
+        given.append(f"{name}={tmp_path / name}.csv")
+    (tmp_path / "rig.json").write_text(rig.dumps())
+    files = ["--rig", str(tmp_path / "rig.json"), "--out"]
+    assert main(["match", *given, *files, str(tmp_path / "tracks.csv")]) == 0
+    assert "wrong" in capsys.readouterr().out
+    tracks = pd.read_csv(tmp_path / "tracks.csv")
+    assert {"u_c1", "v_c3", "views", "error_px", "ambiguous"} <= {*tracks.columns}
+    assert (tracks["views"] == 3).mean() > 0.6
+
+    tracks_file = str(tmp_path / "tracks.csv")
+    assert main(["reconstruct", tracks_file, *files, str(tmp_path / "points.csv")]) == 0
+    points = pd.read_csv(tmp_path / "points.csv")
+    z = []
+    for row in points[points["views"] == 3].to_dict("records"):
+        error = np.array([row[name] for name in "xyz"]) - true[int(row["frame"])]
+        nearest = error[np.linalg.norm(error, axis=1).argmin()]
+        z.append(nearest / [row[f"sigma_{name}"] for name in "xyz"])
+    # the errors of the cameras are common to all points: rms of z of this rig 0.9
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5
+
+
+def test_wrong_input_of_the_commands(rig: RigFile, tmp_path: Path) -> None:
+    (tmp_path / "rig.json").write_text(rig.dumps())
+    (tmp_path / "a.csv").write_text("frame,u,v\n0,10,10\n")
+    table = str(tmp_path / "a.csv")
+    files = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path / "out.csv")]
+    for words in (
+        ["match", f"c1={table}", f"nobody={table}", *files],
+        ["match", f"c1={table}", table, *files],
+        ["match", f"c1={table}", f"c1={table}", *files],
+        ["match", f"c1={table}", f"c2={table}", "--threshold", "2", *files],
+        ["reconstruct", table, *files],
+    ):
+        assert main(words) == 2, words
+        assert not (tmp_path / "out.csv").exists()

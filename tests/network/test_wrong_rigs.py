@@ -1,0 +1,115 @@
+"""Wrong inputs of a rig: what is wrong is named, or that it cannot be told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.unknowns import RigSettings
+from stereocal.rig.recording import Recording
+from stereocal.simulation.several import IMAGE_SIZE, SimulatedRig, simulated_rig
+
+
+def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
+    return simulated_rig(np.random.default_rng(seed), cameras, 150)
+
+
+def bumped(truth: SimulatedRig, name: str, degrees: float, frame: int) -> Recording:
+    """The recording, with a camera turned from a frame on."""
+    rows, camera = truth.recording, truth.cameras[name]
+    after = (rows.camera == list(truth.cameras).index(name)) & (rows.frame >= frame)
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.array([0.5, 0.8, 0.3])).as_matrix()
+    rays = np.column_stack([camera.undistort(rows.points[after]), np.ones(after.sum())]) @ turn.T
+    points = rows.points.copy()
+    points[after] = np.clip(
+        camera.distort(rays[:, :2] / rays[:, 2:]), 0.0, np.array(IMAGE_SIZE) - 1.0
+    )
+    return replace(rows, points=points)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_sound_rig_has_no_warnings(seed: int) -> None:
+    rig = calibrate_rig(simulated(seed).recording)
+    assert rig.warnings == ()
+
+
+@pytest.mark.parametrize(("seed", "cameras"), [(1, 3), (3, 4)])
+def test_exchanged_camera_files_are_named(seed: int, cameras: int) -> None:
+    recording = simulated(seed, cameras).recording
+    files = dict(recording.cameras)
+    files["c1"], files["c2"] = files["c2"], files["c1"]
+    rig = calibrate_rig(replace(recording, cameras=files))
+    (warning,) = rig.warnings
+    assert "c1 and c2 look exchanged" in warning
+
+
+@pytest.mark.parametrize("degrees", [0.05, 0.2])
+def test_a_bumped_camera_is_named(degrees: float) -> None:
+    truth = simulated(1)
+    rig = calibrate_rig(bumped(truth, "c2", degrees, 80))
+    (warning,) = rig.warnings
+    assert "camera c2 seems to have moved at about frame" in warning
+    when = int(warning.split("frame ")[1].split(",")[0])
+    assert abs(when - 80) < 15
+
+
+def test_a_camera_that_was_turned_away_agrees_with_no_other() -> None:
+    rig = calibrate_rig(bumped(simulated(3, 4), "c2", 2.0, 80))
+    assert [*rig.unreached] == ["c2"]
+    assert "stand still" in rig.unreached["c2"]
+
+
+def test_cameras_that_face_each_other() -> None:
+    truth = simulated_rig(np.random.default_rng(4), 3, 150, arc_deg=180.0)
+    rig = calibrate_rig(truth.recording)
+    assert not rig.unreached
+    for name, pose in truth.poses.items():
+        turn = Rotation.from_matrix(rig.poses[name].R @ pose.R.T).magnitude()
+        assert np.degrees(turn) < 0.5
+
+
+def test_cameras_out_of_step_have_their_offsets() -> None:
+    times = np.arange(250.0)
+
+    def wand(t: np.ndarray) -> np.ndarray:
+        middle = np.column_stack([np.sin(t / 17), 0.8 * np.sin(t / 11 + 1), np.cos(t / 23)])
+        along = np.column_stack(
+            [np.cos(t / 13), np.sin(t / 13) * np.cos(t / 29), np.sin(t / 29) * np.sin(t / 13)]
+        )
+        return np.asarray(middle[:, None] + np.array([-0.3, 0.3])[:, None] * along[:, None])
+
+    rng, late = np.random.default_rng(5), {"c1": 0.0, "c2": 0.3, "c3": -0.2}
+    truth = simulated(6)
+    to_reference = truth.points_m[0].mean(axis=0)
+    rows, points = [], []
+    for number, (name, camera) in enumerate(truth.cameras.items()):
+        placed = 0.8 * wand(times + late[name]) + to_reference
+        images = camera.project(truth.poses[name].apply(placed.reshape(-1, 3)))
+        images += rng.normal(0.0, 0.2, images.shape)
+        inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
+        at = np.flatnonzero(inside)
+        rows.append(np.column_stack([at // 2, np.full(len(at), number), 2 * (at % 2)]))
+        points.append(images[inside])
+    frame, camera_of, target = np.concatenate(rows).T
+    bar = replace(
+        truth.recording.object, points=np.array([[0.0, 0, 0], [0.16, 0, 0], [0.48, 0, 0]])
+    )
+    recording = replace(
+        truth.recording,
+        object=bar,
+        frame=frame,
+        camera=camera_of,
+        target=target,
+        points=np.concatenate(points),
+        sigma_px=np.full(len(frame), np.nan),
+    )
+    rig = calibrate_rig(recording, RigSettings(time_offsets=True))
+    for name, offset in zip(rig.names, rig.time_offsets, strict=True):
+        assert offset == pytest.approx(late[name], abs=0.02)
+        if name != "c1":
+            assert abs(offset - late[name]) < 5 * rig.time_offset_error(name)
+    assert rig.fit.sigma_px < 0.25

@@ -1,0 +1,101 @@
+"""Photographs of a board on the Data page, to lenses and a whole data set, without a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Dataset
+from stereocal.workflow import calibrate
+from tests.pages.stored_projects import messages
+from tests.pages.test_pages import zipped
+from tests.pages.waiting import ended
+from tests.rigs.boards import photographs, stereo
+from tests.rigs.objects import BOARD, WAND, recorded
+
+
+def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
+    project, rig = Project.create(home), stereo(np.pi / 2)
+    store = ProjectPhotographs(project)
+    files = photographs(rig, 9, 6)
+    store.add({name: store.keep(name, content) for name, content in files.items()})
+    app.query_params["project"] = project.id
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="held").set_value("board").run()
+    # As the first photographs show, without a click.
+    sizes = [app.number_input(key=f"board_{way}").value for way in ("columns", "rows")]
+    assert sizes == [8, 6]
+    app.button(key="find_boards").click().run()
+    ended(project, "photographs")
+    app.run()
+    assert "9 boards of 8x6 inner corners are in photographs of both" in messages(app)
+    assert not app.exception
+    dataset = project.dataset
+    assert dataset is not None
+    assert dataset.baseline_is_free
+    # Upside down or not: to 2 % (measured: 0.2 %), from boards of 0.21 m.
+    assert dataset.baseline_m == pytest.approx(rig.baseline, rel=0.02)
+    assert {project.inputs.labels[which] for which in CAMERAS} == {"lens from the boards"}
+    back = parse_dataset(pack_dataset(dataset), "x")
+    assert back.sha256 == dataset.sha256
+    # The bar's own controls are gone, and nothing is missing.
+    assert not [item for item in app.number_input if item.key == "target_distance_m_value"]
+    assert "Complete" in messages(app)
+    assert "have changed" not in messages(app)
+    app.number_input(key="board_square_mm").set_value(60.0).run()
+    assert "have changed since the boards were found" in messages(app)
+    # Once more, with lenses that are made again: all lengths are twice as large.
+    app.button(key="find_boards").click().run()
+    ended(project, "photographs")
+    again = project.dataset
+    assert again is not None
+    assert again.baseline_m == pytest.approx(2 * dataset.baseline_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("page", ["calibrate", "validate", "one_set", "apply", "check", "data"])
+def test_pages_of_an_object(app: AppTest, home: Path, page: str) -> None:
+    """A project with a calibrated board opens on each page."""
+    project = Project.create(home)
+    data = recorded(BOARD, 14)
+    project.give(
+        {
+            "primary": ("p.json", write_camera(data.primary)),
+            "secondary": ("s.json", write_camera(data.secondary)),
+            "correspondences": ("corners", write_table(data.correspondences)),
+        },
+        name="board",
+        baseline_m=data.baseline_m,
+        target_distance_m=data.target_distance_m,
+    )
+    project.keep_calibration(calibrate(data_of(project)), project.inputs)
+    app.query_params["project"] = project.id
+    app.switch_page(f"pages/{page}.py").run(timeout=60)
+    assert not app.exception, [item.value for item in app.exception]
+    assert not app.error, [item.value for item in app.error]
+
+
+def data_of(project: Project) -> Dataset:
+    found = project.dataset
+    assert found is not None
+    return found
+
+
+def test_a_zip_of_an_object(app: AppTest, home: Path) -> None:
+    """A data set of format 2 with two cameras is stored as any other, to its digest."""
+    data = recorded(WAND, 12)
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("A zip").run()
+    app.file_uploader(key="upload_zip").upload("wand.zip", zipped(pack_dataset(data))).run()
+    assert not app.exception
+    project = Project.open(home, app.session_state["project_id"])
+    assert data_of(project).sha256 == data.sha256
+    assert "Complete" in messages(app)
