@@ -176,7 +176,7 @@ FILES = {
 
 def taken(page: Page, lacking: str, settled: Settled) -> None:
     """Wait until the server has an upload: its page is drawn anew, and the focus would be lost."""
-    expect(page.get_by_text("Still missing")).to_contain_text(lacking, timeout=LONGEST_MS)
+    expect(page.get_by_text("Still missing").first).to_contain_text(lacking, timeout=LONGEST_MS)
     settled(page)
     page.wait_for_timeout(1000)
 
@@ -212,7 +212,7 @@ def test_a_table_of_ones_own_by_keyboard_alone(
         page.keyboard.type(metres)
         page.keyboard.press("Enter")
         settled(page)
-    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
     tab_to(page, lambda now: now["text"].endswith("Next: Calibrate"))
     page.keyboard.press("Enter")
     expect(page).to_have_url(re.compile("/calibrate"))
@@ -221,11 +221,11 @@ def test_a_table_of_ones_own_by_keyboard_alone(
     page.keyboard.press("Enter")
     results_shown(page)
     settled(page)
-    used = page.get_by_text(re.compile(r"Frame \d+ is used\."))
+    used = page.get_by_text(re.compile(r"Frame \d+ is used\.")).first
     expect(used).to_be_visible(timeout=LONGEST_MS)
     tab_to(page, partial(has_key, "frame_leave_out"))
     page.keyboard.press("Enter")
-    expect(page.get_by_text(re.compile(r"Frame \d+ was left out by you"))).to_be_visible(
+    expect(page.get_by_text(re.compile(r"Frame \d+ was left out by you")).first).to_be_visible(
         timeout=LONGEST_MS
     )
     results_shown(page)
@@ -238,7 +238,7 @@ def test_a_table_of_ones_own_by_keyboard_alone(
         assert RigParameters.load(tmp_path / f"{method}.json").method == method
     tab_to(page, lambda now: now["tag"] == "A" and now["text"] == "Validate")
     page.keyboard.press("Enter")
-    made = page.get_by_text(re.compile(r"^Made with: .* calibration frames"))
+    made = page.get_by_text(re.compile(r"^Made with: .* calibration frames")).first
     expect(made).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     frames = int(re.findall(r"(\d+) calibration frames", made.inner_text())[0])
@@ -291,7 +291,7 @@ def test_a_narrow_screen_shows_all_of_the_validation(
     context = browser.new_context(viewport={"width": 420, "height": 900})
     page = context.new_page()
     page.goto(f"{app_url}/validate?project={finished}")
-    expect(page.get_by_text("Made with: ")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("Made with: ").first).to_be_visible(timeout=LONGEST_MS)
     for column in ("residual", "reprojection", "reconstruction"):
         figure = page.locator(f".st-key-validation_{column}")
         expect(figure.locator(".legend text").first).to_be_visible(timeout=LONGEST_MS)
@@ -339,7 +339,7 @@ def test_the_focus_goes_with_the_page(
         assert page.evaluate(FOCUS)
     link = page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate", exact=False)
     link.press("Enter")
-    expect(page.get_by_role("heading", name="Calibrate", exact=True)).to_be_visible()
+    expect(page.get_by_role("heading", name="Calibrate", exact=True).first).to_be_visible()
     settled(page)
     expect(link).to_be_focused()
     page.locator(".st-key-run").wait_for()

@@ -35,7 +35,7 @@ def test_demo_to_files_of_the_command_line(
     page.goto(app_url)
     settled(page)
     page.locator(".st-key-demo button").click()
-    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
     sidebar = page.get_by_test_id("stSidebar")
     sidebar.get_by_role("link", name="Calibrate").click()
     settled(page)
@@ -47,27 +47,29 @@ def test_demo_to_files_of_the_command_line(
     expect(page.locator(".st-key-format_file")).to_be_visible()
     settled(page)
     choose(page, "format_file", "3D set")
-    expect(page.get_by_text("parameters_3d_opencv.zip")).to_be_visible()
+    expect(page.get_by_text("parameters_3d_opencv.zip").first).to_be_visible()
     settled(page)
     assert download(page, "download_format", tmp_path).read_bytes()[:2] == b"PK"
 
     sidebar.get_by_role("link", name="Apply").click()
-    expect(page.get_by_text("50 pairs in 25 frames, none of them ambiguous")).to_be_visible(
+    expect(page.get_by_text("50 pairs in 25 frames, none of them ambiguous").first).to_be_visible(
         timeout=LONGEST_MS
     )
     settled(page)
     page.get_by_text("Threshold and depths", exact=True).click()
-    expect(page.get_by_text("have a partner within")).to_be_visible()
+    expect(page.get_by_text("have a partner within").first).to_be_visible()
     settled(page)
     before = histogram(page)
     box = page.locator(".st-key-apply_threshold input")
     box.fill("25")
     box.press("Enter")
-    expect(page.get_by_text("have a partner within 25 px")).to_be_visible()
+    expect(page.get_by_text("have a partner within 25 px").first).to_be_visible()
     settled(page)
     assert histogram(page) != before
     page.get_by_text("In words, and on the command line").click()
-    expect(page.get_by_text(re.compile("in 25 frames at a threshold of 25 px"))).to_be_visible()
+    expect(
+        page.get_by_text(re.compile("in 25 frames at a threshold of 25 px")).first
+    ).to_be_visible()
     page.wait_for_timeout(500)  # until the fold has opened: its buttons move
     tables = [download(page, f"download_{which}", tmp_path) for which in ("primary", "secondary")]
     page.reload()
@@ -84,7 +86,7 @@ def test_demo_to_files_of_the_command_line(
         assert path.read_bytes() == (tmp_path / path.name).read_bytes()
 
     page.get_by_text("A known length", exact=True).click()
-    expect(page.get_by_text("known length is 0.9 m")).to_be_visible()
+    expect(page.get_by_text("known length is 0.9 m").first).to_be_visible()
 
 
 def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Settled) -> None:
@@ -99,14 +101,14 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Set
     results_shown(page)
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Apply").click()
-    expect(page.get_by_text(re.compile(r"^\d+ pairs in \d+ frames, none"))).to_be_visible(
+    expect(page.get_by_text(re.compile(r"^\d+ pairs in \d+ frames, none")).first).to_be_visible(
         timeout=LONGEST_MS
     )
     settled(page)
     slider = page.locator(".st-key-apply_frame input")
     slider.focus()
     page.keyboard.press("ArrowRight")
-    expect(page.get_by_text("Frame 1: 1 pair")).to_be_visible()
+    expect(page.get_by_text("Frame 1: 1 pair").first).to_be_visible()
     play = page.locator(".st-key-apply_play button")
     play.focus()
     page.keyboard.press("Enter")

@@ -56,28 +56,28 @@ def test_videos_of_two_balls(
     page.locator(".st-key-video_n input").press("Enter")
     settled(page)
     press(page, settled, "Take the frames")
-    expect(page.get_by_text(f"{FRAMES} pairs by name")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text(f"{FRAMES} pairs by name").first).to_be_visible(timeout=LONGEST_MS)
     for which in CAMERAS:
         path = tmp_path / f"{which}.json"
         path.write_bytes(write_camera(CAMERA))
         page.locator(f".st-key-upload_{which} input[type=file]").set_input_files(path)
-        expect(page.get_by_text(f"In use: {which}.json")).to_be_visible()
+        expect(page.get_by_text(f"In use: {which}.json").first).to_be_visible()
     settled(page)
     page.get_by_text("Two balls", exact=True).click()
-    expect(page.get_by_text("Click ball A, then ball B")).to_be_visible()
+    expect(page.get_by_text("Click ball A, then ball B").first).to_be_visible()
     click_ball(page, settled, 0)
-    expect(page.get_by_text("Click ball B, the other ball")).to_be_visible()
+    expect(page.get_by_text("Click ball B, the other ball").first).to_be_visible()
     click_ball(page, settled, 1)
-    expect(page.get_by_text("Both balls are found here")).to_be_visible()
+    expect(page.get_by_text("Both balls are found here").first).to_be_visible()
 
     press(page, settled, "Find the targets")
-    expect(page.get_by_text(f"{FRAMES} frames:")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text(f"{FRAMES} frames:").first).to_be_visible(timeout=LONGEST_MS)
     project = Project.open(home, page.url.split("project=")[1][:32])
     frames = ProjectPhotographs(project).frames
     assert isinstance(held_target(project), Balls)
     assert frames is not None and sum(frame.use for frame in frames) >= 9
     # The photograph is folded away once the targets are found.
-    expect(page.get_by_text("Pick the colours again")).to_be_visible()
+    expect(page.get_by_text("Pick the colours again").first).to_be_visible()
 
 
 def press(page: Page, settled: Callable[[Page], None], name: str) -> None:

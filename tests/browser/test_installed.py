@@ -36,7 +36,7 @@ def test_an_installed_package_serves_the_recording_to_both_files(
         page.goto(url)
         settled(page)
         page.locator(".st-key-recording button").click()
-        expect(page.get_by_text("818 pairs of points in 409 frames")).to_be_visible(
+        expect(page.get_by_text("818 pairs of points in 409 frames").first).to_be_visible(
             timeout=LONGEST_MS
         )
         settled(page)

@@ -30,23 +30,23 @@ def test_a_killed_server_goes_on_with_a_validation(
         page.goto(url)
         settled(page)
         page.locator(".st-key-demo button").click()
-        expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+        expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
         page.get_by_test_id("stSidebar").get_by_role("link", name="Validate").click()
-        expect(page.get_by_text("Match with the")).to_be_visible(timeout=LONGEST_MS)
+        expect(page.get_by_text("Match with the").first).to_be_visible(timeout=LONGEST_MS)
         page.locator(".st-key-validate_runs").get_by_role("slider").focus()
         page.keyboard.press("End")
         page.get_by_role("button", name="Validate (500 runs)").click()
-        expect(page.get_by_text(SOME)).to_be_visible(timeout=LONGEST_MS)
+        expect(page.get_by_text(SOME).first).to_be_visible(timeout=LONGEST_MS)
         project_id = parse_qs(urlsplit(page.url).query)["project"][0]
         os.killpg(server.pid, signal.SIGKILL)
         server.wait(20)
     with served(tmp_path) as (_, url):
         page.goto(f"{url}/validate?project={project_id}")
         # Finished runs are stored once a second: killed within the first, it had just begun.
-        notice = page.get_by_text("The server stopped while this ran.")
+        notice = page.get_by_text("The server stopped while this ran.").first
         expect(notice).to_be_visible(timeout=LONGEST_MS)
         page.get_by_role("button", name="Go on").click()
-        expect(page.get_by_text(re.compile("^Made with: .* 500 runs"))).to_be_visible(
+        expect(page.get_by_text(re.compile("^Made with: .* 500 runs")).first).to_be_visible(
             timeout=LONGEST_MS
         )
         expect(notice).to_have_count(0)

@@ -39,7 +39,7 @@ def tables(page: Page) -> Iterator[Step]:
 
         def act(name: str = name) -> None:
             upload.set_input_files({"name": name, "mimeType": "text/csv", "buffer": content})
-            expect(page.get_by_text(f"In use: {name}")).to_be_visible()
+            expect(page.get_by_text(f"In use: {name}").first).to_be_visible()
 
         yield name, act
 
@@ -54,7 +54,7 @@ def photographs(page: Page) -> Iterator[Step]:
 
         def act(file: FilePayload = file, there: int = len(names)) -> None:
             upload.set_input_files(file)
-            expect(page.get_by_text(f"{there} photograph")).to_be_visible()
+            expect(page.get_by_text(f"{there} photograph").first).to_be_visible()
 
         yield sorted(names), act
 
@@ -67,7 +67,9 @@ def calibrations(page: Page) -> Iterator[Step]:
             page.locator(".st-key-seed input").fill(str(seed))
             page.locator(".st-key-seed input").press("Enter")
             page.locator(".st-key-run button").click()
-            expect(page.get_by_text(f"seed {seed}, essential")).to_be_visible(timeout=LONGEST_MS)
+            expect(page.get_by_text(f"seed {seed}, essential").first).to_be_visible(
+                timeout=LONGEST_MS
+            )
 
         yield seed, act
 

@@ -47,12 +47,12 @@ def test_photographs_to_points(
     page.get_by_text("Photographs", exact=True).first.click()
     uploader = page.locator("[class*=st-key-upload_photographs_] input[type=file]")
     uploader.set_input_files([tmp_path / name for name in sorted(files)])
-    expect(page.get_by_text("28 photographs. 14 pairs by name")).to_be_visible()
+    expect(page.get_by_text("28 photographs. 14 pairs by name").first).to_be_visible()
     for slot in ("primary", "secondary"):
         path = tmp_path / f"{slot}.json"
         path.write_bytes(write_camera(getattr(BARS.rig, slot)))
         page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(path)
-        expect(page.get_by_text(f"In use: {slot}.json")).to_be_visible()
+        expect(page.get_by_text(f"In use: {slot}.json").first).to_be_visible()
 
     settled(page)  # a run that still draws the pairs closes them again
     page.get_by_text("The pairs: look at them").click()
@@ -66,10 +66,10 @@ def test_photographs_to_points(
     assert [row.pair.frame for row in store.rows][:3] == [103, 102, 3]
 
     page.get_by_role("button", name="Find the targets").click()
-    expect(page.get_by_text("14 frames: 13 found, 0 doubtful, 1 refused")).to_be_visible(
+    expect(page.get_by_text("14 frames: 13 found, 0 doubtful, 1 refused").first).to_be_visible(
         timeout=LONGEST_MS
     )
-    expect(page.get_by_text("right3.png: the PNG is cut off")).to_be_visible()
+    expect(page.get_by_text("right3.png: the PNG is cut off").first).to_be_visible()
     settled(page)
     page.wait_for_timeout(1500)
     settled(page)
@@ -87,6 +87,6 @@ def test_photographs_to_points(
     page.get_by_text("Refused (1)").click()
     expect(page.locator("[data-testid=stImage] img")).to_have_count(1)
     page.reload()
-    expect(page.get_by_text("14 frames: 13 found")).to_be_visible()
+    expect(page.get_by_text("14 frames: 13 found").first).to_be_visible()
     assert store.frames is not None
     assert [frame.frame for frame in store.frames][:3] == [103, 102, 3]

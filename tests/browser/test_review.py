@@ -94,7 +94,9 @@ def test_clicks_corrections_and_the_table(
 
     # Near the target: the centre goes to the corner, and the view stays.
     page.mouse.click(*primary.screen(before.u + 3, before.v + 2))
-    expect(page.get_by_text("A in the primary photograph is now at the fitted")).to_be_visible()
+    expect(
+        page.get_by_text("A in the primary photograph is now at the fitted").first
+    ).to_be_visible()
     corrected = centre(store, 1, 0, 0)
     assert corrected.source == "corrected"
     assert math.dist((corrected.u, corrected.v), (before.u, before.v)) < 0.02
@@ -104,20 +106,20 @@ def test_clicks_corrections_and_the_table(
     page.keyboard.down("Shift")
     page.mouse.click(*primary.screen(before.u - 4, before.v + 4))
     page.keyboard.up("Shift")
-    expect(page.get_by_text("A in the primary photograph is now where you")).to_be_visible()
+    expect(page.get_by_text("A in the primary photograph is now where you").first).to_be_visible()
     manual = centre(store, 1, 0, 0)
     assert manual.source == "manual"
     assert math.dist((manual.u, manual.v), (before.u - 4, before.v + 4)) < 0.5
 
     # Far from all targets nothing is fitted and nothing is lost.
     page.mouse.click(*primary.screen(zoomed["u"], zoomed["v"] + 30))
-    expect(page.get_by_text("There is no corner of four squares near")).to_be_visible()
+    expect(page.get_by_text("There is no corner of four squares near").first).to_be_visible()
     assert centre(store, 1, 0, 0) == manual
 
     page.locator(".st-key-swap_secondary button").click()
-    expect(page.get_by_text("A and B are exchanged in the secondary")).to_be_visible()
+    expect(page.get_by_text("A and B are exchanged in the secondary").first).to_be_visible()
     page.keyboard.press("n")
-    expect(page.get_by_label("Photograph of the primary camera, frame 2")).to_be_visible()
+    expect(page.get_by_label("Photograph of the primary camera, frame 2").first).to_be_visible()
     page.keyboard.press("x")
     expect(page.get_by_text("It is left out.").first).to_be_visible()
     settled(page)
@@ -135,12 +137,12 @@ def test_clicks_corrections_and_the_table(
     page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
     settled(page)
     page.get_by_test_id("stSidebar").get_by_role("link", name="Data").click()
-    expect(page.get_by_role("button", name="Undo (4)")).to_be_visible()
+    expect(page.get_by_role("button", name="Undo (4)").first).to_be_visible()
     page.reload()
-    expect(page.get_by_role("button", name="Undo (4)")).to_be_visible()
+    expect(page.get_by_role("button", name="Undo (4)").first).to_be_visible()
     for left in (3, 2, 1):
         page.locator(".st-key-review_undo button").click()
-        expect(page.get_by_role("button", name=f"Undo ({left})")).to_be_visible()
+        expect(page.get_by_role("button", name=f"Undo ({left})").first).to_be_visible()
     assert centre(store, 1, 0, 0) == corrected
     settled(page)
     rows = table(page, tmp_path)
@@ -150,7 +152,7 @@ def test_clicks_corrections_and_the_table(
         ("2", "detected"),
     ]
     page.keyboard.press("u")
-    expect(page.get_by_role("button", name="Undo (0)")).to_be_disabled()
+    expect(page.get_by_role("button", name="Undo (0)").first).to_be_disabled()
     assert centre(store, 1, 0, 0) == before
 
 
@@ -184,11 +186,13 @@ def test_view_by_mouse_and_keys(page: Page, store: ProjectPhotographs) -> None:
     moved = primary.view
     assert moved["u"] > b.u and moved["v"] > b.v
     page.keyboard.press("Shift+Enter")
-    expect(page.get_by_text("B in the primary photograph is now where you")).to_be_visible()
+    expect(page.get_by_text("B in the primary photograph is now where you").first).to_be_visible()
     placed = centre(store, 1, 0, 1)
     assert (placed.u, placed.v) == pytest.approx((moved["u"], moved["v"]))
     page.keyboard.press("Enter")
-    expect(page.get_by_text("B in the primary photograph is now at the fitted")).to_be_visible()
+    expect(
+        page.get_by_text("B in the primary photograph is now at the fitted").first
+    ).to_be_visible()
     assert math.dist((centre(store, 1, 0, 1).u, centre(store, 1, 0, 1).v), (b.u, b.v)) < 0.02
     page.keyboard.press("0")
     assert primary.view == whole
@@ -222,7 +226,7 @@ def test_what_a_press_opens_is_scrolled_to(
         settled(page)
     page.goto(f"{app_url}/calibrate?project={project.id}")
     page.get_by_role("button", name="Look at frame 9").click()
-    expect(page.get_by_text("Frame 9 was left out by you.")).to_be_visible()
+    expect(page.get_by_text("Frame 9 was left out by you.").first).to_be_visible()
     assert 0 < top("opened_frame") < 100
     page.get_by_role("button", name="Correct it").click()
     Photograph(page, "primary")
@@ -261,6 +265,8 @@ def test_by_touch_on_a_narrow_screen(
     assert primary.view["scale"] == pytest.approx(2 * whole["scale"], rel=0.02)
     assert primary.screen(a.u, a.v) == pytest.approx((x, y), abs=2.0)
     phone.touchscreen.tap(*primary.screen(a.u + 1, a.v + 1))
-    expect(phone.get_by_text("A in the primary photograph is now at the fitted")).to_be_visible()
+    expect(
+        phone.get_by_text("A in the primary photograph is now at the fitted").first
+    ).to_be_visible()
     assert centre(store, 1, 0, 0).source == "corrected"
     narrow.close()

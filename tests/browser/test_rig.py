@@ -31,7 +31,7 @@ def test_from_start_to_the_rig_and_to_a_pair(
     settled(page)
     assert page.evaluate("document.body.scrollWidth <= window.innerWidth")
     page.get_by_role("button", name="Open this pair").click()
-    expect(page.get_by_role("heading", name="Calibrate", exact=True)).to_be_visible(
+    expect(page.get_by_role("heading", name="Calibrate", exact=True).first).to_be_visible(
         timeout=LONGEST_MS
     )
     expect(page.locator(".st-key-run button")).to_be_visible(timeout=LONGEST_MS)

@@ -53,7 +53,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
 ) -> None:
     page.goto(f"{app_url}/data")
     settled(page)
-    missing = page.get_by_text("Still missing")
+    missing = page.get_by_text("Still missing").first
     for slot, name, lacking in (
         ("correspondences", "correspondences.csv", "the primary camera's file, the secondary"),
         ("primary", "primary.json", "Still missing: the secondary camera's file"),
@@ -71,7 +71,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
     box = page.locator(".st-key-target_distance_m_value input")
     box.fill("390")
     box.press("Enter")
-    expect(page.get_by_text("818 pairs of points in 409 frames")).to_be_visible()
+    expect(page.get_by_text("818 pairs of points in 409 frames").first).to_be_visible()
     page.get_by_role("button", name="Next: Calibrate").click()
     settled(page)
     calibrate(page)
@@ -97,9 +97,9 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
         page.goto(url)
         settled(page)
         page.locator(".st-key-demo button").click()
-        expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+        expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
         page.reload()
-        expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+        expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
         page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
         settled(page)
         calibrate(page)
@@ -147,9 +147,9 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
     page.goto(app_url)
     settled(page)
     page.locator(".st-key-demo button").click()
-    expect(page.get_by_text("50 pairs of points in 25 frames")).to_be_visible()
+    expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
     page.get_by_test_id("stSidebar").get_by_role("link", name="Validate").click()
-    expect(page.get_by_text("Match with the")).to_be_visible(timeout=LONGEST_MS)
+    expect(page.get_by_text("Match with the").first).to_be_visible(timeout=LONGEST_MS)
 
     def state() -> tuple[str, str]:
         """All cells of the table, and all curves of the figure."""
@@ -165,11 +165,13 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
     for field, made_with in (("delta", "Δ 0.1,"), ("acceptance", "acceptance ratio 0.99,")):
         page.locator(f".st-key-{field}").get_by_role("slider").focus()
         page.keyboard.press("End")
-        expect(page.get_by_text(re.compile(rf"^Made with: .*{made_with}"))).to_be_visible()
+        expect(page.get_by_text(re.compile(rf"^Made with: .*{made_with}")).first).to_be_visible()
         seen.append(state())
     page.locator(".st-key-validate_frames").get_by_role("slider").focus()
     page.keyboard.press("ArrowLeft")
-    expect(page.get_by_text(re.compile("^Made with: .* 19 calibration frames"))).to_be_visible()
+    expect(
+        page.get_by_text(re.compile("^Made with: .* 19 calibration frames")).first
+    ).to_be_visible()
     seen.append(state())
     tables, figures = zip(*seen, strict=True)
     assert len(set(tables)) == len(seen)
@@ -180,8 +182,10 @@ def test_validation_follows_the_controls_and_a_long_run_can_be_cancelled(
     page.locator(".st-key-validate_on").get_by_text("Nineteen synthetic rigs").click()
     page.get_by_role("button", name="Validate (9500 runs)").click()
     page.locator(".st-key-cancel_evaluation button").click()
-    expect(page.get_by_text("Cancelled. What is shown is the last finished")).to_be_visible()
-    expect(page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration"))).to_be_visible()
+    expect(page.get_by_text("Cancelled. What is shown is the last finished").first).to_be_visible()
+    expect(
+        page.get_by_text(re.compile("^Made with: .* 100 runs, 19 calibration")).first
+    ).to_be_visible()
     assert state() == seen[-1]
 
     page.locator(".st-key-validate_on").get_by_text("My data set").click()
