@@ -34,8 +34,17 @@ if project is not None and ProjectRecording(project).is_given:
     st.page_link("pages/rig.py", label="Calibrate them together on the page Rig")
     st.button("Start a new project", on_click=forget_project, key="forget")
     end_here()
-how = choose_kind(project)
-if how == "Photographs":
+if project is not None and project.pair is not None:
+    how = "A rig"
+    st.info(
+        f"This is the pair {escape_markdown(project.pair)} of a rig: the points that both cameras "
+        "saw, with the lenses and the baseline of the rig."
+    )
+else:
+    how = choose_kind(project)
+if how == "A rig":
+    pass
+elif how == "Photographs":
     photographs_in(project)
 elif how == "A zip":
     zipped = st.file_uploader("Zip with dataset.json", type=["zip"], key="upload_zip")

@@ -12,10 +12,12 @@ from stereocal.errors import StereocalError
 from stereocal.network.pair_of_rig import pair_dataset, pair_name, pair_parameters
 from stereocal.network.pairs import Progress
 from stereocal.network.result import RigCalibration
+from stereocal.network.rig_file import RigFile
+from stereocal.network.unknowns import lens_places
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Pair, Recording
-from stereocal.rig.rigid_object import RigidObject
 from stereocal.verdict.forecast import outlook_of
 from stereocal.workflow import answer, calibrate
 
@@ -57,23 +59,31 @@ def files_of_pairs(
     return files, figures, notes
 
 
-def bars_of_pair(recording: Recording, pair: Pair, baseline_m: float | None) -> Dataset:
-    """The bars that both cameras of a pair see, as a data set of two cameras.
+def data_of_pair(recording: Recording, pair: Pair, rig: RigFile | None) -> Dataset:
+    """The points that both cameras of a pair see, with lenses and baseline of the rig, if there.
 
-    Args:
-        baseline_m: of the rig, to be held to its standard error of 1 %; None: left free.
+    The lenses are uncertain by the rig's standard errors, the baseline by 1 %.
     """
-    one, other = recording.object.longest
-    ends = np.isin(recording.target, (one, other))
-    bar = RigidObject.bar(float(recording.object.distances[one, other]), recording.object.sigma_m)
-    columns = {name: getattr(recording, name)[ends] for name in ("frame", "camera", "points")}
-    target = np.where(recording.target[ends] == one, 0, 1)
-    sigma = recording.sigma_px[ends]
-    own = replace(recording, object=bar, target=target, sigma_px=sigma, **columns)
-    found = replace(own.pair(*pair), camera_names=None)
-    if baseline_m is None or not found.baseline_is_free:
-        return found
-    return replace(found, baseline_m=baseline_m)
+    dataset = recording.pair(*pair)
+    if rig is None or not {*pair} <= {*rig.names}:
+        return dataset
+    primary, secondary = (_lens(rig, name) for name in pair)
+    own = replace(dataset, primary=primary, secondary=secondary)
+    if not dataset.baseline_is_free:
+        return own
+    baseline = (rig.poses[pair[1]] @ rig.poses[pair[0]].inverse()).baseline
+    return replace(own, baseline_m=baseline, baseline_sigma_m=None)
+
+
+def _lens(rig: RigFile, name: str) -> Camera:
+    """A camera of the rig with its standard errors."""
+    places, camera = lens_places(rig.names.index(name)), rig.cameras[name]
+    errors = np.sqrt(np.maximum(np.diag(rig.covariance)[places], 0.0))
+    distortion = np.zeros_like(camera.distortion)
+    fx, fy, cx, cy = errors[:4].tolist()
+    known = min(len(distortion), len(errors) - 4)
+    distortion[:known] = errors[4 : 4 + known]
+    return replace(camera, uncertainty=LensUncertainty(fx, fy, cx, cy, distortion))
 
 
 def _paper_sets(rig: RigCalibration, pair: Pair) -> tuple[dict[Method, Any], dict[str, Any]]:

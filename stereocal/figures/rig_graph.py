@@ -38,7 +38,9 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
         figure.add_scatter(
             x=line[:, 0],
             y=line[:, 2],
-            mode="lines",
+            mode="lines+markers",
+            # Only markers can be clicked.
+            marker={"size": THICKEST, "opacity": 0.0},
             line={
                 "width": THINNEST + (THICKEST - THINNEST) * own["bars"] / most,
                 "color": METHOD_COLOURS["refined"] if sound else NEUTRAL,

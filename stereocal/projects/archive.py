@@ -5,6 +5,7 @@ dataset.json, correspondences.csv ... the data set as used; the command line ope
 parameters_2d.json ...                the last result's parameter files, as the page offers them
 reproduce.json                        what `reproduce` needs to compute them again
 inputs/, photographs/, results/ ...   all uploaded files, and all results
+pairs/1/inputs/ ...                   the same of each pair of a rig that was opened
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
 from stereocal.projects.check import CHECK
 from stereocal.projects.data_folder import new_database
-from stereocal.projects.files import Store, StoredFile
+from stereocal.projects.files import PAIR, Store, StoredFile
 from stereocal.projects.home import check_size
 from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
@@ -90,20 +91,36 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
         database.reading() as db,
     ):
         manifest: dict[str, Any] = {"format": MANIFEST_FORMAT, "values": {}, "files": []}
-        for part, name, text in db.execute("SELECT part, name, json FROM value"):
-            manifest["values"].setdefault(part, {})[name] = json.loads(text)
+        pairs: dict[str, dict[str, Any]] = {}
+
+        def place(scoped: str) -> tuple[str, dict[str, Any], str]:
+            """Part, manifest and folder of what the project itself or a pair has."""
+            scope, _, part = scoped.rpartition("/")
+            if not scope:
+                return part, manifest, ""
+            named = {"name": scope.removeprefix(PAIR), "folder": f"pairs/{len(pairs) + 1}/"}
+            own = pairs.setdefault(scope, {**named, "values": {}, "files": []})
+            return part, own, own["folder"]
+
+        for scoped, name, text in db.execute("SELECT part, name, json FROM value"):
+            part, own, _ = place(scoped)
+            own["values"].setdefault(part, {})[name] = json.loads(text)
         manifest["edits"] = [
             json.loads(text) for (text,) in db.execute("SELECT json FROM edit ORDER BY number")
         ]
         rows = db.execute("SELECT part, name, sha256, about FROM named ORDER BY rowid").fetchall()
-        for (part, name, sha256, about), path in zip(rows, _paths(rows), strict=True):
-            manifest["files"].append(
+        for (scoped, name, sha256, about), plain in zip(rows, _paths(rows), strict=True):
+            part, own, folder = place(scoped)
+            path = f"{folder}{plain}"
+            own["files"].append(
                 {"part": part, "name": name, "about": json.loads(about), "path": path}
             )
             _write(archive, path, StoredFile(sha256, database).pieces())
-        for kind, content in db.execute("SELECT kind, content FROM result"):
-            _write(archive, f"results/{RESULTS[kind]}", [content])
-        archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
+        for scoped, content in db.execute("SELECT kind, content FROM result"):
+            kind, _, folder = place(scoped)
+            _write(archive, f"{folder}results/{RESULTS[kind]}", [content])
+        whole = manifest | ({"pairs": list(pairs.values())} if pairs else {})
+        archive.writestr(MANIFEST, json.dumps(whole, indent=1))
         with suppress(StereocalError):  # damaged data are left out
             for name, content in _readable_files(project, result or {}).items():
                 archive.writestr(name, content)
@@ -124,8 +141,8 @@ def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, 
 def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:
     """A safe and unique path for each file, close to its name."""
     taken: set[str] = set()
-    for part, name, _, about in rows:
-        label = json.loads(about)
+    for scoped, name, _, about in rows:
+        label, part = json.loads(about), scoped.rpartition("/")[2]
         label = label["suffix"] if part == TABLES else label
         suffix = PurePosixPath(f"_{label}").suffix if "." not in name and label else ""
         plain = "/".join(UNSAFE.sub("_", each) or "_" for each in f"{name}{suffix}".split("/"))
@@ -175,25 +192,29 @@ def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | No
             database.transaction() as db,
         ):
             of_bar = ("pairs", "found_by", "boards_found")
-            for part, names in ((INPUT, VALUES), (BAR, of_bar), (SETTING, None)):
-                values = dict(manifest["values"].get(part, {}))
-                kept = {key: values[key] for key in (names or values) if key in values}
-                database.keep_values(part, kept)
-            for item in manifest["files"]:
-                part, name, path = item["part"], str(item["name"]), str(item["path"])
-                file = _unpacked(opened, path, Path(folder))
-                kind = guarded_kind(part, file)
-                if look is not None and kind:
-                    look(kind, file, path)
-                stored = replace(database.keep_file(file, path), about=item["about"])
-                database.name_files(_known(part), {name: stored})
-            for kind, file_name in RESULTS.items():
-                if f"results/{file_name}" in opened.names:
-                    database.keep_result(kind, opened.read(f"results/{file_name}"))
+            pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
+            for own, store in ((manifest, database), *pairs):
+                for part, names in ((INPUT, VALUES), (BAR, of_bar), (SETTING, None)):
+                    values = dict(own["values"].get(part, {}))
+                    kept = {key: values[key] for key in (names or values) if key in values}
+                    store.keep_values(part, kept)
+                for item in own["files"]:
+                    part, name, path = item["part"], str(item["name"]), str(item["path"])
+                    file = _unpacked(opened, path, Path(folder))
+                    kind = guarded_kind(part, file)
+                    if look is not None and kind:
+                        look(kind, file, path)
+                    stored = replace(store.keep_file(file, path), about=item["about"])
+                    store.name_files(_known(part), {name: stored})
+                for kind, file_name in RESULTS.items():
+                    path = f"{own.get('folder', '')}results/{file_name}"
+                    if path in opened.names:
+                        store.keep_result(kind, opened.read(path))
+                _ = Project(store).dataset
             edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
             db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
             recording = ProjectRecording(project)
-            _ = project.dataset, recording.read(), recording.rig
+            _ = recording.read(), recording.rig
     except DAMAGED as error:
         if isinstance(error, StereocalError):
             raise

@@ -73,6 +73,8 @@ class Database:
     """The file of one project."""
 
     path: Path
+    scope: str = ""
+    """Prefix of the parts and kinds of a pair of a rig, which is a project in the rig's file."""
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:

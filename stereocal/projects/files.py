@@ -13,7 +13,7 @@ import sqlite3
 import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,10 @@ FREE = (
     "(SELECT 1 FROM named WHERE named.sha256 = ?1)"
 )
 """Deletes a content without a name."""
+PAIR = "pair "
+"""Scopes are this, the name of a pair, and a slash."""
+SCOPED = (("value", "part"), ("named", "part"), ("result", "kind"))
+"""Tables and their columns with a scope, but for the jobs."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ class Store(Database):
     def files(self, part: str) -> dict[str, StoredFile]:
         """The files of a part by name, in the order in which they were added."""
         found = self.rows(
-            "SELECT name, sha256, about FROM named WHERE part = ? ORDER BY rowid", part
+            "SELECT name, sha256, about FROM named WHERE part = ? ORDER BY rowid", self.scope + part
         )
         return {name: StoredFile(sha256, self, loaded(about)) for name, sha256, about in found}
 
@@ -127,12 +131,13 @@ class Store(Database):
                 if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
                     raise StereocalError(f"{name} has gone from the project; give it again.")
                 before = db.execute(
-                    "SELECT sha256 FROM named WHERE part = ? AND name = ?", [part, name]
+                    "SELECT sha256 FROM named WHERE part = ? AND name = ?",
+                    [self.scope + part, name],
                 ).fetchall()
                 db.execute(
                     "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
                     "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
-                    [part, name, file.sha256, json.dumps(file.about, allow_nan=False)],
+                    [self.scope + part, name, file.sha256, json.dumps(file.about, allow_nan=False)],
                 )
                 db.executemany(FREE, before)
 
@@ -154,8 +159,20 @@ class Store(Database):
         with self.transaction() as db:
             for name, file in self.files(part).items():
                 if names is None or name in names:
-                    db.execute("DELETE FROM named WHERE part = ? AND name = ?", [part, name])
+                    db.execute(
+                        "DELETE FROM named WHERE part = ? AND name = ?", [self.scope + part, name]
+                    )
                     db.execute(FREE, [file.sha256])
+
+    def of_pair(self, name: str) -> Store:
+        """The store of a pair of this project's rig."""
+        return replace(self, scope=f"{PAIR}{name}/")
+
+    def forget_pairs(self) -> None:
+        """Delete all pairs; the sweep frees their contents."""
+        with self.transaction() as db:
+            for table, column in (*SCOPED, ("job", "kind")):
+                db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{PAIR}*'")
 
     def free_unnamed(self, before: float) -> None:
         """Delete contents without a name.
@@ -181,25 +198,26 @@ class Store(Database):
 
     def values(self, part: str) -> dict[str, Any]:
         """The values of a part by name."""
-        found = self.rows("SELECT name, json FROM value WHERE part = ?", part)
+        found = self.rows("SELECT name, json FROM value WHERE part = ?", self.scope + part)
         return {str(name): loaded(text) for name, text in found}
 
     def keep_values(self, part: str, values: Mapping[str, Any]) -> None:
         """Store values; existing names are replaced."""
-        rows = [(part, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
+        own = self.scope + part
+        rows = [(own, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
         with self.transaction() as db:
             db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
 
     def result(self, kind: str) -> bytes | None:
         """The stored result of a kind; None without one."""
-        found = self.rows("SELECT content FROM result WHERE kind = ?", kind)
+        found = self.rows("SELECT content FROM result WHERE kind = ?", self.scope + kind)
         if found and not isinstance(found[0][0], bytes):
             raise DamagedError("A result in the project's file is damaged.")
         return found[0][0] if found else None
 
     def result_digest(self, kind: str) -> str | None:
         """SHA-256 of the stored result of a kind; None without one."""
-        found = self.rows("SELECT sha256 FROM result WHERE kind = ?", kind)
+        found = self.rows("SELECT sha256 FROM result WHERE kind = ?", self.scope + kind)
         return str(found[0][0]) if found else None
 
     def keep_result(self, kind: str, content: bytes | None) -> str:
@@ -207,10 +225,11 @@ class Store(Database):
         digest = "" if content is None else hashlib.sha256(content).hexdigest()
         with self.transaction() as db:
             if content is None:
-                db.execute("DELETE FROM result WHERE kind = ?", [kind])
+                db.execute("DELETE FROM result WHERE kind = ?", [self.scope + kind])
             else:
                 db.execute(
-                    "INSERT OR REPLACE INTO result VALUES (?, ?, ?)", [kind, content, digest]
+                    "INSERT OR REPLACE INTO result VALUES (?, ?, ?)",
+                    [self.scope + kind, content, digest],
                 )
         return digest
 

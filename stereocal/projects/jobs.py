@@ -192,8 +192,8 @@ def begin(
 
     Checkpoints of the same work are used; those of other work are deleted.
     """
-    home = _home(database)
-    record = Record(kind, tuple(stages), digest_of(kind, work))
+    home, own = _home(database), database.scope + kind
+    record = Record(own, tuple(stages), digest_of(kind, work))
     text = json.dumps({"stages": record.stages})
     held = lock(home)
     try:
@@ -203,12 +203,12 @@ def begin(
                 release(home, held)
                 return None
             if found is not None and found[1].digest != record.digest:
-                _delete(database, kind)
+                _delete(database, own)
             db.execute(
                 "INSERT INTO job (kind, digest, record, server) VALUES (?, ?, ?, ?) ON CONFLICT DO "
                 "UPDATE SET record = excluded.record, server = excluded.server, at = 0, done = 0, "
                 "total = 0, sentence = '', cancel = 0",
-                [kind, record.digest, text, held],
+                [own, record.digest, text, held],
             )
     except BaseException:
         release(home, held)
@@ -218,6 +218,7 @@ def begin(
 
 def find(database: Database, kind: str) -> tuple[State, Record] | None:
     """State and record of a project's job of this kind; None without one."""
+    kind = database.scope + kind
     names = ("digest", "at", "done", "total", "sentence")
     rows = database.rows(f"SELECT {', '.join(names)}, record, server FROM job WHERE kind = ?", kind)
     if not rows:
@@ -246,13 +247,13 @@ def discard(database: Database, kind: str) -> None:
     """Delete a job that is not running, with its checkpoints."""
     found = find(database, kind)
     if found is None or found[0] != "running":
-        _delete(database, kind)
+        _delete(database, database.scope + kind)
 
 
 def ask_to_stop(database: Database, kind: str) -> None:
     """Ask the server that runs a job to cancel it, which takes a second or two."""
     with database.transaction() as db:
-        db.execute("UPDATE job SET cancel = 1 WHERE kind = ?", [kind])
+        db.execute("UPDATE job SET cancel = 1 WHERE kind = ?", [database.scope + kind])
 
 
 def _delete(database: Database, kind: str) -> None:

@@ -21,7 +21,7 @@ from stereocal.projects import parsed_files
 from stereocal.projects.calibration_files import as_stored, pack_calibration
 from stereocal.projects.data_folder import new_database, store_of
 from stereocal.projects.database import NOT_THERE
-from stereocal.projects.files import Store, StoredFile
+from stereocal.projects.files import PAIR, Store, StoredFile
 from stereocal.projects.inputs import Inputs, Slot, check_inputs, checked_inputs
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.refined.results import Calibration
@@ -52,6 +52,16 @@ class Project:
     def id(self) -> str:
         """32 hexadecimal digits."""
         return self.database.path.stem
+
+    @property
+    def pair(self) -> str | None:
+        """Its name, if this is a pair of a rig; None for a project of its own."""
+        return self.database.scope[len(PAIR) : -1] or None
+
+    @property
+    def whole(self) -> Project:
+        """The project itself; of a pair, that of its rig."""
+        return Project(dataclasses.replace(self.database, scope=""))
 
     @classmethod
     def create(cls, home: Path) -> Project:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import TABLE, pack_pair
 from stereocal.formats.description import find_description
 from stereocal.formats.recording_files import POINTS, parse_recording
 from stereocal.network.rig_file import RIG, RigFile
+from stereocal.pairs_of_rig import data_of_pair
 from stereocal.projects.files import StoredFile
+from stereocal.projects.inputs import Slot
 from stereocal.projects.project import INPUT, Project
 from stereocal.rig.recording import Recording
 
 RECORDING, RIG_FILES = "recording", "rig"
 """Parts of a project: the files of the data set, and those that were computed from it."""
 PAIRS = "pairs.zip"
+OF_RIG = "of_rig"
+"""Setting of a pair: the digests of the recording and of the rig that it is of."""
 
 
 class ProjectRecording:
@@ -50,6 +57,7 @@ class ProjectRecording:
         with self.database.transaction():
             self.database.replace_files(RECORDING, kept)
             self.database.forget_files(RIG_FILES)
+            self.database.forget_pairs()
             self.database.keep_values(INPUT, {"name": found.name})
         return found
 
@@ -80,3 +88,45 @@ class ProjectRecording:
         """The zip of the pairs' files."""
         found = self.database.file(RIG_FILES, PAIRS)
         return None if found is None else found.read_bytes()
+
+    def pair(self, name: str) -> Project:
+        """The project of a pair such as `left-right`, in the same file.
+
+        Its points, lenses and baseline are given when it is first opened, and when the rig has
+        changed since; its settings and results stay, and what was said of its frames.
+
+        Raises:
+            StereocalError: there is no such pair, or its cameras see nothing together.
+        """
+        project = Project(self.database.of_pair(name))
+        rig = self.database.file(RIG_FILES, RIG)
+        about = [*self.digest, *([] if rig is None else [rig.sha256])]
+        if project.settings.get(OF_RIG) == about:
+            return project
+        recording = self.read()
+        if recording is None:
+            raise StereocalError("This project has no recording of several cameras: no pairs.")
+        dataset = data_of_pair(recording, recording.pair_named(name), self.rig)
+        packed, inputs = pack_pair(dataset), project.inputs
+        files: dict[Slot, bytes] = {
+            "correspondences": packed[TABLE],
+            "primary": packed["primary.json"],
+            "secondary": packed["secondary.json"],
+        }
+        free = dataset.baseline_is_free
+        with self.database.transaction():
+            project.give(
+                {
+                    slot: (f"{dataset.name}, {slot}", content)
+                    for slot, content in files.items()
+                    if hashlib.sha256(content).hexdigest() != inputs.files.get(slot)
+                },
+                name=inputs.name or dataset.name,
+                baseline_m=dataset.baseline_m,
+                baseline_free=free,
+                baseline_sigma_m=None if free else dataset.baseline_sigma_m,
+                target_distance_m=dataset.target_distance_m,
+                target_distance_sigma_m=dataset.target_distance_sigma_m,
+            )
+            project.keep_settings({OF_RIG: about})
+        return project

@@ -19,6 +19,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.projects import jobs as stored_jobs
+from stereocal.projects.files import Store
 from stereocal.projects.jobs import Checkpoints, Record, RunningJob
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
@@ -144,14 +145,14 @@ def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) 
 
 
 @st.cache_resource(show_spinner=False)
-def _jobs() -> dict[tuple[str, Kind], Job]:
+def _jobs() -> dict[tuple[Store, Kind], Job]:
     """The last job of each kind of each project that this server ran."""
     return {}
 
 
 def job_of(project: Project, kind: Kind) -> Job | None:
     """The last job of this kind; None before the first."""
-    return _jobs().get((project.id, kind))
+    return _jobs().get((project.database, kind))
 
 
 def is_running(project: Project, kind: Kind) -> bool:
@@ -180,7 +181,7 @@ def start(work: Work) -> None:
             return
     except StereocalError as error:
         job.sentence, job.state = str(error), "failed"
-    _jobs()[work.project.id, work.kind] = job
+    _jobs()[work.project.database, work.kind] = job
     if job.kept is not None:
         threading.Thread(target=_drive, args=(job, work.run), daemon=True, name=work.kind).start()
 
@@ -268,7 +269,7 @@ def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work |
 def discard(project: Project, kind: Kind) -> None:
     """Delete a job that is not running, with its checkpoints."""
     stored_jobs.discard(project.database, kind)
-    _jobs().pop((project.id, kind), None)
+    _jobs().pop((project.database, kind), None)
 
 
 def abandon(project: Project, kind: Kind) -> None:

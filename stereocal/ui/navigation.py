@@ -23,6 +23,7 @@ from stereocal.ui.messages import callback, forget_messages, show_messages
 from stereocal.ui.page_states import page_states
 from stereocal.ui.project import (
     forms_are_sound,
+    leave_pair,
     open_created,
     open_or_none,
     reset_forms,
@@ -101,6 +102,8 @@ def run_page(page: StreamlitPage) -> None:
     shown = show_messages(top)
     _take_focus(page)
     begin_page(page.url_path)
+    if page.url_path in ("", RIG):  # of the whole project
+        leave_pair()
     project = open_or_none()
     with st.sidebar:
         saved = show_project(project)
@@ -120,11 +123,9 @@ def run_page(page: StreamlitPage) -> None:
 
 
 def _leave_for_created(page: StreamlitPage) -> None:
-    """Go where a project that was just created goes on: a sample, or a pair of a rig."""
+    """Go where a sample that was just opened goes on."""
     project = open_or_none()
-    if page.url_path == RIG:
-        st.switch_page("pages/calibrate.py")
-    elif page.url_path == "":
+    if page.url_path == "":
         several = project is not None and ProjectRecording(project).is_given
         st.switch_page("pages/rig.py" if several else "pages/data.py")
 

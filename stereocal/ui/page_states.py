@@ -55,15 +55,21 @@ def page_states(project: Project | None) -> dict[str, PageState]:
 
 
 def _states(project: Project) -> dict[str, PageState]:
-    recording = ProjectRecording(project)
-    if recording.is_given:
-        kept = recording.database.file(RIG_FILES, RIG)
-        of_rig = (
-            PageState("missing", "Not calibrated yet")
-            if kept is None
-            else PageState("done", "Calibrated together")
-        )
+    recording = ProjectRecording(project.whole)
+    if not recording.is_given:
+        return _of_two(project)
+    kept = recording.database.file(RIG_FILES, RIG)
+    of_rig = (
+        PageState("missing", "Not calibrated yet")
+        if kept is None
+        else PageState("done", "Calibrated together")
+    )
+    if project.pair is None:
         return {"data": PageState("done", "A recording of several cameras"), "rig": of_rig}
+    return {**_of_two(project), "rig": of_rig}
+
+
+def _of_two(project: Project) -> dict[str, PageState]:
     inputs, dataset = project.inputs, project.dataset
     lenses = [slot for slot in ("primary", "secondary") if slot not in inputs.files]
     found = {

@@ -15,6 +15,7 @@ from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, changed_at, removed_at
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.results import Calibration
 from stereocal.ui.fields import Field
 from stereocal.ui.messages import attempt, callback, end_here, readable, tell
@@ -22,24 +23,40 @@ from stereocal.ui.texts import escape_markdown
 
 _RESET = "forms_reset"
 _BEGUN = "projects_begun"
-_ID = "project_id"
+_ID, _PAIR = "project_id", "project_pair"
 
 
 def keep_address() -> None:
-    """Restore the project's id in the URL, which a change of page removes."""
+    """Restore the project's id in the URL, which a change of page removes, and that of its pair."""
     if "project" in st.query_params:
         st.session_state[_ID] = st.query_params["project"]
+        st.session_state[_PAIR] = st.query_params.get("pair")
     elif _ID in st.session_state:
-        st.query_params["project"] = st.session_state[_ID]
+        _set_address(st.session_state[_ID], st.session_state.get(_PAIR))
+
+
+def _set_address(project_id: str, pair: str | None) -> None:
+    st.session_state[_ID], st.session_state[_PAIR] = project_id, pair
+    st.query_params["project"] = project_id
+    if pair is not None:
+        st.query_params["pair"] = pair
+    elif "pair" in st.query_params:
+        del st.query_params["pair"]
+
+
+def _open() -> Project:
+    """The project of the URL, or the pair of it."""
+    project = Project.open(default_home(), st.session_state.get(_ID, ""))
+    pair = st.session_state.get(_PAIR)
+    return project if pair is None else ProjectRecording(project).pair(pair)
 
 
 def current_project() -> Project | None:
     """The project of the URL; None without one. An invalid URL is reported, and the page stops."""
-    project_id = st.session_state.get(_ID)
-    if project_id is None:
+    if st.session_state.get(_ID) is None:
         return None
     try:
-        return Project.open(default_home(), project_id)
+        return _open()
     except StereocalError as error:
         if not offer_removed():
             st.error(escape_markdown(str(error)))
@@ -50,7 +67,7 @@ def current_project() -> Project | None:
 def open_or_none() -> Project | None:
     """The project of the URL; None without one that can be opened, which pages report."""
     with suppress(StereocalError, OSError):
-        return Project.open(default_home(), st.session_state.get(_ID, ""))
+        return _open()
     return None
 
 
@@ -59,6 +76,9 @@ def show_project(project: Project | None) -> DeltaGenerator:
     with suppress(StereocalError):  # reported by the page
         if project is not None:
             st.text_input("Project", placeholder=title_of(project), **_name(project).widget())
+            if project.pair is not None:
+                label = f"Pair {escape_markdown(project.pair)}: back to the rig"
+                st.page_link("pages/rig.py", label=label, icon=":material/arrow_back:")
     return st.empty()
 
 
@@ -124,12 +144,17 @@ def begin_project() -> None:
     new_project()
 
 
-def open_project(project_id: str) -> None:
-    """Open a project; the session state of another one is cleared."""
+def open_project(project_id: str, pair: str | None = None) -> None:
+    """Open a project or a pair of it; the session state of another one is cleared."""
     if _ID in st.session_state:
         forget_project()
-    st.session_state[_ID] = project_id
-    st.query_params["project"] = project_id
+    _set_address(project_id, pair)
+
+
+def leave_pair() -> None:
+    """Open the project whose pair is open."""
+    if st.session_state.get(_PAIR) is not None:
+        open_project(st.session_state[_ID])
 
 
 def projects_in_creation() -> list[Future[Project]]:
@@ -154,8 +179,7 @@ def open_created() -> bool:
     for key in list(st.session_state):
         if key != _BEGUN:
             del st.session_state[key]
-    st.session_state[_ID] = project.id
-    st.query_params["project"] = project.id
+    _set_address(project.id, None)
     making.clear()
     return True
 

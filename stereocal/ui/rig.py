@@ -4,31 +4,33 @@ from __future__ import annotations
 
 import io
 import zipfile
+from functools import partial
 
+import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_graph import describe_rig_graph, plot_cameras, plot_rig_graph
 from stereocal.figures.rig_report import camera_table
-from stereocal.formats.dataset_files import pack_dataset
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RIG, RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
-from stereocal.pairs_of_rig import bars_of_pair, files_of_pairs
-from stereocal.projects.data_folder import default_home
+from stereocal.pairs_of_rig import files_of_pairs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.rig.recording import Recording
 from stereocal.ui import jobs
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import give_dataset
-from stereocal.ui.project import projects_in_creation
-from stereocal.ui.samples import begin_sample
+from stereocal.ui.messages import callback
+from stereocal.ui.navigation import go_to
+from stereocal.ui.project import open_project
+from stereocal.ui.screening import calibrate_next
 from stereocal.ui.texts import escape_markdown
 
 KIND: jobs.Kind = "rig"
 STAGES = ("steps",)
+GRAPH = "rig_graph"
 TIME_OFFSETS = "rig_time_offsets"
 
 
@@ -90,20 +92,32 @@ def show_rig_page(project: Project, recording: Recording) -> None:
             f"{escape_markdown(recording.describe_pairs())}"
         )
         return
-    _show_rig(recording, rig, store.pairs)
+    _show_rig(store, rig)
 
 
-def _show_rig(recording: Recording, rig: RigFile, pairs: bytes | None) -> None:
+def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
     st.success(escape_markdown(rig_sentence(rig)))
     with st.container(horizontal=True):
         st.download_button(
             "rig.json", rig.dumps(), RIG, "application/json", on_click="ignore", key="rig_json"
         )
-        if pairs is not None:
+        if store.pairs is not None:
             st.download_button(
-                "All pairs (zip)", pairs, PAIRS, "application/zip", on_click="ignore", key="rig_zip"
+                "All pairs (zip)",
+                store.pairs,
+                PAIRS,
+                "application/zip",
+                on_click="ignore",
+                key="rig_zip",
             )
-    show_figure(plot_rig_graph(rig), describe_rig_graph(rig), "rig_graph")
+    show_figure(
+        plot_rig_graph(rig),
+        describe_rig_graph(rig),
+        GRAPH,
+        on_select=partial(_open_clicked, store),
+        selection_mode="points",
+    )
+    st.caption("A click on a line opens that pair.")
     if loops := loops_sentence(rig):
         st.caption(escape_markdown(loops))
     for note in rig_notes(rig):
@@ -114,24 +128,32 @@ def _show_rig(recording: Recording, rig: RigFile, pairs: bytes | None) -> None:
         st.button(
             "Open this pair",
             key="rig_open_pair",
-            on_click=begin_sample,
-            args=(projects_in_creation(), lambda: _project_of_pair(recording, rig, chosen)),
-            help="a project of its own with the bars that both cameras saw, for all other pages",
+            on_click=_open_pair,
+            args=(store, chosen),
+            help="on all other pages: the bars that both cameras saw, with the rig's lenses",
         )
     st.header("The cameras", divider="gray")
     show_figure(plot_cameras(rig), describe_rig_graph(rig), "rig_cameras")
     st.table(camera_table(rig))
 
 
-def _project_of_pair(recording: Recording, rig: RigFile, name: str) -> Project:
-    """A project with the bars of a pair."""
-    project = Project.create(default_home())
-    pair = recording.pair_named(name)
-    one, other = (rig.poses.get(camera) for camera in pair)
-    baseline = None if one is None or other is None else (other @ one.inverse()).baseline
-    dataset = bars_of_pair(recording, pair, baseline)
-    give_dataset(project, pack_dataset(dataset), dataset.name)
-    return project
+@callback
+def _open_pair(store: ProjectRecording, name: str) -> None:
+    """Open the pages of a pair, and calibrate it the first time (a callback)."""
+    pair = store.pair(name)
+    open_project(pair.id, name)
+    go_to("calibrate")
+    if pair.calibration is None:
+        calibrate_next()
+
+
+@callback
+def _open_clicked(store: ProjectRecording) -> None:
+    """Open the pair whose line was clicked (a callback)."""
+    for point in st.session_state[GRAPH]["selection"]["points"]:
+        if "customdata" in point:  # not a camera
+            _open_pair(store, str(np.ravel(point["customdata"])[0]))
+            return
 
 
 def _zipped(files: dict[str, bytes]) -> bytes:

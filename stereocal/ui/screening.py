@@ -104,6 +104,11 @@ def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None
 def bring_into_step(project: Project) -> None:
     """Find the time offset, and calibrate again (a callback)."""
     project.keep_settings({"time_offset": True})
+    calibrate_next()
+
+
+def calibrate_next() -> None:
+    """Let the Calibrate page calibrate when it is drawn next."""
     st.session_state[_AGAIN] = True
 
 
@@ -125,7 +130,7 @@ def show_exchanged(project: Project) -> None:
 
 
 def calibrate_again() -> bool:
-    """Whether a frame was left out, put back or exchanged since the last run of the page."""
+    """Whether `calibrate_next` was called since the last run of the page."""
     return bool(st.session_state.pop(_AGAIN, False))
 
 
@@ -139,21 +144,21 @@ def rerun_if_changed() -> None:
 def leave_out(project: Project, frame: int) -> None:
     """Leave a frame out, and calibrate again (a callback)."""
     project.leave_out(frame)
-    st.session_state[_AGAIN] = True
+    calibrate_next()
 
 
 @callback
 def put_back(project: Project, frame: int) -> None:
     """Use a frame that was left out, and calibrate again (a callback)."""
     project.take_in(frame)
-    st.session_state[_AGAIN] = True
+    calibrate_next()
 
 
 @callback
 def exchange_again(project: Project, frame: int) -> None:
     """Exchange the targets of a frame, and calibrate again (a callback)."""
     exchange(project, frame)
-    st.session_state[_AGAIN] = True
+    calibrate_next()
 
 
 def exchange(project: Project, frame: int) -> None:

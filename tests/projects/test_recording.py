@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.formats.recording_files import parse_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.placings import rows_where
-from stereocal.network.rig_file import rig_file
+from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.card import card_of
+from stereocal.projects.home import duplicate, find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.page_states import page_states
 from stereocal.ui.samples import RIG, three_cameras
+
+
+@cache
+def rig_text() -> str:
+    """The rig of every third frame."""
+    files = {path.name: path.read_bytes() for path in RIG.iterdir()}
+    recording = parse_recording(files, "sample")
+    return rig_file(calibrate_rig(rows_where(recording, recording.frame % 3 == 0))).dumps()
 
 
 @pytest.fixture
@@ -34,7 +48,7 @@ def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
     assert project.inputs.name == recording.name
     assert page_states(project)["rig"].mark == "missing"
     assert card_of(project).data == "3 cameras"
-    found = rig_file(calibrate_rig(rows_where(recording, recording.frame % 3 == 0)))
+    found = RigFile.loads(rig_text())
     store.keep_rig(found.dumps(), b"zip")
     assert page_states(project)["rig"].mark == "done"
     assert store.pairs == b"zip"
@@ -66,11 +80,89 @@ def test_other_projects_have_no_rig_page(tmp_path: Path) -> None:
 
 
 def test_a_foreign_project_with_a_damaged_rig_is_rejected(project: Project, tmp_path: Path) -> None:
-    recording = ProjectRecording(project).read()
-    assert recording is not None
-    found = rig_file(calibrate_rig(rows_where(recording, recording.frame % 3 == 0))).to_json()
+    found = json.loads(rig_text())
     del found["figures"]["frames"]
     ProjectRecording(project).keep_rig(json.dumps(found), b"zip")
     pack_project(project, tmp_path / "project.zip")
     with pytest.raises(StereocalError, match="damaged"):
         unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
+
+
+def test_a_pair_is_kept_in_the_project_of_its_rig(project: Project, tmp_path: Path) -> None:
+    store = ProjectRecording(project)
+    store.keep_rig(rig_text(), b"zip")
+    pair = store.pair("1-2")
+    dataset, rig = pair.dataset, store.rig
+    assert dataset is not None and rig is not None
+    assert (pair.id, pair.pair, project.pair) == (project.id, "1-2", None)
+    assert np.allclose(dataset.primary.K, rig.cameras["1"].K)
+    assert dataset.primary.uncertainty is not None
+    fx = rig.to_json()["cameras"]["1"]["standard_errors"]["fx"]
+    assert dataset.primary.uncertainty.fx == pytest.approx(fx)
+    assert page_states(pair)["calibrate"].mark == "missing"
+    assert page_states(pair)["rig"].mark == "done"
+    # Nothing of it shows in the project itself or in another pair.
+    pair.keep_settings({"delta": 2e-3})
+    pair.database.keep_result("recommended", b'["2d", "3d"]')
+    pair.leave_out(int(dataset.correspondences.frames[0]))
+    assert project.settings == {} and project.recommended is None
+    assert store.pair("2-3").recommended is None
+    assert find_projects(tmp_path) == [project.id]
+    # Copied and exported with it.
+    pack_project(project, tmp_path / "project.zip")
+    opened = unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
+    for other in (opened, duplicate(tmp_path, project.id)):
+        copy = ProjectRecording(other).pair("1-2")
+        assert copy.inputs == pair.inputs and copy.settings == pair.settings
+        assert copy.recommended == ("2d", "3d")
+    # A new rig gives it new lenses; what was said of its frames stays.
+    about = json.loads(rig_text())
+    about["cameras"]["1"]["K"][0][0] += 1.0
+    store.keep_rig(json.dumps(about), b"zip")
+    again = store.pair("1-2")
+    assert again.inputs.left_out == pair.inputs.left_out
+    assert again.dataset is not None
+    assert again.dataset.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1.0)
+    # Another recording has no pairs yet.
+    files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
+    store.give(files, "again")
+    assert not pair.inputs.files
+
+
+def test_a_pair_is_there_whole_or_not_at_all(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed between two writes of its first opening; then it is opened again."""
+
+    def killed(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    store = ProjectRecording(project)
+    with monkeypatch.context() as patch:
+        patch.setattr(Project, "keep_settings", killed)
+        with pytest.raises(KeyboardInterrupt):
+            store.pair("1-2")
+    assert not Project(project.database.of_pair("1-2")).inputs.files
+    assert store.pair("1-2").dataset is not None
+
+
+def test_jobs_are_kept_by_pair(project: Project) -> None:
+    store = ProjectRecording(project)
+    one, other = store.pair("1-2").database, store.pair("1-3").database
+    first = jobs.begin(one, "calibration", ("runs",), {})
+    second = jobs.begin(other, "calibration", ("runs",), {})
+    assert first is not None and second is not None
+    assert jobs.begin(one, "calibration", ("runs",), {}) is None
+    assert jobs.find(project.database, "calibration") is None
+    first.end()
+    assert jobs.find(one, "calibration") is None
+    jobs.ask_to_stop(other, "calibration")
+    second.write()
+    assert not second.progress(0, 1, 2)
+    second.end()
+
+
+@pytest.mark.parametrize("name", ["1-4", "1", "../1-2", "pair 1-2/"])
+def test_there_is_no_such_pair(project: Project, name: str) -> None:
+    with pytest.raises(StereocalError, match="There is no pair"):
+        ProjectRecording(project).pair(name)
