@@ -108,7 +108,7 @@ def _report(name: str, held: list[bool], widths: list[float]) -> None:
 def differences(data: Dataset) -> None:
     """Print the rms of the differences of quarters over their stated errors."""
     fits = [refine(data.of_frames(own), FREE) for own, _ in quarters(data)]
-    free = np.setdiff1d(fits[0].unknowns.free, BAR)
+    free = np.setdiff1d(np.flatnonzero(fits[0].unknowns.M.any(axis=1)), BAR)
     ratios = []
     for a, b in combinations(fits, 2):
         variances = np.diag(a.covariance)[free] + np.diag(b.covariance)[free]

@@ -27,8 +27,8 @@ from stereocal.network.placings import placings_of, rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
-from stereocal.network.views import EACH
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
+from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -19,8 +19,11 @@ from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
+from stereocal.field.checking.rig_check import check_rig, rig_notes, rig_sentence, rig_to_json
+from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import STORED_PROJECT, images_in_table, read_input
 from stereocal.matching.point_noise import check_sigma
+from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_all
 
@@ -31,7 +34,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """The options of the command."""
     command = commands.add_parser("check", help="has a camera moved? repaired parameters if so")
     command.set_defaults(run=run)
-    command.add_argument("parameters", type=Path, help="the parameter file to check")
+    command.add_argument("parameters", type=Path, help="the parameter file to check, or rig.json")
     command.add_argument(
         "dataset",
         type=Path,
@@ -74,6 +77,9 @@ def run(parsed: argparse.Namespace) -> None:
             "--turn must be between 0 and 180 degrees, --baseline-change between 0 and 1."
         )
     check_sigma(parsed.sigma_px)
+    if holds_rig(parsed.parameters):
+        _check_rig(parsed)
+        return
     path, prior = _prior(parsed.parameters)
     images = _images(parsed, prior.rig)
     smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
@@ -92,6 +98,20 @@ def run(parsed: argparse.Namespace) -> None:
         print(f"Note: {note}")
     for written in files:
         print(f"wrote {written}")
+
+
+def _check_rig(parsed: argparse.Namespace) -> None:
+    """Which camera of a rig has moved."""
+    recording = read_recording(parsed.dataset, parsed.lens_model)
+    smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
+    found = check_rig(RigFile.load(parsed.parameters), recording, smallest)
+    about = {"parameters": str(parsed.parameters), "dataset": str(parsed.dataset)}
+    text = json.dumps({**rig_to_json(found), **about}, indent=2, allow_nan=False) + "\n"
+    write_all({parsed.out / ANSWER: text.encode()})
+    print(rig_sentence(found))
+    for note in rig_notes(found):
+        print(f"Note: {note}")
+    print(f"wrote {parsed.out / ANSWER}")
 
 
 def _prior(path: Path) -> tuple[Path, Prior]:

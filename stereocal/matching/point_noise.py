@@ -25,9 +25,8 @@ from scipy.special import gammaln, ndtr, stdtr
 
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.adjustment import fill_point_jacobians
-from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.uncertainty import point_jacobians
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
@@ -144,15 +143,14 @@ def pair_errors(
     """
     pixels = np.column_stack([primary[:, :2], secondary[:, :2]])
     xyz = rig.reconstruct(pixels[:, :2], pixels[:, 2:])
-    jacobians = np.empty((len(xyz), 3 + SHARED, 4))
     lenses = lenses_of_cameras(rig.primary, rig.secondary)
-    fill_point_jacobians(shared_unknowns(rig), lenses, 1.0, np.ascontiguousarray(xyz), jacobians)
-    kept = np.asarray(np.isfinite(jacobians).all(axis=(1, 2)))
-    jacobians, pixels, xyz = jacobians[kept], pixels[kept], xyz[kept]
-    across = _across(jacobians[:, :3])
+    by_point, by_shared = point_jacobians(shared_unknowns(rig), lenses, np.ascontiguousarray(xyz))
+    kept = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
+    by_shared, pixels, xyz = by_shared[kept], pixels[kept], xyz[kept]
+    across = _across(by_point[kept].transpose(0, 2, 1))
     seen = np.column_stack([rig.primary.project(xyz), rig.secondary.project(rig.pose.apply(xyz))])
     _, covariance = noise_of_file(rig)
-    by_rig = np.einsum("nij,nj->ni", jacobians[:, 3:], across)
+    by_rig = np.einsum("nji,nj->ni", by_shared, across)
     stated = np.ones(len(pixels))
     if primary.shape[1] > 2:
         sides = np.square(across).reshape(-1, 2, 2).sum(axis=2)

@@ -32,7 +32,6 @@ from stereocal.matching.threshold import choose_threshold
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 from stereocal.system.tables import EMPTY, Column, read_rows
 from stereocal.system.tasks import Progress
@@ -154,17 +153,7 @@ def _noise(
     np.fill_diagonal(both, -1.0)
     first, second = sorted(np.unravel_index(int(both.argmax()), both.shape))
     names = rig.names[int(first)], rig.names[int(second)]
-    pair = RigParameters(
-        rig.cameras[names[0]],
-        rig.cameras[names[1]],
-        rig.poses[names[1]] @ rig.poses[names[0]].inverse(),
-        method="refined",
-        cost=0.0,
-        settings={},
-        inputs={},
-        matching_threshold_px=2.0 * rig.noise_px,
-        noise_px=rig.noise_px,
-    )
+    pair = rig.pair(*names)
     sample = [(frame[int(first)], frame[int(second)]) for frame in frames]
     sample = [own for own in sample if len(own[0]) and len(own[1])]
     found = choose_threshold(pair, sample[:: max(len(sample) // SAMPLE_FRAMES, 1)]).noise

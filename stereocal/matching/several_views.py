@@ -19,9 +19,8 @@ from scipy.special import chdtri
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.network.rig_file import RigFile
-from stereocal.network.unknowns import lens_places
-from stereocal.network.views import EACH, TRANSLATION, fill_point_fits
 from stereocal.refined.distortion import lens_terms
+from stereocal.refined.views import fill_point_fits
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 LOST = 0.005
@@ -76,13 +75,7 @@ class ViewFitter:
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self.cameras = rig, list(rig.cameras.values())
-        self.q = np.zeros(EACH * len(self.cameras) + 1)
-        self.q[-1] = 1.0
-        for number, (name, camera) in enumerate(rig.cameras.items()):
-            self.q[lens_places(number)] = camera.lens_values
-            first = EACH * number + TRANSLATION
-            self.q[first : first + 3] = rig.poses[name].T
-        self.R = np.array([pose.R for pose in rig.poses.values()])
+        self.q, self.R = rig.q, rig.R
         self.lenses = np.array([np.append(c.K[0, 1], lens_terms(c)) for c in self.cameras])
 
     def rays(self, pixels: FloatArray) -> FloatArray:

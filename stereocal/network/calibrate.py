@@ -197,12 +197,12 @@ def _shifted(recording: Recording, offsets: FloatArray) -> _Shifted:
 
 
 def _motion_of(fit: RigFit, shifted: _Shifted) -> FloatArray:
-    """The velocities in the order of the fit's pixels, (n, 2, c, 2)."""
+    """The velocities in the order of the fit's pixels, (n, 2, c, 3)."""
     recording, own = shifted.recording, fit.placings
     frames, at = np.unique(recording.frame, return_inverse=True)
-    shape = len(frames), len(recording.object.names), len(recording.cameras), 2
-    motion = np.zeros(shape)
-    motion[at, recording.target, recording.camera] = shifted.motion
+    shape = len(frames), len(recording.object.names), len(recording.cameras)
+    motion = np.zeros((*shape, 3))
+    motion[at, recording.target, recording.camera, :2] = shifted.motion
     of_unit = np.searchsorted(frames, own.frames[own.of_frame])
     return np.ascontiguousarray(motion[of_unit[:, None], own.targets])
 

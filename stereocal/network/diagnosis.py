@@ -8,8 +8,8 @@ import numpy as np
 
 from stereocal.network.fit import RigFit
 from stereocal.network.unknowns import lens_places
-from stereocal.network.views import EACH
 from stereocal.refined.unknowns import LensPrior, lens_prior
+from stereocal.refined.views import EACH
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
@@ -76,7 +76,7 @@ def _moved_warnings(fit: RigFit) -> list[str]:
     if len(used) < 2 * BLOCKS:
         return []
     blocks = np.array_split(used, BLOCKS)
-    H, g, _ = fit.equations(fit.q, blocks, np.ones(len(fit.q), dtype=np.bool_))
+    H, g, _ = fit.equations(fit.q, blocks)
     M = fit.unknowns.M
     C = fit.unknowns.covariance(fit.information)
     after_H, after_g = H[::-1].cumsum(axis=0)[::-1], g[::-1].cumsum(axis=0)[::-1]

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.network.unknowns import lens_places, turned
-from stereocal.network.views import EACH
+from stereocal.refined import views
 from stereocal.refined.bar_fit import (
     BAR,
     BASELINE,
@@ -25,12 +25,14 @@ from stereocal.refined.bar_fit import (
     PRIMARY,
     SECONDARY,
     TIME,
-    fill_motions,
+    views_of,
 )
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.unknowns import Unknowns, pose_of
+from stereocal.refined.unknowns import Unknowns, pose_of, shared_unknowns
+from stereocal.refined.views import EACH, LENS
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose, fill_pose
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 
 PLACES = [
     *range(PRIMARY, PRIMARY + 4),
@@ -88,12 +90,9 @@ class PairFit:
 
 def local_derivatives(q: FloatArray) -> FloatArray:
     """(25, 24): derivatives of a pair's shared unknowns by the local ones."""
-    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
-    fill_pose(q, q[BASELINE], R, T)
-    fill_motions(q, R, motions)
+    of_pose = views_of(q)[2][: BASELINE + 1, EACH : EACH + LENS]
     J = np.zeros((len(q), LOCAL))
-    J[:3, :3] = np.linalg.inv(motions[:3].T)
-    J[[3, 4, BASELINE], 3:6] = np.linalg.inv(motions[3:].T)
+    J[: BASELINE + 1, :LENS] = np.linalg.inv(of_pose.T)
     J[PLACES, range(6, LOCAL)] = 1.0
     return J
 
@@ -184,7 +183,7 @@ def _difference(
     T = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
     turn = Rotation.from_matrix(R_pair @ pair.pose.R.T).as_rotvec()
     lens = [*lens_places(first), *lens_places(second), len(q) - 1]
-    late = q[b + 14] - q[a + 14]
+    late = q[b + views.TIME] - q[a + views.TIME]
     d = np.concatenate([turn, T - pair.pose.T, q[lens] - values[:-1], [late - values[-1]]])
     return d, pair_derivatives(first, second, q, R)
 
@@ -200,8 +199,16 @@ def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> F
     J[3:6, b : b + 3], J[3:6, a : a + 3] = arm, -arm @ R_pair
     J[3:6, b + 3 : b + 6], J[3:6, a + 3 : a + 6] = np.eye(3), -R_pair
     J[range(6, LOCAL - 1), lens] = 1.0
-    J[LOCAL - 1, b + 14], J[LOCAL - 1, a + 14] = 1.0, -1.0
+    J[LOCAL - 1, b + views.TIME], J[LOCAL - 1, a + views.TIME] = 1.0, -1.0
     return J
+
+
+def pair_covariance(
+    own: Rig, first: int, second: int, q: FloatArray, R: FloatArray, covariance: FloatArray
+) -> FloatArray:
+    """(25, 25): of a pair's shared unknowns, from that of the rig (Q, Q)."""
+    J = local_derivatives(shared_unknowns(own)) @ pair_derivatives(first, second, q, R)
+    return np.asarray(J @ covariance @ J.T)
 
 
 def _cross_matrix(v: FloatArray) -> FloatArray:

@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereocal.network.fuse import local_derivatives, pair_derivatives
+from stereocal.network.fuse import pair_covariance
 from stereocal.network.result import RigCalibration
 from stereocal.refined.parameter_file import covariance_entry
-from stereocal.refined.unknowns import shared_unknowns
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters, inputs_of
 from stereocal.rig.recording import Pair
@@ -35,15 +33,6 @@ def pair_dataset(rig: RigCalibration, pair: Pair) -> Dataset:
     )
 
 
-def pair_covariance(rig: RigCalibration, pair: Pair) -> FloatArray:
-    """(25, 25): covariance of the pair's shared unknowns, as of `bar_fit`, in the rig."""
-    first, second = rig.names.index(pair[0]), rig.names.index(pair[1])
-    own = Rig(rig.cameras[pair[0]], rig.cameras[pair[1]], rig.pose_of(pair))
-    by_rig = pair_derivatives(first, second, rig.fit.q, rig.fit.R)
-    J = local_derivatives(shared_unknowns(own)) @ by_rig
-    return np.asarray(J @ rig.covariance @ J.T)
-
-
 def pair_parameters(rig: RigCalibration, pair: Pair) -> RigParameters:
     """The refined file of a pair, from the rig.
 
@@ -51,8 +40,10 @@ def pair_parameters(rig: RigCalibration, pair: Pair) -> RigParameters:
         StereocalError: the five angles do not describe the pair.
     """
     dataset = pair_dataset(rig, pair)
-    covariance, pose = pair_covariance(rig, pair), rig.pose_of(pair)
+    pose = rig.pose_of(pair)
     own = Rig(dataset.primary, dataset.secondary, pose)
+    numbers = rig.names.index(pair[0]), rig.names.index(pair[1])
+    covariance = pair_covariance(own, *numbers, rig.fit.q, rig.fit.R, rig.covariance)
     rows, noise = dataset.correspondences, float(rig.fit.sigma_px)
     points = own.reconstruct(rows.primary, rows.secondary)
     return RigParameters(

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from stereocal.network.fit import RigFit
 from stereocal.network.fuse import Fused
@@ -16,8 +15,8 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.placings import Placings
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
-from stereocal.network.views import EACH, TIME, TRANSLATION, fill_point_fits
 from stereocal.refined.design_effect import design_effect
+from stereocal.refined.views import EACH, TIME, TRANSLATION, fill_jacobians, fill_point_fits
 from stereocal.rig.camera import LENS_UNKNOWNS, Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -26,8 +25,6 @@ from stereocal.rig.recording import Pair, Recording
 
 IMAGE_POINTS = 80
 """Points by which a camera's image error is judged."""
-STEP = 1e-6
-"""Of numerical derivatives, in metres, radians and pixels."""
 
 
 @dataclass(frozen=True)
@@ -183,37 +180,17 @@ class RigCalibration:
         if not known.any():
             return float("nan")
         points, by_shared = points[known], by_shared[known]
-        J = np.einsum("nkj,njq->nkq", self._by_point(number, points), by_shared)
-        block = slice(EACH * number, EACH * (number + 1))
-        J[:, :, block] += self._by_camera(number, points)
+        fit, cameras = self.fit, len(self.names)
+        by_point, by_own = (
+            np.empty((len(points), cameras, 2, 3)),
+            np.empty((len(points), cameras, 2, EACH)),
+        )
+        fill_jacobians(fit.q, fit.R, fit.lenses, points, by_point, by_own)
+        J = by_point[:, number] @ by_shared
+        J[:, :, EACH * number : EACH * (number + 1)] += by_own[:, number]
+        J = J[np.isfinite(J).all(axis=(1, 2))]
         squares = np.einsum("nkq,qr,nkr->nk", J, self.covariance, J)
         return float(np.sqrt(np.mean(squares)))
-
-    def _images(self, number: int, points: FloatArray, step: FloatArray) -> FloatArray:
-        """Images of points after a small change of a camera's unknowns, (15,)."""
-        pose, q = self.fit.poses[number], self.fit.q.copy()
-        q[EACH * number : EACH * (number + 1)] += step
-        turn = Rotation.from_rotvec(step[:TRANSLATION]).as_matrix()
-        moved = Pose(turn @ pose.R, pose.T + step[TRANSLATION : 2 * TRANSLATION])
-        return camera_at(self.cameras[self.names[number]], q, number).project(moved.apply(points))
-
-    def _by_point(self, number: int, points: FloatArray) -> FloatArray:
-        """(n, 2, 3): derivatives of a camera's images by the points."""
-        still = np.zeros(EACH)
-        columns = [
-            (self._images(number, points + h, still) - self._images(number, points - h, still))
-            / (2 * STEP)
-            for h in STEP * np.eye(3)
-        ]
-        return np.stack(columns, axis=2)
-
-    def _by_camera(self, number: int, points: FloatArray) -> FloatArray:
-        """(n, 2, 15): the same by the camera's unknowns; 0 by its time offset."""
-        columns = [
-            (self._images(number, points, h) - self._images(number, points, -h)) / (2 * STEP)
-            for h in STEP * np.eye(EACH)
-        ]
-        return np.stack(columns, axis=2)
 
     @property
     def weakest(self) -> str:

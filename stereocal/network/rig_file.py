@@ -6,23 +6,27 @@ import datetime
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.network.fuse import Fused, PairFit
+from stereocal.network.fuse import Fused, PairFit, pair_covariance
 from stereocal.network.pair_of_rig import pair_name
 from stereocal.network.result import RigCalibration
 from stereocal.network.third_camera import third_cameras
-from stereocal.network.unknowns import camera_at
-from stereocal.network.views import EACH
+from stereocal.network.unknowns import camera_at, lens_places
+from stereocal.refined.parameter_file import covariance_entry
+from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import LENS_UNKNOWNS, Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import PIXEL_ORIGIN, software_versions
+from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters, software_versions
+from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.json_text import read_json
 
@@ -55,12 +59,72 @@ class RigFile:
     def names(self) -> list[str]:
         return list(self.cameras)
 
+    @cached_property
+    def q(self) -> FloatArray:
+        """(Q,): the unknowns of `views`; the rotations are in `R`."""
+        q = np.zeros(len(self.covariance))
+        q[-1] = float(self.about.get("object", {}).get("factor", 1.0))
+        for number, (name, camera) in enumerate(self.cameras.items()):
+            q[lens_places(number)] = camera.lens_values
+            first = EACH * number
+            q[first + TRANSLATION : first + 2 * TRANSLATION] = self.poses[name].T
+            q[first + TIME] = self.time_offsets[name]
+        return q
+
+    @property
+    def R(self) -> FloatArray:
+        """(c, 3, 3)."""
+        return np.array([pose.R for pose in self.poses.values()])
+
+    def pair(self, first: str, second: str) -> RigParameters:
+        """The refined parameters of two cameras.
+
+        Raises:
+            StereocalError: the five angles do not describe the pair.
+        """
+        pose = self.poses[second] @ self.poses[first].inverse()
+        own = Rig(self.cameras[first], self.cameras[second], pose)
+        a, b = self.names.index(first), self.names.index(second)
+        covariance = pair_covariance(own, a, b, self.q, self.R, self.covariance)
+        figures, points = self.about.get("figures", {}), dict(self.about.get("object", {}))
+        points.pop("factor", None)
+        stated = RigidObject(tuple(points), np.array([*points.values()])) if points else None
+        late = self.time_offsets[second] - self.time_offsets[first]
+        return RigParameters(
+            own.primary,
+            own.secondary,
+            pose,
+            method="refined",
+            cost=0.0,
+            settings={"rig": self.names},
+            inputs={}
+            if stated is None
+            else {"target_distance_m": float(stated.distances[stated.longest])},
+            matching_threshold_px=2.0 * self.noise_px,
+            uncertainties={
+                "sigma_px": {
+                    "value": self.noise_px,
+                    "degrees_of_freedom": max(3 * figures.get("independent_frames", 0), 1),
+                },
+                "covariance": covariance_entry(covariance),
+                "bar_length_m": {"estimate": self.q[-1], "stated": 1.0},
+                "bar_scatter_m": {"value": figures.get("length_scatter_m", 0.0)},
+                "design_effect": figures.get("design_effect", 1.0),
+            },
+            noise_px=self.noise_px,
+            volume=self.volume,
+            time_offset=MeasuredOffset(late, sigma=float(np.sqrt(covariance[-2, -2])))
+            if late
+            else None,
+            camera_names=(first, second),
+        )
+
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         cameras = {}
         for number, (name, camera) in enumerate(self.cameras.items()):
-            own = errors[EACH * number : EACH * (number + 1)].tolist()
+            own = errors[EACH * number : EACH * number + len(OF_CAMERA)].tolist()
             cameras[name] = {
                 **camera.to_json(),
                 "R": self.poses[name].R.tolist(),
@@ -79,7 +143,7 @@ class RigFile:
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
             **self.about,
-            "covariance": self.covariance.tolist(),
+            "covariance": self.covariance[_written(len(self.cameras))].tolist(),
             "covariance_of": [*of, "object_factor"],
             "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -126,11 +190,13 @@ class RigFile:
         cameras = {
             name: Camera.from_json(own, f"camera {name}") for name, own in data["cameras"].items()
         }
-        covariance = np.array(data["covariance"], dtype=np.float64)
-        size = EACH * len(cameras) + 1
-        if len(cameras) < 2 or covariance.shape != (size, size):
+        stored = np.array(data["covariance"], dtype=np.float64)
+        size, written = EACH * len(cameras) + 1, _written(len(cameras))
+        if len(cameras) < 2 or stored.shape != (len(written[0]),) * 2:
             raise StereocalError("the cameras and the covariance do not belong together.")
-        if not np.isfinite(covariance).all():
+        covariance = np.zeros((size, size))
+        covariance[written] = stored
+        if not np.isfinite(stored).all():
             raise StereocalError("the covariance has a number that is not finite.")
         own = {*RigFile.__dataclass_fields__, "format", "convention", "units", "pixel_origin"}
         own |= {"reference", "covariance_of", "software", "created"}
@@ -148,6 +214,12 @@ class RigFile:
             {name: value for name, value in data.items() if name not in own},
             None if volume is None else Volume.from_json(volume, source),
         )
+
+
+def _written(cameras: int) -> tuple[IntArray, IntArray]:
+    """Where the file's covariance is in that of all unknowns of `views`: a rig has no drifts."""
+    places = np.arange(EACH * cameras + 1)
+    return np.ix_(*2 * [places[(places % EACH != DRIFT) | (places == places[-1])]])
 
 
 def _check_figures(data: Mapping[str, Any]) -> None:
@@ -201,6 +273,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
             "frames": len(rig.used),
             "independent_frames": rig.clusters.count,
             "design_effect": rig.design_effect,
+            "length_scatter_m": rig.fit.scatter,
             "weakest_camera": rig.weakest,
         },
         "image_errors_px": {
@@ -252,7 +325,7 @@ def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused)
     return RigFile(
         cameras,
         dict(zip(stated, fused.poses, strict=True)),
-        {name: float(q[EACH * number + EACH - 1]) for number, name in enumerate(stated)},
+        {name: float(q[EACH * number + TIME]) for number, name in enumerate(stated)},
         np.asarray(covariance),
         noise,
         {

@@ -13,7 +13,7 @@ import numpy as np
 
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import Placings
-from stereocal.network.views import sum_normal_equations
+from stereocal.refined.adjustment import sum_normal_equations
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
@@ -126,25 +126,23 @@ def _changed(images: FloatArray, targets: IntArray, trial: _Trial) -> FloatArray
 
 def _chi_squares(fit: RigFit, placings: Placings, rays: FloatArray) -> FloatArray:
     """(f,): of other placings, with the parameters of a fit."""
-    count, n = len(placings.frames), len(placings.pixels)
-    of_frame: IntArray = placings.of_frame
-    chi_squares, H = np.empty(count), np.empty_like(fit.H)
+    n = len(placings.pixels)
+    chi_squares, Q = np.empty(n), len(fit.q)
     sum_normal_equations(
         fit.q,
         fit.R,
         fit.lenses,
         fit.free,
-        of_frame,
         placings.pixels,
         rays,
         fit.motion[:0],
         placings.distances,
         1 / fit.sigma_px,
         1 / fit.scatter,
-        np.zeros(count),
+        np.zeros(n),
         np.full((n, 6), np.nan),
         chi_squares,
-        H,
-        np.empty(len(H)),
+        np.empty((Q, Q)),
+        np.empty(Q),
     )
-    return chi_squares
+    return np.bincount(placings.of_frame, chi_squares, len(placings.frames)).astype(np.float64)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.views import DISTORTION, EACH, LENS, TIME, TRANSLATION
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_DISTANCE,
@@ -21,6 +20,7 @@ from stereocal.refined.unknowns import (
     lens_prior,
     with_lens,
 )
+from stereocal.refined.views import DISTORTION, EACH, LENS, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -86,48 +86,16 @@ def unknowns_of(
     return free_parameters(blocks, origin, focal_lengths)
 
 
-@dataclass(frozen=True)
-class Baseline:
-    """A measured distance of two cameras, by their numbers, in metres."""
-
-    first: int
-    second: int
-    length_m: float
-    sigma_m: float
-
-
-def baselines_of(recording: Recording, settings: RigSettings) -> list[Baseline]:
-    """The measured baselines with their standard deviations."""
+def baselines_of(recording: Recording, settings: RigSettings) -> FloatArray:
+    """The measured baselines, as `adjustment.add_baselines` takes them."""
     numbers = {name: number for number, name in enumerate(recording.cameras)}
     stated = settings.baseline_sigma_m or recording.baseline_sigma_m
-    return [
-        Baseline(numbers[one], numbers[other], length, stated or DEFAULT_BASELINE * length)
+    rows = [
+        (numbers[one], numbers[other], length, stated or DEFAULT_BASELINE * length)
         for (one, other), length in recording.baselines_m.items()
         if not np.isinf(stated or 0.0)
     ]
-
-
-def baseline_equations(
-    baselines: Sequence[Baseline], q: FloatArray, R: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
-    """Cost, normal matrix (Q, Q) and gradient (Q,) of the measured baselines."""
-    cost, H, g = 0.0, np.zeros((len(q), len(q))), np.zeros(len(q))
-    for own in baselines:
-        J, centres = np.zeros(len(q)), []
-        for number in (own.first, own.second):
-            at = EACH * number + TRANSLATION
-            centres.append(-R[number].T @ q[at : at + 3])
-        apart = centres[0] - centres[1]
-        length = float(np.linalg.norm(apart))
-        for number, along in ((own.first, apart / length), (own.second, -apart / length)):
-            first, T = EACH * number, q[EACH * number + TRANSLATION : EACH * number + LENS]
-            # centre = -R^T T; turning the camera by w moves it by R^T (w x T)
-            J[first : first + 3] = np.cross(T, R[number] @ along)
-            J[first + TRANSLATION : first + LENS] = -R[number] @ along
-        J /= own.sigma_m
-        error = (length - own.length_m) / own.sigma_m
-        cost, H, g = cost + error**2, H + np.outer(J, J), g + J * error
-    return cost, H, g
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
 def turned(R: FloatArray, q: FloatArray) -> FloatArray:

@@ -1,34 +1,32 @@
-"""The refined method's least squares over all frames, compiled.
+"""The least squares over all points of N cameras, compiled: a pair is the case of two.
 
-For each q (see `bar_fit`), the 3D points are fitted frame by frame. The chi-square of a frame,
-s(q), is the minimum of its sum of squares. The cost is the sum of rho(s) over the frames plus the
-priors. In the normal equations the points are eliminated (Schur complement), so that time and
-memory grow linearly with the number of frames.
+For each q (see `views`), the 3D points are fitted unit by unit. The chi-square s(q) of a unit is
+the minimum of its sum of squares. The cost is the sum of rho(s) over the units plus the priors. In
+the normal equations the points are eliminated (Schur complement), so that time and memory grow
+linearly with the number of units.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.bar_fit import (
-    ALL,
-    BASELINE,
-    DISTORTION,
-    ERRORS,
-    OWN,
-    RESIDUALS,
-    SHARED,
-    fill_motions,
-    fill_residuals,
-    fill_shared_derivatives,
-    fit_points,
-    normal_matrix,
-    row_product,
-)
+from stereocal.refined.bar_fit import SHARED, fill_views
 from stereocal.refined.distortion import set_distortion
-from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
+from stereocal.refined.views import (
+    DISTORTION,
+    EACH,
+    LENS,
+    OWN,
+    TRANSLATION,
+    fill_gradient,
+    fill_normal_matrix,
+    fill_residuals,
+    fill_shared,
+    fit_unit,
+    start_unit,
+)
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
-from stereocal.rig.geometry import fill_pose, midpoint
 
 TOLERANCE = 1e-9
 """A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
@@ -40,10 +38,10 @@ LARGEST_LOG_RATIO, BISECTIONS = 20.7, 24
 
 @internal
 def loss(s: float, limit: float) -> tuple[float, float]:
-    """Tukey's biweight rho(s) of a chi-square s, and its derivative, the frame's weight.
+    """Tukey's biweight rho(s) of a chi-square s, and its derivative, the unit's weight.
 
     rho is s near 0 and constant above `limit`, where the weight is 0. An infinite limit gives plain
-    least squares, a limit of 0 leaves the frame out.
+    least squares, a limit of 0 leaves the unit out.
     """
     if limit == np.inf:
         return s, 1.0
@@ -56,10 +54,12 @@ def loss(s: float, limit: float) -> tuple[float, float]:
 @compiled
 def sum_normal_equations(
     q: FloatArray,
-    free: IntArray,
+    R: FloatArray,
     stated_lenses: FloatArray,
+    free: BoolArray,
     pixels: FloatArray,
     rays: FloatArray,
+    motion: FloatArray,
     distances: FloatArray,
     weight: float,
     length_weight: float,
@@ -69,121 +69,181 @@ def sum_normal_equations(
     H: FloatArray,
     g: FloatArray,
 ) -> float:
-    """Fit the points of all frames, sum the normal equations, and return the cost.
+    """Fit the points of all units, sum the normal equations, and return the cost.
 
     Args:
-        free: the indices of the unknowns that are not held fixed; H and g are 0 for the others.
-        stated_lenses: (2, 23): as `lenses` in `bar_fit.fill_residuals`; the k1, k2, p1, p2 are
-            those of q.
-        pixels: (n, 2, 4): as in `bar_fit.fill_residuals`.
-        rays: (n, 2, 4): the same points undistorted with the stated lenses, for initial points.
-        distances: (n,): in metres; NaN without a bar.
-        points: (n, 6), updated: 3D points; NaN where initial points are needed.
-        chi_squares: (n,), written.
-        H: (25, 25), written: J J^T with x eliminated.
-        g: (25,), written: J r with x eliminated.
+        q: (Q,), and R: (c, 3, 3): see `views`.
+        stated_lenses: (c, 23): as `lenses` in `views.fill_residuals`; k1, k2, p1, p2 are those of
+            q.
+        free: (Q,): which unknowns are not held fixed; H and g are 0 for the others.
+        pixels: (n, 2, c, 2): NaN where a camera does not see a point.
+        rays: (n, 2, c, 2): undistorted with the stated lenses, for first points.
+        motion: (n, 2, c, 3): as in `views.fill_residuals`, or empty.
+        distances: (n,): in metres; NaN without a known length.
+        limits: (n,): of `loss`.
+        points: (n, 6), updated: 3D points; NaN where first points are needed.
+        chi_squares: (n,), H (Q, Q) and g (Q,): written; with the points eliminated.
     """
-    lenses = set_distortion(q, DISTORTION, stated_lenses)
-    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
-    fill_pose(q, q[BASELINE], R, T)
-    fill_motions(q, R, motions)
-    derivatives, J, V = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
-    x, Y = np.empty(OWN), np.empty((SHARED + 1, OWN))
-    for i in range(SHARED):
+    cameras, unknowns = len(R), len(q)
+    lenses = set_distortion(q, DISTORTION, EACH, stated_lenses)
+    r, Jx = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3))
+    Js, along = np.zeros((2, cameras, 2, EACH)), np.zeros(OWN + 1)
+    V, small, work, by_lens = np.empty((6, 6)), np.empty((3, 3)), np.empty((2, 6)), np.empty((2, 4))
+    index, Y, x = np.empty(unknowns, np.int64), np.empty((unknowns + 1, OWN)), np.empty(OWN)
+    still, bent, cost = np.empty((0, cameras, 3)), False, 0.0
+    for i in range(unknowns):
+        bent = bent or (free[i] and i < EACH * cameras and 0 <= i % EACH - DISTORTION < 4)
         g[i] = 0.0
-        for j in range(SHARED):
+        for j in range(unknowns):
             H[i, j] = 0.0
-    cost = 0.0
-    bent = len(free) > 0 and free[-1] >= DISTORTION
-    for f in range(len(pixels)):
-        own = 0.0 if np.isnan(distances[f]) else length_weight
-        start_points(R, T, rays, points, f, x)
-        seen = pixels[f]
-        s = fit_points(q, R, T, lenses, seen, distances[f], weight, own, x, derivatives, J, V)
-        chi_squares[f] = s
-        rho, w = loss(s, limits[f])
+    for n in range(len(pixels)):
+        own = 0.0 if np.isnan(distances[n]) else length_weight
+        moving, seen = motion[n] if len(motion) else still, pixels[n]
+        for i in range(OWN):
+            x[i] = points[n, i]
+        start_unit(R, q, rays[n], x, small)
+        s = fit_unit(
+            q, R, lenses, seen, moving, distances[n], weight, own, x, r, Jx, along, V, work
+        )
+        chi_squares[n] = s
+        rho, w = loss(s, limits[n])
         cost += rho
         if w > 0.0 and s < np.inf:
-            fill_shared_derivatives(
-                q, R, motions, lenses, bent, seen, distances[f], weight, own, x, derivatives, J
-            )
-            normal_matrix(J, seen, V)
+            fill_shared(q, R, lenses, seen, moving, weight, x, Jx, bent, by_lens, Js)
+            fill_normal_matrix(seen, Jx, along, own, V)
             if factor(V, 0.0):
-                eliminate(J, V, w, free, Y, H, g)
+                eliminate(q, seen, distances[n], own, r, Jx, Js, along, V, w, free, index, Y, H, g)
         for i in range(OWN):
-            points[f, i] = x[i] if s < np.inf else np.nan
-    for i in range(SHARED):
+            points[n, i] = x[i] if s < np.inf else np.nan
+    for i in range(unknowns):
         for j in range(i):
             H[j, i] = H[i, j]
     return cost
 
 
 @internal
-def start_points(
-    R: FloatArray, T: FloatArray, rays: FloatArray, points: FloatArray, f: int, x: FloatArray
-) -> None:
-    """Write the initial points of a frame to x: `points[f]`, or midpoints if these are NaN.
-
-    A target that was not seen is put 1 m in front of the camera.
-    """
-    known = 0.0
-    for i in range(OWN):
-        x[i] = points[f, i]
-        known += x[i]
-    if not np.isnan(known):
-        return
-    for target in range(2):
-        at = 3 * target
-        x[at], x[at + 1], x[at + 2] = 0.0, 0.0, 1.0
-        if not np.isnan(rays[f, target, 0]):
-            x[at], x[at + 1], x[at + 2], _, _, _ = midpoint(
-                R, T, rays[f, target, 0], rays[f, target, 1], rays[f, target, 2], rays[f, target, 3]
-            )
-
-
-@internal
 def eliminate(
-    J: FloatArray,
+    q: FloatArray,
+    pixels: FloatArray,
+    distance: float,
+    length_weight: float,
+    r: FloatArray,
+    Jx: FloatArray,
+    Js: FloatArray,
+    along: FloatArray,
     L: FloatArray,
     w: float,
-    free: IntArray,
+    free: BoolArray,
+    index: IntArray,
     Y: FloatArray,
     H: FloatArray,
     g: FloatArray,
 ) -> None:
-    """Add w times the Schur complement of a frame to H (lower half) and g.
+    """Add w times the Schur complement of a unit to H (lower half) and g.
 
     With J_x J_x^T = L L^T and y = L^-1 J_x J_q^T: H = J_q J_q^T - y^T y.
+
+    Args:
+        L: Cholesky's factor of `views.fill_normal_matrix`.
+        index: (Q,), Y: (Q + 1, 6), for work.
     """
-    n = len(free)
-    for a in range(n + 1):  # the unknowns, and last the residuals
-        i = free[a] if a < n else SHARED
+    last = len(q) - 1
+    count = active_unknowns(pixels, length_weight, free, index)
+    by_factor = -(along[OWN] + length_weight * distance) / q[last]
+    fill_gradient(pixels, r, Jx, along, length_weight, Y[last + 1])
+    forward(L, Y[last + 1])
+    for n in range(count):
+        a = index[n]
+        c = a // EACH
+        own = Y[a]
+        if a == last:
+            total = along[OWN] * by_factor
+            for j in range(OWN):
+                own[j] = along[j] * by_factor
+        else:
+            total = project(pixels, r, Jx, Js, c, a - EACH * c, own)
+        forward(L, own)
         for j in range(OWN):
-            Y[i, j] = row_product(J, j, OWN + i)
-        forward(L, Y[i])
-        for b in range(min(a + 1, n)):
-            j = free[b]
+            total -= own[j] * Y[last + 1, j]
+        g[a] += w * total
+        for m in range(n + 1):
+            b = index[m]
             total = 0.0
-            for k in range(RESIDUALS):
-                total += J[OWN + i, k] * J[OWN + j, k]
-            for k in range(OWN):
-                total -= Y[i, k] * Y[j, k]
-            if a < n:
-                H[i, j] += w * total
-            else:
-                g[j] += w * total
+            if a == last:
+                total = by_factor * by_factor if b == last else 0.0
+            elif b // EACH == c:
+                total = product(pixels, Js, c, a - EACH * c, b - EACH * c)
+            for j in range(OWN):
+                total -= own[j] * Y[b, j]
+            H[a, b] += w * total
+
+
+@internal
+def active_unknowns(
+    pixels: FloatArray, length_weight: float, free: BoolArray, index: IntArray
+) -> int:
+    """Write the unknowns that a unit depends on to `index`, ascending, and return their number."""
+    count = 0
+    for c in range(pixels.shape[1]):
+        if np.isnan(pixels[0, c, 0]) and np.isnan(pixels[1, c, 0]):
+            continue
+        for i in range(EACH):
+            if free[EACH * c + i]:
+                index[count] = EACH * c + i
+                count += 1
+    if length_weight > 0.0 and free[len(free) - 1]:
+        index[count] = len(free) - 1
+        count += 1
+    return count
+
+
+@internal
+def project(
+    pixels: FloatArray,
+    r: FloatArray,
+    Jx: FloatArray,
+    Js: FloatArray,
+    c: int,
+    i: int,
+    own: FloatArray,
+) -> float:
+    """Write Jx^T times an unknown's column of Js to `own` (6,); return the column times r."""
+    total = 0.0
+    own[:] = 0.0
+    for e in range(2):
+        if not np.isnan(pixels[e, c, 0]):
+            for k in range(2):
+                s = Js[e, c, k, i]
+                total += s * r[e, c, k]
+                for j in range(3):
+                    own[3 * e + j] += s * Jx[e, c, k, j]
+    return total
+
+
+@internal
+def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float:
+    """The product of two columns of a camera's Js."""
+    total = 0.0
+    for e in range(2):
+        if not np.isnan(pixels[e, c, 0]):
+            total += Js[e, c, 0, i] * Js[e, c, 0, j] + Js[e, c, 1, i] * Js[e, c, 1, j]
+    return total
 
 
 @compiled
 def adjust(
     origin: FloatArray,
-    M: FloatArray,
-    free: IntArray,
+    by_parameter: FloatArray,
     precision: FloatArray,
     p: FloatArray,
+    turns: BoolArray,
+    R: FloatArray,
+    free: BoolArray,
+    baselines: FloatArray,
     lenses: FloatArray,
     pixels: FloatArray,
     rays: FloatArray,
+    motion: FloatArray,
     distances: FloatArray,
     weight: float,
     length_weight: float,
@@ -194,26 +254,35 @@ def adjust(
     tolerance: float,
     most_steps: int,
 ) -> tuple[float, int, bool]:
-    """Minimise the cost over the free parameters p (Levenberg-Marquardt), with q = origin + M p.
+    """Minimise the cost over the free parameters p (Levenberg-Marquardt).
 
-    p, points, chi_squares and H are updated in place. The prior of p is normal with mean 0 and the
-    given precision (k, k), 0 for no prior.
+    The unknowns are origin + M p: those of `views`, or the shared ones of a pair. p, R, points,
+    chi_squares and H (of `views`) are updated in place. The prior of p is normal with mean 0 and
+    the given precision (k, k), 0 for no prior.
+
+    Args:
+        by_parameter: (k, Q): the transpose of M.
+        turns: (k,): which of p are small rotations: they are 0 after each step.
+        baselines: as in `add_baselines`; they are not in H.
 
     Returns:
         The cost with the priors, the number of steps tried, and whether it converged.
     """
-    k, gain, cost, damping = len(p), np.inf, np.inf, 1e-5
-    q, g, trial_g = np.empty(SHARED), np.empty(SHARED), np.empty(SHARED)
-    trial_p, trial_points, trial_chi_squares = p.copy(), points.copy(), chi_squares.copy()
-    trial_H, A, d = np.empty((SHARED, SHARED)), np.empty((k, k)), np.empty(k)
+    k, size, gain, cost, damping = len(p), len(H), np.inf, np.inf, 1e-5
+    q, by_p, g = np.empty(size), np.empty((k, size)), np.empty(size)
+    trial_p, trial_R, trial_points = p.copy(), R.copy(), points.copy()
+    trial_chi_squares, trial_H, with_baselines = chi_squares.copy(), H.copy(), H.copy()
+    A, damped, b, d = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
     for step in range(most_steps + 1):
-        fill_shared(origin, M, trial_p, q)
+        place(origin, by_parameter, trial_p, turns, R, q, trial_R, by_p)
         trial = sum_normal_equations(
             q,
-            free,
+            trial_R,
             lenses,
+            free,
             pixels,
             rays,
+            motion,
             distances,
             weight,
             length_weight,
@@ -221,37 +290,56 @@ def adjust(
             trial_points,
             trial_chi_squares,
             trial_H,
-            trial_g,
+            g,
         ) + prior_cost(trial_p, precision)
+        copy(trial_H, with_baselines)
+        trial += add_baselines(baselines, q, trial_R, with_baselines, g)
         if trial <= cost or step == 0:
             cost = trial
             copy(trial_points, points)
             copy(trial_H, H)
             copy_row(trial_chi_squares, chi_squares)
-            copy_row(trial_g, g)
             copy_row(trial_p, p)
+            for c in range(len(R)):
+                copy(trial_R[c], R[c])
             if gain < tolerance:
                 return cost, step, True
             if step > 0:
                 damping *= 0.05
+            reduce_normal_equations(with_baselines, g, by_p, p, precision, A, b)
         else:
             if gain < 1e-6:  # rounding, or the remaining error of the points
                 return cost, step, True
             copy(points, trial_points)
             damping = max(20.0 * damping, 1e-4)
-        reduce_normal_equations(H, g, M, free, p, precision, A, d)
-        for i in range(k):
-            A[i, i] *= 1.0 + damping
-        if not factor(A, 0.0):
+        gain = damped_step(A, b, damping, damped, d)
+        if gain < 0.0:
             return cost, step + 1, False
-        forward(A, d)
-        gain = 0.0
-        for i in range(k):
-            gain += d[i] * d[i]
-        backward(A, d)
         for i in range(k):
             trial_p[i] = p[i] - d[i]
     return cost, most_steps, False
+
+
+@internal
+def damped_step(
+    A: FloatArray, b: FloatArray, damping: float, work: FloatArray, d: FloatArray
+) -> float:
+    """Write the step d (k,) of Levenberg and Marquardt, and return the predicted decrease.
+
+    It is -1 if A is not positive definite.
+    """
+    copy(A, work)
+    copy_row(b, d)
+    for i in range(len(d)):
+        work[i, i] *= 1.0 + damping
+    if not factor(work, 0.0):
+        return -1.0
+    forward(work, d)
+    gain = 0.0
+    for i in range(len(d)):
+        gain += d[i] * d[i]
+    backward(work, d)
+    return gain
 
 
 @internal
@@ -270,12 +358,113 @@ def copy_row(given: FloatArray, into: FloatArray) -> None:
 
 
 @internal
-def fill_shared(origin: FloatArray, M: FloatArray, p: FloatArray, q: FloatArray) -> None:
-    """q = origin + M p."""
-    for i in range(SHARED):
-        q[i] = origin[i]
-        for j in range(len(p)):
-            q[i] += M[i, j] * p[j]
+def multiply(A: FloatArray, B: FloatArray, C: FloatArray) -> None:
+    """C = A B, for an A with many zeros."""
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            C[i, j] = 0.0
+        for k in range(A.shape[1]):
+            if A[i, k] != 0.0:
+                for j in range(B.shape[1]):
+                    C[i, j] += A[i, k] * B[k, j]
+
+
+@internal
+def place(
+    origin: FloatArray,
+    by_parameter: FloatArray,
+    p: FloatArray,
+    turns: BoolArray,
+    before: FloatArray,
+    q: FloatArray,
+    R: FloatArray,
+    by_p: FloatArray,
+) -> None:
+    """Write the unknowns q (V,) of `views`, the rotations R, and the derivatives (k, V) by p.
+
+    Args:
+        before: (c, 3, 3): the rotations before the small ones of p, which become 0.
+    """
+    shared = origin.copy()
+    for j in range(len(p)):
+        for i in range(len(shared)):
+            shared[i] += p[j] * by_parameter[j, i]
+    if len(shared) == SHARED:
+        by_shared = np.empty((SHARED, len(q)))
+        fill_views(shared, q, R, by_shared)
+        multiply(by_parameter, by_shared, by_p)
+        return
+    copy(by_parameter, by_p)
+    copy_row(shared, q)
+    for c in range(len(R)):
+        turn(shared[EACH * c : EACH * c + TRANSLATION], before[c], R[c])
+        for i in range(TRANSLATION):
+            q[EACH * c + i] = 0.0
+    for j in range(len(p)):
+        p[j] = 0.0 if turns[j] else p[j]
+
+
+@internal
+def turn(w: FloatArray, before: FloatArray, R: FloatArray) -> None:
+    """R = exp(w) before (Rodrigues)."""
+    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    angle = np.sqrt(square)
+    sine = np.sin(angle) / angle if square > 1e-16 else 1.0
+    versine = (1.0 - np.cos(angle)) / square if square > 1e-16 else 0.5
+    for j in range(3):
+        a, b, c = before[0, j], before[1, j], before[2, j]
+        along = versine * (w[0] * a + w[1] * b + w[2] * c)
+        rest = 1.0 - versine * square
+        R[0, j] = rest * a + sine * (w[1] * c - w[2] * b) + along * w[0]
+        R[1, j] = rest * b + sine * (w[2] * a - w[0] * c) + along * w[1]
+        R[2, j] = rest * c + sine * (w[0] * b - w[1] * a) + along * w[2]
+
+
+@compiled
+def add_baselines(
+    baselines: FloatArray, q: FloatArray, R: FloatArray, H: FloatArray, g: FloatArray
+) -> float:
+    """Add the normal equations of measured baselines to H (V, V) and g (V,); return their cost.
+
+    Args:
+        baselines: (m, 4): the numbers of two cameras, their distance and its standard deviation.
+    """
+    cost, J, at = 0.0, np.empty(12), np.empty(12, np.int64)
+    for m in range(len(baselines)):
+        error = fill_baseline(baselines[m], q, R, J, at)
+        cost += error * error
+        for i in range(12):
+            g[at[i]] += J[i] * error
+            for j in range(12):
+                H[at[i], at[j]] += J[i] * J[j]
+    return cost
+
+
+@internal
+def fill_baseline(
+    own: FloatArray, q: FloatArray, R: FloatArray, J: FloatArray, at: IntArray
+) -> float:
+    """Return the error of a baseline; write its derivatives (12,) and the places of both poses."""
+    apart = np.zeros(3)
+    for end in range(2):
+        c = int(own[end])
+        for i in range(3):  # centre = -R^T T
+            for j in range(3):
+                apart[j] += (2 * end - 1) * R[c, i, j] * q[EACH * c + TRANSLATION + i]
+    length = np.sqrt(apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2)
+    for end in range(2):
+        c, k = int(own[end]), 6 * end
+        T, by_T = q[EACH * c + TRANSLATION : EACH * c + LENS], J[k + 3 : k + 6]
+        for i in range(3):
+            along = R[c, i, 0] * apart[0] + R[c, i, 1] * apart[1] + R[c, i, 2] * apart[2]
+            by_T[i] = (2 * end - 1) * along / (length * own[3])
+        # turning the camera by w moves its centre by R^T (w x T)
+        J[k] = T[2] * by_T[1] - T[1] * by_T[2]
+        J[k + 1] = T[0] * by_T[2] - T[2] * by_T[0]
+        J[k + 2] = T[1] * by_T[0] - T[0] * by_T[1]
+        for i in range(6):
+            at[k + i] = EACH * c + i
+    return float((length - own[2]) / own[3])
 
 
 @internal
@@ -292,31 +481,30 @@ def prior_cost(p: FloatArray, precision: FloatArray) -> float:
 def reduce_normal_equations(
     H: FloatArray,
     g: FloatArray,
-    M: FloatArray,
-    free: IntArray,
+    by_p: FloatArray,
     p: FloatArray,
     precision: FloatArray,
     A: FloatArray,
     b: FloatArray,
 ) -> None:
-    """A = M^T H M + precision, b = M^T g + precision p."""
+    """A = D H D^T + precision, b = D g + precision p, with D the derivatives (k, V) by p."""
+    DH = np.empty(by_p.shape)
+    multiply(by_p, H, DH)
     for i in range(len(p)):
         b[i] = 0.0
-        for r in free:
-            b[i] += M[r, i] * g[r]
+        for r in range(len(g)):
+            b[i] += by_p[i, r] * g[r]
         for j in range(len(p)):
             b[i] += precision[i, j] * p[j]
-            total = precision[i, j]
-            for r in free:
-                if M[r, i] != 0.0:
-                    for s in free:
-                        total += M[r, i] * H[r, s] * M[s, j]
-            A[i, j] = total
+            A[i, j] = precision[i, j]
+            for r in range(len(g)):
+                A[i, j] += DH[i, r] * by_p[j, r]
 
 
 @compiled
 def length_innovations(
     q: FloatArray,
+    R: FloatArray,
     stated_lenses: FloatArray,
     pixels: FloatArray,
     distances: FloatArray,
@@ -324,34 +512,32 @@ def length_innovations(
     points: FloatArray,
     found: FloatArray,
 ) -> None:
-    """Write the length of each bar as the pixels alone determine it, to `found` (n, 2).
+    """Write the length of each unit as the pixels alone determine it, to `found` (n, 2).
 
     Column 0: the distance between `points`, which must be fitted to the pixels alone, minus the
     stated length, in metres. Column 1: its variance from the noise of the pixels, in square metres:
-    l^T (J_x J_x^T)^-1 l, where l is the gradient of the length. NaN if there is no bar.
+    l^T (J_x J_x^T)^-1 l, where l is the gradient of the length. NaN without a known length.
     """
-    lenses = set_distortion(q, DISTORTION, stated_lenses)
-    R, T, x = np.empty((3, 3)), np.empty(3), np.empty(OWN)
-    fill_pose(q, q[BASELINE], R, T)
-    derivatives, J, V = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS)), np.empty((OWN, OWN))
-    gradient = np.empty(OWN)
-    for f in range(len(pixels)):
-        found[f, 0] = found[f, 1] = np.nan
-        for i in range(OWN):
-            x[i] = points[f, i]
-        seen = pixels[f]
-        s = fill_residuals(q, R, T, lenses, seen, distances[f], weight, 1.0, x, derivatives, J)
-        if not s < np.inf:  # NaN without a bar or without points
+    lenses, cameras = set_distortion(q, DISTORTION, EACH, stated_lenses), len(R)
+    r, Jx, along = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3)), np.zeros(OWN + 1)
+    V, gradient, still = np.empty((6, 6)), np.empty(OWN), np.empty((0, cameras, 3))
+    for n in range(len(pixels)):
+        found[n, 0] = found[n, 1] = np.nan
+        if np.isnan(distances[n]) or np.isnan(points[n, 0]):
+            continue
+        s = fill_residuals(
+            q, R, lenses, pixels[n], still, distances[n], weight, 1.0, points[n], r, Jx, along
+        )
+        if not s < np.inf:
             continue
         for i in range(OWN):
-            gradient[i] = J[i, 8]
-            J[i, 8] = 0.0
-        normal_matrix(J, seen, V)
+            gradient[i] = along[i]
+        fill_normal_matrix(pixels[n], Jx, along, 0.0, V)
         if factor(V, 0.0):
             forward(V, gradient)
-            found[f, 0], found[f, 1] = J[ERRORS, 8], 0.0
+            found[n, 0], found[n, 1] = along[OWN], 0.0
             for i in range(OWN):
-                found[f, 1] += gradient[i] * gradient[i]
+                found[n, 1] += gradient[i] * gradient[i]
 
 
 @compiled
@@ -375,36 +561,3 @@ def excess_variance(squares: FloatArray, variances: FloatArray, left: float, thi
         else:
             high = middle
     return float(np.exp(0.5 * (low + high)))
-
-
-@compiled
-def fill_point_jacobians(
-    q: FloatArray,
-    stated_lenses: FloatArray,
-    weight: float,
-    points: FloatArray,
-    derivatives: FloatArray,
-) -> None:
-    """Write the derivatives of the pixels of points (n, 3), by the point and by q.
-
-    Args:
-        weight: 1 / sigma_px, by which the derivatives are multiplied.
-        derivatives: (n, 28, 4), written; NaN behind a camera.
-    """
-    lenses = set_distortion(q, DISTORTION, stated_lenses)
-    R, T, motions = np.empty((3, 3)), np.empty(3), np.empty((6, 3))
-    fill_pose(q, q[BASELINE], R, T)
-    fill_motions(q, R, motions)
-    work, J, x = np.empty((8, 5)), np.empty((ALL + 1, RESIDUALS)), np.zeros(OWN)
-    pixels = np.full((2, 4), np.nan)
-    for i in range(4):
-        pixels[0, i] = 0.0
-    for k in range(len(points)):
-        for j in range(3):
-            x[j] = points[k, j]
-        s = fill_residuals(q, R, T, lenses, pixels, 0.0, weight, 0.0, x, work, J)
-        fill_shared_derivatives(q, R, motions, lenses, True, pixels, 0.0, weight, 0.0, x, work, J)
-        for j in range(3 + SHARED):
-            row = j if j < 3 else OWN + j - 3
-            for i in range(4):
-                derivatives[k, j, i] = J[row, i] if s < np.inf else np.nan

@@ -45,7 +45,7 @@ def distort(
     """The distorted point (x', y') of a normalised point, and dx'/dx, dx'/dy, dy'/dx, dy'/dy.
 
     Args:
-        lenses: (2, 23): of each camera the skew, which is not used here, and `lens_terms`.
+        lenses: (c, 23): of each camera the skew, which is not used here, and `lens_terms`.
     """
     terms = lenses[camera, 1:]
     k1, k2, p1, p2, k3 = terms[0], terms[1], terms[2], terms[3], terms[4]
@@ -106,12 +106,12 @@ def distortion_derivatives(
 
 
 @internal
-def set_distortion(q: FloatArray, first: int, lenses: FloatArray) -> FloatArray:
-    """A copy of `lenses` (2, 23) with the k1, k2, p1, p2 that begin at q[first]."""
-    found = np.empty((2, TERMS + 1))
-    for camera in range(2):
+def set_distortion(q: FloatArray, first: int, each: int, lenses: FloatArray) -> FloatArray:
+    """A copy of `lenses` (c, 23) with the k1, k2, p1, p2 that begin at q[first + each * camera]."""
+    found = np.empty(lenses.shape)
+    for camera in range(len(lenses)):
         for i in range(TERMS + 1):
             found[camera, i] = lenses[camera, i]
         for i in range(4):
-            found[camera, 1 + i] = q[first + 4 * camera + i]
+            found[camera, 1 + i] = q[first + each * camera + i]
     return found

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.refined.adjustment import length_innovations, sum_normal_equations
-from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.solve import Solve
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -36,26 +34,9 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
         rows: mask (n,) of the rows of the data set; they need not be those that were fitted.
     """
     solve = Solve(result.dataset, result.pose, result.settings, rows)
-    weight, n = 1.0 / result.sigma_px.value, len(solve.points)
-    found, H = np.empty((n, 2)), np.empty((SHARED, SHARED))
-    sum_normal_equations(
-        result.q,
-        result.unknowns.free,
-        result.lenses,
-        solve.pixels,
-        solve.rays,
-        solve.distances,
-        weight,
-        0.0,
-        np.full(n, np.inf),
-        solve.points,
-        np.empty(n),
-        H,
-        np.empty(SHARED),
-    )
-    length_innovations(
-        result.q, result.lenses, solve.pixels, solve.distances, weight, solve.points, found
-    )
+    solve.sigma_px, n = result.sigma_px.value, len(solve.points)
+    _, H, _ = solve.sum_at(result.q, 0.0, np.full(n, np.inf), solve.points, np.empty(n))
+    found = solve.innovations(result.q, solve.points)
     frames = solve.frames[solve.frame_of]
     return Innovations(frames, found[:, 0], found[:, 1], solve.points.reshape(n, 2, 3), H)
 

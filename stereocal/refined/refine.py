@@ -351,7 +351,7 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
 
 def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResult:
     q = solve.q
-    seen = np.isfinite(solve.pixels[:, :, :1])
+    seen = np.isfinite(solve.pixels[:, :, 0, :1])
     return RefinedResult(
         dataset=solve.dataset,
         settings=solve.settings,

@@ -14,10 +14,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import chdtri, fdtri
 
-from stereocal.refined.adjustment import ROUGH_TOLERANCE, TOLERANCE, excess_variance
+from stereocal.refined.adjustment import (
+    ROUGH_TOLERANCE,
+    TOLERANCE,
+    adjust,
+    excess_variance,
+    length_innovations,
+    sum_normal_equations,
+)
 from stereocal.refined.unknowns import RefineSettings, Unknowns
+from stereocal.refined.views import OWN
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
@@ -53,15 +62,19 @@ class Noise:
 
 
 class RobustFit(ABC):
-    """A robust fit of frames, whatever a frame's residuals are.
+    """A robust fit of frames that N cameras see; a pair is the case of two.
 
-    A subclass sets the attributes, and computes the least squares.
+    A subclass sets the attributes: the arrays that the compiled code reads and writes. Those have a
+    row for each unit of points (`views`): a bar is one, the placing of an object several.
     """
 
     settings: RefineSettings
     unknowns: Unknowns
+    """Of free parameters p, and the shared unknowns q (Q,)."""
     frames: IntArray
     """(f,): the frame numbers."""
+    frame_of: IntArray
+    """(n,): index of the frame of each unit."""
     degrees_of_freedom: IntArray
     """(f,): of each frame's chi-square."""
     pixel_freedom: IntArray
@@ -70,43 +83,146 @@ class RobustFit(ABC):
     """(f, ...): variances of its pixels over those of recorded ones."""
     limit: FloatArray
     """(f,): the chi-square above which a frame is an outlier."""
+    share_of_limit: FloatArray
+    """(n,): that of each unit over that of its frame."""
+    lenses: FloatArray
+    """(c, 23), and the next ones (n, ...), as in `adjustment.sum_normal_equations`."""
+    pixels: FloatArray
+    rays: FloatArray
+    motion: FloatArray
+    distances: FloatArray
     points: FloatArray
+    of_units: FloatArray
+    """(n,): chi-squares of the units."""
     chi_squares: FloatArray
+    """(f,)."""
     H: FloatArray
+    """(Q, Q): normal equations of q, without priors."""
     sigma_px: float
     scatter: float
     smallest_scatter: float
     source_px: str
     source_scatter: str
-    outlying: BoolArray
-    is_near: bool
-    cost: float
+
+    R: FloatArray
+    """(c, 3, 3): of the last step."""
+    baselines: FloatArray
+    """(m, 4): as in `adjustment.add_baselines`."""
+
+    def _begin(self, unknowns: Unknowns) -> None:
+        """Set what every fit begins with, after the other attributes."""
+        self.start_with(unknowns, np.zeros(len(unknowns.names)))
+        self.points = np.full((len(self.pixels), OWN), np.nan)
+        self.of_units = np.full(len(self.pixels), np.inf)
+        self.chi_squares = np.full(len(self.frames), np.inf)
+        self.H = np.zeros((len(unknowns.origin),) * 2)
+        self.outlying = np.zeros(len(self.frames), dtype=np.bool_)
+        self.is_near = False
+        self.cost, self.steps, self.converged = np.inf, 0, False
+
+    def start_with(self, unknowns: Unknowns, p: FloatArray) -> None:
+        """Set the unknowns, and where their free parameters (k,) begin."""
+        self.unknowns, self.p = unknowns, p
+        self.turns = np.zeros(len(p), dtype=np.bool_)
+        B = self.views(unknowns.origin)[2]
+        M = np.abs(unknowns.M.T)
+        self.free: BoolArray = np.asarray((M if B is None else M @ np.abs(B)).any(axis=0))
+
+    @property
+    def q(self) -> FloatArray:
+        """(Q,): the shared unknowns."""
+        return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
     @property
     def has_parts(self) -> bool:
-        """Whether frames have parts, whose errors may be alike."""
-        return False
+        """Whether frames have several units, whose errors may be alike."""
+        return len(self.frame_of) > len(self.frames)
 
     @abstractmethod
+    def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """The unknowns (V,) of `views`, R (c, 3, 3), and the derivatives (Q, V) of the unknowns by
+        q; None if they are q."""
+
+    def by_frame(self, of_units: npt.ArrayLike) -> FloatArray:
+        """(f,): sums over the units of each frame."""
+        return np.bincount(self.frame_of, of_units, len(self.frames)).astype(np.float64)
+
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
-        """Minimise the cost with these limits of the loss; updates all results."""
+        """Minimise the cost with these limits (f,) of the loss; updates all results."""
+        H = np.empty((len(self.free),) * 2)
+        self.cost, steps, self.converged = adjust(
+            self.unknowns.origin,
+            np.ascontiguousarray(self.unknowns.M.T),
+            self.unknowns.precision,
+            self.p,
+            self.turns,
+            self.R,
+            self.free,
+            self.baselines,
+            self.lenses,
+            self.pixels,
+            self.rays,
+            self.motion,
+            self.distances,
+            1 / self.sigma_px,
+            1 / self.scatter,
+            limits[self.frame_of] * self.share_of_limit,
+            self.points,
+            self.of_units,
+            H,
+            tolerance,
+            self.settings.maximum_steps,
+        )
+        B = self.views(self.q)[2]
+        self.H[:] = H if B is None else B @ H @ B.T
+        self.chi_squares[:] = self.by_frame(self.of_units)
+        self.steps += steps
 
-    @abstractmethod
-    def _sum(
+    def sum_at(
         self,
+        q: FloatArray,
         length_weight: float,
         limits: FloatArray,
         points: FloatArray,
         chi_squares: FloatArray,
-        H: FloatArray,
-    ) -> None:
-        """Write points, chi-squares and normal equations at the present parameters."""
+        units: IntArray | slice = slice(None),
+        free: BoolArray | None = None,
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """Cost, H (Q, Q) and g (Q,) at q, as of `adjustment.sum_normal_equations`.
 
-    @abstractmethod
-    def _innovations(self, points: FloatArray) -> FloatArray:
-        """(m, 2): as of `adjustment.length_innovations`, without those of outlying frames."""
+        Args:
+            limits, points, chi_squares: of the units.
+            free: (V,): None for those that are not held fixed.
+        """
+        v, R, B = self.views(q)
+        H, g = np.empty((len(v), len(v))), np.empty(len(v))
+        cost = sum_normal_equations(
+            v,
+            R,
+            self.lenses,
+            self.free if free is None else free,
+            self.pixels[units],
+            self.rays[units],
+            self.motion[units] if len(self.motion) else self.motion,
+            self.distances[units],
+            1 / self.sigma_px,
+            length_weight,
+            limits,
+            points,
+            chi_squares,
+            H,
+            g,
+        )
+        return (cost, H, g) if B is None else (cost, B @ H @ B.T, B @ g)
 
-    @abstractmethod
+    def innovations(self, q: FloatArray, points: FloatArray) -> FloatArray:
+        """(n, 2): as of `adjustment.length_innovations`."""
+        (v, R, _), found = self.views(q), np.empty((len(points), 2))
+        length_innovations(
+            v, R, self.lenses, self.pixels, self.distances, 1 / self.sigma_px, points, found
+        )
+        return found
+
     def equations(
         self, q: FloatArray, groups: Sequence[IntArray]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -117,9 +233,23 @@ class RobustFit(ABC):
         Returns:
             H (g, Q, Q), J r (g, Q), and the costs (g,).
         """
+        n, count, every = len(groups), len(q), np.ones(len(self.free), dtype=np.bool_)
+        H, g, c = np.zeros((n, count, count)), np.zeros((n, count)), np.zeros(n)
+        for i, group in enumerate(groups):
+            own = np.flatnonzero(np.isin(self.frame_of, group)) if self.has_parts else group
+            points, size = np.full((len(own), OWN), np.nan), len(own)
+            c[i], H[i], g[i] = self.sum_at(
+                q, 1 / self.scatter, np.full(size, np.inf), points, np.empty(size), own, every
+            )
+        lost = ~np.isfinite(c)
+        H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
+        return H, g, c
 
     def _evaluate(self, limits: FloatArray) -> None:
-        self._sum(1 / self.scatter, limits, self.points, self.chi_squares, self.H)
+        """Points, chi-squares and H at the present parameters."""
+        own = limits[self.frame_of] * self.share_of_limit
+        _, self.H[:], _ = self.sum_at(self.q, 1 / self.scatter, own, self.points, self.of_units)
+        self.chi_squares[:] = self.by_frame(self.of_units)
 
     def run(self) -> bool:
         """Solve; return False if there is no solution with a frame that fits."""
@@ -183,9 +313,10 @@ class RobustFit(ABC):
         """
         if ESTIMATED not in (self.source_px, self.source_scatter):
             return True
-        points, chi_squares = self.points.copy(), np.empty(len(self.frames))
-        H = np.empty_like(self.H)
-        self._sum(0.0, np.where(self.outlying, 0.0, np.inf), points, chi_squares, H)
+        points, of_units = self.points.copy(), np.empty(len(self.points))
+        limits = np.where(self.outlying, 0.0, np.inf)[self.frame_of]
+        _, H, _ = self.sum_at(self.q, 0.0, limits, points, of_units)
+        chi_squares = self.by_frame(of_units)
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
@@ -199,7 +330,8 @@ class RobustFit(ABC):
                 return False
             self.sigma_px = max(self.sigma_px * float(np.sqrt(ratio)), SMALLEST_SIGMA_PX)
         if self.source_scatter == ESTIMATED:
-            found = self._innovations(points)
+            found = self.innovations(self.q, points)
+            found = found[np.isfinite(found[:, 0]) & ~self.outlying[self.frame_of]]
             self.scatter = max(
                 scatter_of(found[:, 0], found[:, 1], spent_m, robust), self.smallest_scatter
             )

@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.refined.adjustment import sum_normal_equations
-from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.refine import RefinedResult, refine, robust_start
 from stereocal.refined.solve import Solve
@@ -201,28 +199,15 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     solve = Solve(recorded, fit.pose, settings, fit.rows)
     unknowns = solve.unknowns
     p = np.append(fit.p, 0.0)
-    q, g = fit.q, np.empty(SHARED)
-    sum_normal_equations(
-        q,
-        unknowns.free,
-        solve.lenses,
-        solve.pixels,
-        solve.rays,
-        solve.distances,
-        1 / solve.sigma_px,
-        1 / solve.scatter,
-        np.where(fit.outlying[fit.frame_of], 0.0, np.inf),
-        solve.points,
-        np.empty(len(solve.points)),
-        solve.H,
-        g,
-    )
-    C = unknowns.covariance(solve.H)
+    limits = np.where(fit.outlying[fit.frame_of], 0.0, np.inf)
+    units = solve.points, np.empty(len(solve.points))
+    _, H, g = solve.sum_at(fit.q, 1 / solve.scatter, limits, *units)
+    C = unknowns.covariance(H)
     step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
     # Of what the offset does not explain: bars that are waved by cameras out of step have errors
     # that follow each other for that reason alone.
-    H, used = solve.H.copy(), np.flatnonzero(~fit.outlying)
-    effect = design_effect(solve, q, used, fit.clusters, step)
+    used = np.flatnonzero(~fit.outlying)
+    effect = design_effect(solve, fit.q, used, fit.clusters, step)
     sigma = np.sqrt(unknowns.covariance(H / effect)[-1, -1])
     assert recorded.time_offset is not None
     return MeasuredOffset(float(step[-1]), 0.0, recorded.time_offset.reference, float(sigma))

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.refined.adjustment import fill_point_jacobians
-from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.views import EACH, fill_jacobians
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
 
@@ -175,15 +175,13 @@ def point_errors(
     of the points by the shared unknowns; NaN behind a camera.
 
     Args:
-        q: (25,), and `lenses` (2, 23): as in `bar_fit`.
+        q: (25,): as of `bar_fit`; lenses: (2, 23): as in `views.fill_residuals`.
         sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
             both cameras.
         points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
-    jacobians = np.empty((len(points), 3 + SHARED, 4))
-    fill_point_jacobians(q, lenses, 1.0, points, jacobians)
-    by_point, by_shared = jacobians[:, :3].transpose(0, 2, 1), jacobians[:, 3:].transpose(0, 2, 1)
+    by_point, by_shared = point_jacobians(q, lenses, points)
     usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     own = np.full((len(points), 3, 3), np.nan)
     jacobian = np.full((len(points), 3, SHARED), np.nan)
@@ -195,3 +193,15 @@ def point_errors(
     own[usable] = weighted @ weighted.transpose(0, 2, 1)
     jacobian[usable] = -gain @ by_shared[usable]
     return own, jacobian
+
+
+def point_jacobians(
+    q: FloatArray, lenses: FloatArray, points_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the pixels of points (n, 3) by the points (n, 4, 3) and by the shared unknowns
+    (n, 4, 25); NaN behind a camera. Arguments as in `point_errors`."""
+    n, (v, R, B) = len(points_m), views_of(q)
+    by_point, by_views = np.empty((n, 2, 2, 3)), np.empty((n, 2, 2, EACH))
+    fill_jacobians(v, R, lenses, points_m, by_point, by_views)
+    by_shared = np.einsum("nckv,qcv->nckq", by_views, B[:, :-1].reshape(SHARED, 2, EACH))
+    return by_point.reshape(n, 4, 3), by_shared.reshape(n, 4, SHARED)

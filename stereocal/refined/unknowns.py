@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +21,7 @@ from stereocal.refined.bar_fit import (
     TIME,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset, check_uncertainty
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
@@ -147,11 +146,6 @@ class Unknowns:
     """(k,): standard deviations of the priors of p; infinite without a prior."""
     precision: FloatArray
     """(k, k): inverse of the covariance of the priors of p; 0 without a prior."""
-
-    @cached_property
-    def free(self) -> IntArray:
-        """The indices of the shared unknowns that are not held fixed."""
-        return np.flatnonzero(self.M.any(axis=1)).astype(np.int64)
 
     def covariance(self, information: FloatArray) -> FloatArray:
         """(k, k): covariance of p, from the priors and the information (25, 25) about q."""

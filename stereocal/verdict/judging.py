@@ -17,7 +17,7 @@ def photograph(
     q: FloatArray, stated_lenses: FloatArray, points: FloatArray, pixels: FloatArray
 ) -> None:
     """Write the pixels (n, 4), u and v of the primary and the secondary, of points (n, 3)."""
-    lenses = set_distortion(q, DISTORTION, stated_lenses)
+    lenses = set_distortion(q, DISTORTION, 4, stated_lenses)
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(q, q[BASELINE], R, T)
     for k in range(len(points)):
@@ -101,7 +101,7 @@ def judge(
     scale = np.empty((2, 3))
     for s in range(len(sets)):
         q = sets[s]
-        lenses = set_distortion(q, DISTORTION, stated_lenses)
+        lenses = set_distortion(q, DISTORTION, 4, stated_lenses)
         if not undistort_rays(q, lenses, pixels, rays, inverse_jacobians):
             for i in range(rays.shape[0]):
                 for k in range(rays.shape[1]):

@@ -18,10 +18,10 @@ from stereocal.network.placings import images_of, rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import RigSettings, camera_at
-from stereocal.network.views import EACH, fill_point_fits
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, shared_unknowns
+from stereocal.refined.views import EACH, fill_point_fits
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording

@@ -13,7 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import rig_notes, rig_sentence
-from stereocal.network.pair_of_rig import pair_covariance, pair_parameters
+from stereocal.network.pair_of_rig import pair_parameters
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
@@ -70,7 +70,7 @@ def test_a_pair_of_the_rig_is_nearer_to_the_truth_than_by_itself(
     true = truth.poses["c3"] @ truth.poses["c2"].inverse()
     assert own.camera_names == pair
     assert own.uncertainties is not None
-    sigma = np.sqrt(np.diag(pair_covariance(rig, pair)))[:6]
+    sigma = np.sqrt(np.diag(own.uncertainties["covariance"]["matrix"]))[:6]
     error = np.array([*own.pose.angles, own.pose.baseline])
     error -= np.array([*true.angles, true.baseline])
     assert np.sqrt(np.mean(np.square(error / sigma))) < 2.0

@@ -32,7 +32,7 @@ def sentence(check: Recheck) -> str:
             "px). Check that the pairs are right, and of the same cameras."
         )
     if check.changed:
-        return " ".join([_what_changed(check), *_since(check), *_repair(check)])
+        return " ".join([what_changed(check), *_since(check), *_repair(check)])
     return _same(check) if check.verdict == "same" else _cannot_tell(check)
 
 
@@ -107,7 +107,8 @@ def notes(check: Recheck) -> list[str]:
     return found
 
 
-def _what_changed(check: Recheck) -> str:
+def what_changed(check: Recheck) -> str:
+    """What happened, and by how much."""
     lenses = _refocused(check)
     if not check.pose_moved:
         also = (

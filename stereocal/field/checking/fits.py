@@ -106,7 +106,7 @@ class Fit(Solve):
         super().__init__(images.dataset, prior.rig.pose, settings)
         self.prior, self.change = prior, change
         known = prior.root.shape[1]
-        self.unknowns = Unknowns(
+        unknowns = Unknowns(
             names=(
                 *(f"prior {i}" for i in range(known)),
                 *(f"change {i}" for i in range(len(change))),
@@ -116,7 +116,7 @@ class Fit(Solve):
             sigma=np.concatenate([np.ones(known), change.sigma]),
             precision=block_diag(np.eye(known), np.diag(1.0 / change.sigma**2)),
         )
-        self.p = np.zeros(known + len(change))
+        self.start_with(unknowns, np.zeros(known + len(change)))
         left = len(change) - round(prior.degrees)
         self.set_limits(left)
 

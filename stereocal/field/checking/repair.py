@@ -79,7 +79,7 @@ def length_error(fit: Fit, sigma_px: float) -> float | None:
     """
     if not np.isfinite(fit.distances).any():
         return None
-    bars = np.isfinite(fit.distances) & ~fit.outlying
+    bars = np.isfinite(fit.distances) & ~fit.outlying[fit.frame_of]
     ends = fit.points[bars].reshape(-1, 3)
     a, b = ends[0::2], ends[1::2]
     sigmas = length_sigmas(fit.q, fit.lenses, sigma_px, fit.covariance, a, b)

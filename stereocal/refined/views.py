@@ -1,31 +1,34 @@
-"""Residuals of points seen by N cameras, and their normal equations, compiled.
+"""Points seen by N cameras: residuals, normal equations and their least squares, compiled.
 
-The unknowns `q` are, camera by camera, 15 values: a small rotation of the camera about its own axes
-(x_camera = exp(w) R x + T), T in metres, fx, fy, cx, cy, k1, k2, p1, p2, and by how many frames the
-camera is late; after those of all cameras the factor of the object's lengths. R is kept apart, and
-w is 0 after each step.
+The unknowns `q` are, camera by camera, 16 values: a small rotation of the camera about its own axes
+(x_camera = exp(w) R x + T), T in metres, fx, fy, cx, cy, k1, k2, p1, p2, by how many frames the
+camera is late, and by how many more per frame; after those of all cameras the factor of the
+object's lengths. R is kept apart, and w is 0 after each step. A pair has shared unknowns of its own
+(`bar_fit`), of which these are a function.
 
 Points come in units of two: the ends of a known length, or one point and nothing. Given q, units
-are independent, so that each is fitted and eliminated by itself. The residuals are those of the
-pair's adjustment (`refined.bar_fit`): pixels over sigma_px, and the length over the factor minus
-the stated one, over its scatter.
+are independent, so that each is fitted and eliminated by itself (Schur complement): time and memory
+grow linearly with their number. The residuals are pixels over sigma_px, and the length over the
+factor minus the stated one, over its scatter. Divided by the factor, a change of scale changes no
+residual. Else a smaller scene has smaller errors of lengths: with wide priors and 20,000 bars the
+least squares shrank it without end.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.adjustment import loss
-from stereocal.refined.distortion import distort, distortion_derivatives
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, compiled, internal
+from stereocal.refined.distortion import distort, distortion_derivatives, set_distortion
+from stereocal.rig.compiled import FloatArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 
-EACH = 15
-TRANSLATION, LENS, DISTORTION, TIME = 3, 6, 10, 14
+EACH = 16
+TRANSLATION, LENS, DISTORTION, TIME, DRIFT = 3, 6, 10, 14, 15
 OWN = 6
-MAXIMUM_STEPS = 15
-TOLERANCE = 1e-7
-"""As `bar_fit.TOLERANCE`: relative reduction of a unit's sum of squares."""
+MAXIMUM_STEPS = 12
+TOLERANCE = 1e-6
+"""Relative reduction of a unit's sum of squares by a step, below which its points have converged
+(measured: the remaining reduction is below 1e-9)."""
 
 
 @internal
@@ -47,9 +50,10 @@ def fill_residuals(
 
     Args:
         R: (c, 3, 3).
-        lenses: (c, 23), as in `bar_fit.fill_residuals`, with the k1, k2, p1, p2 of q.
+        lenses: (c, 23): skew and `distortion.lens_terms`, with the k1, k2, p1, p2 of q.
         pixels: (2, c, 2); NaN where a camera does not see a point.
-        motion: (2, c, 2): velocities in pixels per frame; empty if the times are known.
+        motion: (2, c, 3): velocities in pixels per frame, and the frame from which the drift
+            counts; empty if the cameras are in step.
         x: (6,): both points in the reference's frame.
         r: (2, c, 2) and Jx (2, c, 2, 3), written where there are pixels.
         along: (7,), written: the derivatives of the length's residual by x, and the residual.
@@ -70,8 +74,9 @@ def fill_residuals(
             bx, by, xx, xy, yx, yy = distort(nx, ny, lenses, c)
             u, v = pixels[e, c, 0], pixels[e, c, 1]
             if len(motion):
-                u -= q[at + TIME] * motion[e, c, 0]
-                v -= q[at + TIME] * motion[e, c, 1]
+                late = q[at + TIME] + q[at + DRIFT] * motion[e, c, 2]
+                u -= late * motion[e, c, 0]
+                v -= late * motion[e, c, 1]
             r[e, c, 0] = weight * (fx * bx + skew * by + q[at + LENS + 2] - u)
             r[e, c, 1] = weight * (fy * by + q[at + LENS + 3] - v)
             total += r[e, c, 0] ** 2 + r[e, c, 1] ** 2
@@ -259,12 +264,14 @@ def fill_shared(
     weight: float,
     x: FloatArray,
     Jx: FloatArray,
+    bent: bool,
     by_lens: FloatArray,
     Js: FloatArray,
 ) -> None:
-    """Write the derivatives by the unknowns of the cameras, (2, c, 2, 15), after `fill_residuals`.
+    """Write the derivatives by the unknowns of the cameras, (2, c, 2, 16), after `fill_residuals`.
 
     Args:
+        bent: whether those by the distortion are wanted; else they stay as they are.
         by_lens: (2, 4), for work.
     """
     for e in range(2):
@@ -289,6 +296,9 @@ def fill_shared(
                 row[6], row[7] = weight * bx * (1 - k), weight * by * k
                 row[8], row[9] = weight * (1 - k), weight * k
                 row[TIME] = weight * motion[e, c, k] if len(motion) else 0.0
+                row[DRIFT] = row[TIME] * motion[e, c, 2] if len(motion) else 0.0
+            if not bent:
+                continue
             distortion_derivatives(nx, ny, lenses, c, by_lens)
             fx, fy = q[at + LENS], q[at + LENS + 1]
             for i in range(4):
@@ -296,243 +306,6 @@ def fill_shared(
                     fx * by_lens[0, i] + lenses[c, 0] * by_lens[1, i]
                 )
                 Js[e, c, 1, DISTORTION + i] = weight * fy * by_lens[1, i]
-
-
-@internal
-def eliminate(
-    q: FloatArray,
-    pixels: FloatArray,
-    distance: float,
-    length_weight: float,
-    r: FloatArray,
-    Jx: FloatArray,
-    Js: FloatArray,
-    along: FloatArray,
-    L: FloatArray,
-    w: float,
-    free: BoolArray,
-    index: IntArray,
-    Y: FloatArray,
-    H: FloatArray,
-    g: FloatArray,
-) -> None:
-    """Add w times the Schur complement of a unit to H (lower half) and g (see `adjustment`).
-
-    Args:
-        L: Cholesky's factor of `fill_normal_matrix`.
-        index: (Q,), Y: (Q + 1, 6), for work.
-    """
-    last = len(q) - 1
-    count = active_unknowns(pixels, length_weight, free, index)
-    by_factor = -(along[OWN] + length_weight * distance) / q[last]
-    fill_gradient(pixels, r, Jx, along, length_weight, Y[last + 1])
-    forward(L, Y[last + 1])
-    for n in range(count):
-        a = index[n]
-        c = a // EACH
-        own = Y[a]
-        if a == last:
-            total = along[OWN] * by_factor
-            for j in range(OWN):
-                own[j] = along[j] * by_factor
-        else:
-            total = project(pixels, r, Jx, Js, c, a - EACH * c, own)
-        forward(L, own)
-        for j in range(OWN):
-            total -= own[j] * Y[last + 1, j]
-        g[a] += w * total
-        for m in range(n + 1):
-            b = index[m]
-            total = 0.0
-            if a == last:
-                total = by_factor * by_factor if b == last else 0.0
-            elif b // EACH == c:
-                total = product(pixels, Js, c, a - EACH * c, b - EACH * c)
-            for j in range(OWN):
-                total -= own[j] * Y[b, j]
-            H[a, b] += w * total
-
-
-@internal
-def active_unknowns(
-    pixels: FloatArray, length_weight: float, free: BoolArray, index: IntArray
-) -> int:
-    """Write the unknowns that a unit depends on to `index`, ascending, and return their number."""
-    count = 0
-    for c in range(pixels.shape[1]):
-        if np.isnan(pixels[0, c, 0]) and np.isnan(pixels[1, c, 0]):
-            continue
-        for i in range(EACH):
-            if free[EACH * c + i]:
-                index[count] = EACH * c + i
-                count += 1
-    if length_weight > 0.0 and free[len(free) - 1]:
-        index[count] = len(free) - 1
-        count += 1
-    return count
-
-
-@internal
-def project(
-    pixels: FloatArray,
-    r: FloatArray,
-    Jx: FloatArray,
-    Js: FloatArray,
-    c: int,
-    i: int,
-    own: FloatArray,
-) -> float:
-    """Write Jx^T times an unknown's column of Js to `own` (6,); return the column times r."""
-    total = 0.0
-    own[:] = 0.0
-    for e in range(2):
-        if not np.isnan(pixels[e, c, 0]):
-            for k in range(2):
-                s = Js[e, c, k, i]
-                total += s * r[e, c, k]
-                for j in range(3):
-                    own[3 * e + j] += s * Jx[e, c, k, j]
-    return total
-
-
-@internal
-def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float:
-    """The product of two columns of a camera's Js."""
-    total = 0.0
-    for e in range(2):
-        if not np.isnan(pixels[e, c, 0]):
-            total += Js[e, c, 0, i] * Js[e, c, 0, j] + Js[e, c, 1, i] * Js[e, c, 1, j]
-    return total
-
-
-@compiled
-def sum_normal_equations(
-    q: FloatArray,
-    R: FloatArray,
-    stated_lenses: FloatArray,
-    free: BoolArray,
-    of_frame: IntArray,
-    pixels: FloatArray,
-    rays: FloatArray,
-    motion: FloatArray,
-    distances: FloatArray,
-    weight: float,
-    length_weight: float,
-    limits: FloatArray,
-    points: FloatArray,
-    chi_squares: FloatArray,
-    H: FloatArray,
-    g: FloatArray,
-) -> float:
-    """Fit the points of all units, sum the normal equations, and return the cost.
-
-    Args:
-        free: (Q,): which unknowns are not held fixed; H and g are 0 for the others.
-        of_frame: (n,): the frame of each unit.
-        pixels, rays: (n, 2, c, 2); motion: the same, or empty.
-        distances: (n,): in metres; NaN without a known length.
-        limits: (f,): of `adjustment.loss`, by frame.
-        points: (n, 6), updated; NaN where first points are needed.
-        chi_squares: (f,), H (Q, Q) and g (Q,): written.
-    """
-    cameras, unknowns = len(R), len(q)
-    lenses = lenses_at(q, stated_lenses)
-    r, Jx = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3))
-    Js, along = np.zeros((2, cameras, 2, EACH)), np.zeros(OWN + 1)
-    V, small, work, by_lens = np.empty((6, 6)), np.empty((3, 3)), np.empty((2, 6)), np.empty((2, 4))
-    index, Y = np.empty(unknowns, np.int64), np.empty((unknowns + 1, OWN))
-    H[:] = 0.0
-    g[:] = 0.0
-    chi_squares[:] = 0.0
-    still = np.empty((0, cameras, 2))
-    for n in range(len(pixels)):
-        own = 0.0 if np.isnan(distances[n]) else length_weight
-        moving = motion[n] if len(motion) else still
-        start_unit(R, q, rays[n], points[n], small)
-        s = fit_unit(
-            q,
-            R,
-            lenses,
-            pixels[n],
-            moving,
-            distances[n],
-            weight,
-            own,
-            points[n],
-            r,
-            Jx,
-            along,
-            V,
-            work,
-        )
-        chi_squares[of_frame[n]] += s
-        if not s < np.inf:
-            points[n] = np.nan
-    cost = 0.0
-    for f in range(len(limits)):
-        cost += loss(chi_squares[f], limits[f])[0]
-    for n in range(len(pixels)):
-        f = of_frame[n]
-        w = loss(chi_squares[f], limits[f])[1]
-        if not (w > 0.0 and chi_squares[f] < np.inf):
-            continue
-        own = 0.0 if np.isnan(distances[n]) else length_weight
-        moving = motion[n] if len(motion) else still
-        fill_residuals(
-            q, R, lenses, pixels[n], moving, distances[n], weight, own, points[n], r, Jx, along
-        )
-        fill_shared(q, R, lenses, pixels[n], moving, weight, points[n], Jx, by_lens, Js)
-        fill_normal_matrix(pixels[n], Jx, along, own, V)
-        if factor(V, 0.0):
-            eliminate(q, pixels[n], distances[n], own, r, Jx, Js, along, V, w, free, index, Y, H, g)
-    for i in range(unknowns):
-        for j in range(i):
-            H[j, i] = H[i, j]
-    return cost
-
-
-@internal
-def lenses_at(q: FloatArray, stated: FloatArray) -> FloatArray:
-    """A copy of the stated lenses (c, 23) with the k1, k2, p1, p2 of q."""
-    lenses = stated.copy()
-    for c in range(len(stated)):
-        for i in range(4):
-            lenses[c, 1 + i] = q[EACH * c + DISTORTION + i]
-    return lenses
-
-
-@compiled
-def length_innovations(
-    q: FloatArray,
-    R: FloatArray,
-    stated_lenses: FloatArray,
-    pixels: FloatArray,
-    distances: FloatArray,
-    weight: float,
-    points: FloatArray,
-    found: FloatArray,
-) -> None:
-    """As `adjustment.length_innovations`, of units of N views: `found` (n, 2), written."""
-    lenses, cameras = lenses_at(q, stated_lenses), len(R)
-    r, Jx, along = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3)), np.zeros(OWN + 1)
-    V, gradient, still = np.empty((6, 6)), np.empty(OWN), np.empty((0, cameras, 2))
-    for n in range(len(pixels)):
-        found[n, 0] = found[n, 1] = np.nan
-        if np.isnan(distances[n]) or np.isnan(points[n, 0]):
-            continue
-        s = fill_residuals(
-            q, R, lenses, pixels[n], still, distances[n], weight, 1.0, points[n], r, Jx, along
-        )
-        if not s < np.inf:
-            continue
-        for i in range(OWN):
-            gradient[i] = along[i]
-        fill_normal_matrix(pixels[n], Jx, along, 0.0, V)
-        if factor(V, 0.0):
-            forward(V, gradient)
-            found[n, 0], found[n, 1] = along[OWN], 0.0
-            for i in range(OWN):
-                found[n, 1] += gradient[i] * gradient[i]
 
 
 @compiled
@@ -556,13 +329,13 @@ def fill_point_fits(
         by_shared: (n, 3, Q), written: derivatives of the points by the unknowns; or empty.
     """
     cameras = len(R)
-    lenses = lenses_at(q, stated_lenses)
+    lenses = set_distortion(q, DISTORTION, EACH, stated_lenses)
     r, Jx = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3))
     Js, along = np.zeros((2, cameras, 2, EACH)), np.zeros(OWN + 1)
     V, small, work, by_lens = np.empty((6, 6)), np.empty((3, 3)), np.empty((2, 6)), np.empty((2, 4))
     x, b = np.empty(OWN), np.empty(OWN)
     seen, ray = np.full((2, cameras, 2), np.nan), np.full((2, cameras, 2), np.nan)
-    still = np.empty((0, cameras, 2))
+    still = np.empty((0, cameras, 3))
     for n in range(len(pixels)):
         points[n], residuals[n], covariances[n] = np.nan, np.nan, np.nan
         if len(by_shared):
@@ -587,7 +360,7 @@ def fill_point_fits(
             backward(V, b)
             covariances[n, :, j] = b[:3]
         if len(by_shared):
-            fill_shared(q, R, lenses, seen, still, 1.0, x, Jx, by_lens, Js)
+            fill_shared(q, R, lenses, seen, still, 1.0, x, Jx, True, by_lens, Js)
             fill_point_derivatives(seen[0], Jx[0], Js[0], covariances[n], by_shared[n])
 
 
@@ -607,3 +380,38 @@ def fill_point_derivatives(
                     gain += covariance[j, m] * Jx[c, k, m]
                 for i in range(EACH):
                     by[j, EACH * c + i] -= gain * Js[c, k, i]
+
+
+@compiled
+def fill_jacobians(
+    q: FloatArray,
+    R: FloatArray,
+    stated_lenses: FloatArray,
+    points: FloatArray,
+    by_point: FloatArray,
+    by_shared: FloatArray,
+) -> None:
+    """Write the derivatives of the pixels of points (n, 3) in all cameras, NaN behind a camera.
+
+    Args:
+        by_point: (n, c, 2, 3).
+        by_shared: (n, c, 2, 16): by the unknowns of each camera.
+    """
+    lenses, cameras = set_distortion(q, DISTORTION, EACH, stated_lenses), len(R)
+    pixels, still = np.full((2, cameras, 2), np.nan), np.empty((0, cameras, 3))
+    pixels[0] = 0.0
+    r, Jx, Js = (
+        np.zeros((2, cameras, 2)),
+        np.zeros((2, cameras, 2, 3)),
+        np.zeros((2, cameras, 2, EACH)),
+    )
+    x, along, by_lens = np.zeros(OWN), np.empty(OWN + 1), np.empty((2, 4))
+    for n in range(len(points)):
+        for i in range(3):
+            x[i] = points[n, i]
+        s = fill_residuals(q, R, lenses, pixels, still, 0.0, 1.0, 0.0, x, r, Jx, along)
+        if s < np.inf:
+            fill_shared(q, R, lenses, pixels, still, 1.0, x, Jx, True, by_lens, Js)
+            by_point[n], by_shared[n] = Jx[0], Js[0]
+        else:
+            by_point[n], by_shared[n] = np.nan, np.nan

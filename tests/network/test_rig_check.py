@@ -1,0 +1,86 @@
+"""Which camera of a rig has moved: `check` with rig.json."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.commands.boards import write_recording
+from stereocal.errors import StereocalError
+from stereocal.field.checking.rig_check import check_rig, rig_sentence
+from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.placings import rows_where
+from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.rig.recording import Recording
+from stereocal.simulation.several import SimulatedRig, simulated_rig
+from tests.network.test_wrong_rigs import bumped
+
+
+@pytest.fixture(scope="module")
+def truth() -> SimulatedRig:
+    return simulated_rig(np.random.default_rng(11), 4, 240)
+
+
+@pytest.fixture(scope="module")
+def rig(truth: SimulatedRig) -> RigFile:
+    return rig_file(calibrate_rig(rows_where(truth.recording, truth.recording.frame < 160)))
+
+
+def later(recording: Recording) -> Recording:
+    return rows_where(recording, recording.frame >= 160)
+
+
+def test_nothing_has_moved(truth: SimulatedRig, rig: RigFile) -> None:
+    found = check_rig(rig, later(truth.recording))
+    assert found.verdict != "moved"
+    assert found.explanations == ((),)
+    assert found.moved == ()
+
+
+@pytest.mark.parametrize("name", ["c1", "c3"])
+def test_a_turned_camera_is_named(truth: SimulatedRig, rig: RigFile, name: str) -> None:
+    # 0.1 degree is 2 px in the image, against 0.3 px of noise
+    found = check_rig(rig, later(bumped(truth, name, 0.1, 160)))
+    assert found.verdict == "moved"
+    assert found.moved == (name,)
+    assert f"the camera {name}" in rig_sentence(found)
+
+
+def test_two_turned_cameras_are_named(truth: SimulatedRig, rig: RigFile) -> None:
+    once = replace(truth, recording=bumped(truth, "c1", 0.2, 160))
+    found = check_rig(rig, later(bumped(once, "c4", -0.2, 160)))
+    assert found.moved == ("c1", "c4")
+
+
+def test_of_two_cameras_it_cannot_be_told_which(truth: SimulatedRig, rig: RigFile) -> None:
+    found = check_rig(rig, of_cameras(later(bumped(truth, "c2", 0.2, 160)), ["c2", "c3"]))
+    assert found.verdict == "moved"
+    assert found.moved == ()
+    assert found.explanations == (("c2",), ("c3",))
+    assert "cannot be told which" in rig_sentence(found)
+
+
+def test_other_cameras_cannot_be_checked(truth: SimulatedRig, rig: RigFile) -> None:
+    rows = later(truth.recording)
+    names = dict(zip(["a", "b", "c", "d"], rows.cameras.values(), strict=True))
+    with pytest.raises(StereocalError, match="no pair of the rig's cameras"):
+        check_rig(rig, replace(rows, cameras=names))
+
+
+def test_the_command_takes_a_rig(
+    truth: SimulatedRig, rig: RigFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "rig.json").write_text(rig.dumps(), encoding="utf-8")
+    write_recording(tmp_path / "new", later(bumped(truth, "c2", 0.2, 160)))
+    arguments = ["check", str(tmp_path / "rig.json"), str(tmp_path / "new")]
+    assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
+    answer = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
+    assert answer["verdict"] == "moved"
+    assert answer["cameras_moved"] == ["c2"]
+    assert {*answer["pairs"]} == {"c1-c2", "c1-c3", "c1-c4", "c2-c3", "c2-c4", "c3-c4"}
+    assert "Moved or refocused: the camera c2." in capsys.readouterr().out
