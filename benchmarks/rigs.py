@@ -1,29 +1,36 @@
 """Rigs of three and four cameras: are the stated errors true, and how does a joint adjustment in
 SciPy compare?
 
-    python -m benchmarks.rigs [truth|scipy|size] [--rigs N] [--cameras 3] [--frames 100]
+    python -m benchmarks.rigs [truth|scipy|size|real] [--rigs N] [--cameras 3] [--frames 100]
 
 - truth: root mean square of the errors of poses over the stated ones, of simulated rigs;
 - scipy: held-out px and time against one `least_squares` with the same unknowns and priors, finite
   differences with the structure of the Jacobian;
-- size: seconds of 4 cameras with 400 frames, and of 9 with 450.
+- size: seconds of 4 cameras with 400 frames, and of 9 with 450;
+- real: eWand's cameras 1, 2, 3 (STEREOCAL_REAL_DATA), beside SciPy and, in the venv of
+  `benchmarks.peers`, aniposelib and Caliscope.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
+from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.several_views import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import placings_of, rows_where
+from stereocal.network.placings import images_of, placings_of, rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
@@ -32,6 +39,7 @@ from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
 from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
 
 LENS = LensPrior(*LENS_ERRORS)
@@ -93,7 +101,7 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
     )
 
 
-def joint(rig: RigCalibration) -> tuple[list[Pose], list[Camera]]:
+def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
     """One `least_squares` over poses, lenses, factor of lengths, and all points."""
     own = placings_of(rig.recording)
     count = len(rig.names)
@@ -104,7 +112,7 @@ def joint(rig: RigCalibration) -> tuple[list[Pose], list[Camera]]:
     measured = own.pixels[unit, end, camera]
     stated = list(rig.recording.cameras.values())
     noise = rig.fit.sigma_px
-    sigma = np.array([LENS.focal, LENS.centre_px, LENS.centre_px] * count + [DEFAULT_DISTANCE])
+    sigma = np.array([lens.focal, lens.centre_px, lens.centre_px] * count + [DEFAULT_DISTANCE])
 
     def posed(x: FloatArray) -> list[Pose]:
         poses = [Pose(np.eye(3), np.zeros(3))]
@@ -178,6 +186,79 @@ def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera
     return float(np.sqrt(found.chi_square.sum() / np.isfinite(pixels[..., 0]).sum()))
 
 
+def real(folder: str) -> None:
+    """A recording of three cameras: even frames fitted, odd ones tested, by all programs."""
+    recording = replace(read_recording(folder), baselines_m={})
+    even, odd = (rows_where(recording, recording.frame % 2 == k) for k in (0, 1))
+    calibrate_rig(even)  # compiles
+    began = time.perf_counter()
+    rig = calibrate_rig(even)
+    ours_s = time.perf_counter() - began
+    stated = dict(recording.cameras)
+    fused = dict(zip(rig.names, rig.fused.poses, strict=True))
+    _tested("stereocal", odd, rig.cameras, rig.poses, ours_s)
+    ends = rows_where(even, even.target != 1)
+    without = calibrate_rig(ends)
+    _tested("stereocal, without the middle marker", odd, without.cameras, without.poses, 0.0)
+    began = time.perf_counter()
+    poses, lenses = joint(rig, LensPrior())
+    _tested(
+        "SciPy, from the fused pairs",
+        odd,
+        dict(zip(rig.names, lenses, strict=True)),
+        dict(zip(rig.names, poses, strict=True)),
+        time.perf_counter() - began,
+    )
+    with contextlib.suppress(ImportError):
+        from benchmarks.peers import aniposelib
+
+        for name, cameras in (("stated", stated), ("stereocal's", rig.cameras)):
+            began = time.perf_counter()
+            own = aniposelib.solve_rig(replace(even, cameras=cameras), list(fused.values()))
+            spent = time.perf_counter() - began
+            _tested(f"aniposelib, {name} lenses, from the fused pairs", odd, cameras, own, spent)
+    with contextlib.suppress(ImportError):
+        from benchmarks.peers import caliscope
+
+        began = time.perf_counter()
+        found = caliscope.solve_rig(even)
+        spent = time.perf_counter() - began
+        lens = {name: camera for name, (camera, _) in found.items()}
+        _tested("Caliscope", odd, lens, {name: pose for name, (_, pose) in found.items()}, spent)
+
+
+def _tested(
+    program: str,
+    recording: Recording,
+    cameras: Mapping[str, Camera],
+    poses: Mapping[str, Pose],
+    spent_s: float,
+) -> None:
+    """Print px of the ends and of the middle marker, and length errors, of the best 98 %."""
+    names = list(cameras)
+    covariance = np.zeros((EACH * len(names) + 1,) * 2)
+    fitter = ViewFitter(RigFile(cameras, poses, dict.fromkeys(names, 0.0), covariance, 1.0, {}))
+    _, pixels = images_of(recording)
+    pixels = pixels[(np.isfinite(pixels[..., 0]).sum(axis=2) > 2).all(axis=1)]
+    flat = pixels.reshape(-1, len(names), 2)
+    found = fitter.fit(flat, fitter.rays(flat))
+    squares = (found.chi_square / np.isfinite(flat[..., 0]).sum(axis=1)).reshape(pixels.shape[:2])
+    points, own = found.xyz.reshape(*pixels.shape[:2], 3), recording.object
+    lengths = ", ".join(
+        f"{own.names[i]}-{own.names[j]} {100 * _best(np.abs(error)).mean():.3f} %"
+        for i, j in combinations(range(len(own.names)), 2)
+        for error in [np.linalg.norm(points[:, i] - points[:, j], axis=1) / own.distances[i, j] - 1]
+    )
+    px, middle = (
+        np.sqrt(_best(some.ravel()).mean()) for some in (squares[:, [0, -1]], squares[:, 1])
+    )
+    print(f"{program}: {px:.3f} px, middle {middle:.3f} px, {lengths}, {spent_s:.2f} s")
+
+
+def _best(values: FloatArray) -> FloatArray:
+    return np.sort(np.nan_to_num(values, nan=np.inf))[: int(0.98 * len(values))]
+
+
 def size() -> None:
     """Seconds from points to the content of rig.json."""
     for cameras, frames in ((3, 60), (4, 400), (9, 450)):
@@ -193,7 +274,7 @@ def size() -> None:
 def main() -> None:
     """The parts that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", nargs="?", choices=("truth", "scipy", "size"))
+    parser.add_argument("part", nargs="?", choices=("truth", "scipy", "size", "real"))
     parser.add_argument("--rigs", type=int, default=12)
     parser.add_argument("--cameras", type=int, default=3)
     parser.add_argument("--frames", type=int, default=100)
@@ -205,6 +286,8 @@ def main() -> None:
         scipy(*shape)
     if parsed.part in (None, "size"):
         size()
+    if parsed.part == "real":
+        real(f"{os.environ['STEREOCAL_REAL_DATA']}/ewand123")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -13,34 +14,46 @@ from aniposelib.cameras import CameraGroup
 
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
+from stereocal.network.placings import images_of
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import triangulate_rays
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
 
 
 def solve(dataset: Dataset) -> Solution:
-    """From OpenCV's robust pose; the lenses are held.
+    """Of two cameras, from OpenCV's robust pose."""
+    start = opencv.solve(dataset)
+    poses = [Pose(np.eye(3), np.zeros(3)), Pose(start.R, start.T)]
+    first, second = solve_rig(Recording.of_pair(dataset), poses).values()
+    pose = second @ first.inverse()
+    return Solution(pose.R, pose.T, (dataset.primary, dataset.secondary))
+
+
+def solve_rig(recording: Recording, start: Sequence[Pose]) -> dict[str, Pose]:
+    """The poses of N cameras, from first ones; the lenses are held.
 
     Its way to free a lens makes fx = fy and sets k3, p1, p2 to 0, which no lens here obeys.
     """
     np.random.seed(0)  # noqa: NPY002  # aniposelib draws from the global generator
-    start = opencv.solve(dataset)
     cameras = CameraGroup(
         [
-            _camera("primary", dataset.primary, np.eye(3), np.zeros(3)),
-            _camera("secondary", dataset.secondary, start.R, start.T),
+            _camera(name, camera, pose.R, pose.T)
+            for (name, camera), pose in zip(recording.cameras.items(), start, strict=True)
         ]
     )
-    rows = dataset.correspondences
-    points = np.stack([rows.primary, rows.secondary])
+    frames, pixels = images_of(recording)
+    seen = np.argwhere(np.isfinite(pixels[..., 0]).sum(axis=2) > 1)
+    points = np.moveaxis(pixels[tuple(seen.T)], 1, 0)
     with contextlib.redirect_stdout(io.StringIO()):
-        cameras.bundle_adjust_iter(points, _boards(dataset, start), only_extrinsics=True)
-    (R0, T0), (R1, T1) = (
-        (cv2.Rodrigues(one.get_rotation())[0], one.get_translation()) for one in cameras.cameras
-    )
-    R = np.asarray(R1 @ R0.T)
-    return Solution(R, T1 - R @ T0, (dataset.primary, dataset.secondary))
+        placed = cameras.triangulate(points)
+        boards = _boards(recording, frames[seen[:, 0]], seen[:, 1], placed, start)
+        cameras.bundle_adjust_iter(points, boards, only_extrinsics=True)
+    return {
+        name: Pose(cv2.Rodrigues(own.get_rotation())[0], np.asarray(own.get_translation()))
+        for name, own in zip(recording.cameras, cameras.cameras, strict=True)
+    }
 
 
 def _camera(name: str, camera: Camera, R: FloatArray, T: FloatArray) -> AniposeCamera:
@@ -54,25 +67,28 @@ def _camera(name: str, camera: Camera, R: FloatArray, T: FloatArray) -> AniposeC
     )
 
 
-def _boards(dataset: Dataset, start: Solution) -> dict[str, Any]:
-    """Each frame's bar as a board: A at its origin, B on its x axis, and where it starts."""
-    rows = dataset.correspondences
-    n = len(rows)
-    points = triangulate_rays(start.R, start.T, dataset.rays)
-    known = np.isfinite(points).all(axis=1)
-    points[~known] = np.median(points[known], axis=0)
-    shape = np.zeros((n, 3))
-    shape[rows.target == 1, 0] = dataset.target_distance_m
-    rotations, places = np.zeros((2, n, 3)), np.zeros((2, n, 3))
+def _boards(
+    recording: Recording,
+    frame: IntArray,
+    target: IntArray,
+    points: FloatArray,
+    start: Sequence[Pose],
+) -> dict[str, Any]:
+    """Each frame's bar as a board, its points in their own frame, and where it starts."""
+    n, (first, last) = len(points), recording.object.longest
+    known = np.asarray(np.isfinite(points).all(axis=1))
+    points = np.where(known[:, None], points, np.median(points[known], axis=0))
+    shape = recording.object.points[target]
+    rotations, places = np.zeros((len(start), n, 3)), np.zeros((len(start), n, 3))
     for i in range(n):
-        ends = [points[(rows.frame == rows.frame[i]) & (rows.target == t)] for t in (0, 1)]
+        ends = [points[(frame == frame[i]) & (target == t)] for t in (first, last)]
         a = ends[0][0] if len(ends[0]) else points[i]
         b = ends[1][0] if len(ends[1]) else points[i] + [1.0, 0.0, 0.0]
         turn = _turn_to(b - a)
-        for camera, R, T in ((0, np.eye(3), np.zeros(3)), (1, start.R, start.T)):
-            rotations[camera, i] = cv2.Rodrigues(R @ turn)[0].ravel()
-            places[camera, i] = R @ a + T
-    return {"ids": rows.frame.copy(), "objp": shape, "rvecs": rotations, "tvecs": places}
+        for camera, pose in enumerate(start):
+            rotations[camera, i] = cv2.Rodrigues(pose.R @ turn)[0].ravel()
+            places[camera, i] = pose.apply(a)
+    return {"ids": frame.copy(), "objp": shape, "rvecs": rotations, "tvecs": places}
 
 
 def _turn_to(along: FloatArray) -> FloatArray:

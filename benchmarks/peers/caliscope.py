@@ -1,12 +1,13 @@
 """Caliscope: its extrinsic calibration with the bar as one constraint of length, no window opened.
 
-Each frame is an object of two points without known shape, so Caliscope starts from an essential
-matrix; a `DistanceConstraint` holds the length in its bundle adjustment.
+Each frame is an object of points without known shape, so Caliscope starts from essential matrices;
+a `DistanceConstraint` holds each length in its bundle adjustment.
 """
 
 from __future__ import annotations
 
 import logging
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -18,33 +19,46 @@ from caliscope.core.point_data import ImagePoints
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
 
 SIGMA_M = 0.002
 """Caliscope's own default for a measured distance."""
 
 
 def solve(dataset: Dataset) -> Solution:
+    """Of two cameras."""
+    found = solve_rig(Recording.of_pair(dataset))
+    (first, start), (second, end) = found.values()
+    pose = end @ start.inverse()
+    return Solution(pose.R, pose.T, (first, second))
+
+
+def solve_rig(recording: Recording) -> dict[str, tuple[Camera, Pose]]:
     """Its whole run: start, adjustment, robust adjustment, worst 2.5 % left out, adjustment.
 
     Lenses are freed (one focal factor, k1, k2) where Caliscope's depth test allows.
     """
     logging.getLogger("caliscope").setLevel(logging.ERROR)
-    cameras = (dataset.primary, dataset.secondary)
+    cameras, distances = [*recording.cameras.values()], recording.object.distances
+    lengths = tuple(
+        DistanceConstraint(0, i, 0, j, float(distances[i, j]), SIGMA_M)
+        for i, j in combinations(np.unique(recording.target).tolist(), 2)
+    )
     run = calibrate_extrinsics(
-        ImagePoints(_table(dataset)),
+        ImagePoints(_table(recording)),
         CameraArray({i: _camera(i, camera) for i, camera in enumerate(cameras)}),
-        ConstraintSet(
-            (DistanceConstraint(0, 0, 0, 1, dataset.target_distance_m, SIGMA_M),), frozenset()
-        ),
+        ConstraintSet(lengths, frozenset()),
     )
-    found = [run.capture_volume.camera_array.cameras[i] for i in (0, 1)]
-    R = np.asarray(found[1].rotation @ found[0].rotation.T)
-    T = np.asarray(found[1].translation - R @ found[0].translation).ravel()
-    first, second = (
-        Camera(np.asarray(one.matrix), np.asarray(one.distortions).ravel(), camera.image_size)
-        for one, camera in zip(found, cameras, strict=True)
-    )
-    return Solution(R, T, (first, second))
+    found = {}
+    for number, (name, camera) in enumerate(recording.cameras.items()):
+        own = run.capture_volume.camera_array.cameras[number]
+        lens = np.asarray(own.distortions).ravel()
+        found[name] = (
+            Camera(np.asarray(own.matrix), lens, camera.image_size),
+            Pose(np.asarray(own.rotation), np.asarray(own.translation).ravel()),
+        )
+    return found
 
 
 def _camera(number: int, camera: Camera) -> CameraData:
@@ -53,26 +67,16 @@ def _camera(number: int, camera: Camera) -> CameraData:
     return CameraData(number, camera.image_size, matrix=camera.K.copy(), distortions=lens)
 
 
-def _table(dataset: Dataset) -> pd.DataFrame:
-    rows = dataset.correspondences
-    return pd.concat(
-        [
-            pd.DataFrame(
-                {
-                    "sync_index": rows.frame,
-                    "cam_id": number,
-                    "object_id": 0,
-                    "keypoint_id": rows.target,
-                    "img_loc_x": points[:, 0],
-                    "img_loc_y": points[:, 1],
-                    "obj_loc_x": np.nan,
-                    "obj_loc_y": np.nan,
-                    "obj_loc_z": np.nan,
-                }
-            )
-            for number, points in enumerate((rows.primary, rows.secondary))
-        ],
-        ignore_index=True,
+def _table(recording: Recording) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "sync_index": recording.frame,
+            "cam_id": recording.camera,
+            "object_id": 0,
+            "keypoint_id": recording.target,
+            "img_loc_x": recording.points[:, 0],
+            "img_loc_y": recording.points[:, 1],
+        }
     )
 
 
