@@ -15,13 +15,14 @@ from stereocal.figures.tables import contents_table
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import escape_markdown, show_refusal, take_dataset
+from stereocal.ui.intake import SEVERAL, escape_markdown, show_refusal, take_dataset
 from stereocal.ui.lengths import ask_if_measured, length_field, object_in_words, show_rig
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download
+from stereocal.ui.several import several_in
 from stereocal.ui.single_files import single_files
 from stereocal.ui.uncertainties import length_uncertainty, lens_uncertainties
 
@@ -32,6 +33,8 @@ project = current_project()
 if project is not None and ProjectRecording(project).is_given:
     st.success("This project holds a recording of three cameras or more.")
     st.page_link("pages/rig.py", label="Calibrate them together on the page Rig")
+    if ProjectRecording(project).parts:
+        several_in(project)
     st.button("Start a new project", on_click=forget_project, key="forget")
     end_here()
 if project is not None and project.pair is not None:
@@ -44,6 +47,9 @@ else:
     how = choose_kind(project)
 if how == "A rig":
     pass
+elif how == SEVERAL:
+    several_in(project)
+    end_here()
 elif how == "Photographs":
     photographs_in(project)
 elif how == "A zip":

@@ -17,7 +17,7 @@ from stereocal.commands.options import (
 from stereocal.commands.point_options import two_cameras
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.archives.archive import THROW, Archive, Taken
-from stereocal.formats.archives.every_camera import gather_all
+from stereocal.formats.archives.every_camera import ENDS, gather_all
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.dataset_files import FREE, pack_dataset
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -98,7 +98,8 @@ def _import_every(parsed: argparse.Namespace) -> None:
     """The same of all cameras: a data set of format 2."""
     size = image_size(parsed.image_size)
     options = ExchangeOptions(image_sizes=(size, size), layout=parsed.layout, **answers(parsed))
-    found = gather_all(_contents(parsed.files), options, parsed.out.name, parsed.distance)
+    lengths = {} if parsed.distance is None else {ENDS[1]: parsed.distance}
+    found = gather_all(_contents(parsed.files), options, parsed.out.name, lengths)
     print(table_of(found.taken))
     packed = pack_recording(found.recording)
     write_all({parsed.out / name: content for name, content in packed.items()})

@@ -236,7 +236,7 @@ def _check_figures(data: Mapping[str, Any]) -> None:
             raise ValueError("the weakest camera")
     for own in data["pairs"].values():
         one, other = own["cameras"]
-        numbers += [own["bars"], len(one), len(other)]
+        numbers += [own["bars"], own.get("noise_px", 0), len(one), len(other)]
     for loop in data.get("loops", []):
         numbers += [*loop["before"].values(), len("".join(loop["cameras"]))]
     for own in data.get("third_camera_px", []):

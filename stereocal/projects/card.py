@@ -43,7 +43,10 @@ def _of_recording(recording: ProjectRecording) -> Card:
     figures = rig.about["figures"]
     length = figures["length_error_p95"]
     lengths = "" if length is None else f", 95 % of lengths within {percent(length)} %"
-    return Card(data, f"One rig: {rounded(figures['reprojection_px'])} px{lengths}")
+    noise = {name: own["noise_px"] for name, own in rig.about["pairs"].items() if "noise_px" in own}
+    worst = max(noise, key=lambda name: float(noise[name]), default=None)
+    last = "" if worst is None else f", worst pair {worst} with {rounded(noise[worst])} px"
+    return Card(data, f"One rig: {rounded(figures['reprojection_px'])} px{lengths}{last}")
 
 
 def title_of(project: Project) -> str:

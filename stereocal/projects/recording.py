@@ -18,6 +18,8 @@ from stereocal.rig.recording import Recording
 
 RECORDING, RIG_FILES = "recording", "rig"
 """Parts of a project: the files of the data set, and those that were computed from it."""
+PARTS, REPLACED = "several", "several_replaced"
+"""Files of cameras and a table that are no data set yet, and those that a later one replaced."""
 PAIRS = "pairs.zip"
 OF_RIG = "of_rig"
 """Setting of a pair: the digests of the recording and of the rig that it is of."""
@@ -46,6 +48,37 @@ class ProjectRecording:
         contents = {name: file.read_bytes() for name, file in files.items() if name != POINTS}
         return len(find_description(contents, "the recording of this project")[1]["cameras"])
 
+    @property
+    def parts(self) -> dict[str, StoredFile]:
+        """Files of cameras and a table by name, to be put together."""
+        return self.database.files(PARTS)
+
+    def add_parts(self, files: Mapping[str, bytes]) -> None:
+        """Add files; one of the same name is replaced, which `undo_part` takes back."""
+        for name, content in files.items():
+            file = self.database.keep_file(content, name)
+            with self.database.transaction():
+                before = self.parts.get(name)
+                if before is not None and before != file:
+                    self.database.name_files(REPLACED, {name: before})
+                self.database.name_files(PARTS, {name: file})
+
+    def drop_part(self, name: str) -> None:
+        """Remove a file."""
+        for part in (PARTS, REPLACED):
+            self.database.forget_files(part, [name])
+
+    @property
+    def replaced(self) -> list[str]:
+        """The files that replaced one of the same name."""
+        return list(self.database.files(REPLACED))
+
+    def undo_part(self, name: str) -> None:
+        """Take the file that was replaced again."""
+        with self.database.transaction():
+            self.database.name_files(PARTS, {name: self.database.files(REPLACED)[name]})
+            self.database.forget_files(REPLACED, [name])
+
     def give(self, files: Mapping[str, bytes], source: str) -> Recording:
         """Store a recording instead of what was there; its rig goes.
 
@@ -54,6 +87,8 @@ class ProjectRecording:
         """
         found = parse_recording(files, source)
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
+        if kept == self.database.files(RECORDING):
+            return found
         with self.database.transaction():
             self.database.replace_files(RECORDING, kept)
             self.database.forget_files(RIG_FILES)

@@ -22,7 +22,7 @@ from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
 from stereocal.ui.fields import Fit, one_of, setting
 from stereocal.ui.foreign import ask, ask_size
-from stereocal.ui.intake import clear_refusal, escape_markdown
+from stereocal.ui.intake import SEVERAL, clear_refusal, escape_markdown
 from stereocal.ui.texts import escaped_table
 from stereocal.ui.wizard import ask_buttons
 
@@ -90,7 +90,7 @@ def _form(project: Project, label: str, content: bytes) -> ExchangeOptions:
 
 def _cameras(project: Project, names: tuple[str, ...]) -> tuple[str, str]:
     """The chosen primary and secondary, by number."""
-    st.caption(f"It has {len(names)} cameras; a project has two.")
+    st.caption(f"It has {len(names)} cameras: choose two. For all, choose *{SEVERAL}* above.")
     chosen = []
     for k, (column, which) in enumerate(zip(st.columns(2), ("Primary", "Secondary"), strict=True)):
         field = setting(project, f"archive_camera_{k}", names[k], one_of(names))

@@ -53,7 +53,8 @@ TITLES: Mapping[Slot, str] = {
     "secondary": "Camera file, secondary",
 }
 PHOTOGRAPHS = "Photographs"
-GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder")
+SEVERAL = "Three cameras and more"
+GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder", SEVERAL)
 CAMERA_KINDS = ["json", "yaml", "yml", "xml", "toml", "m", "mat", "ini", "conf"]
 """Suffixes of camera files; the last two are rejected with advice."""
 _SEEN = "uploads_seen"

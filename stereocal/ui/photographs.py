@@ -13,6 +13,7 @@ from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpac
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import plain
@@ -31,6 +32,7 @@ from stereocal.ui.intake import (
     CAMERA_KINDS,
     GIVEN_AS,
     PHOTOGRAPHS,
+    SEVERAL,
     TITLES,
     Upload,
     clear_refusal,
@@ -56,8 +58,12 @@ KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 
 def choose_kind(project: Project | None) -> str:
     """The kind of input data; photographs, if the project has some."""
-    there = project is not None and has_photographs(project)
-    how = given_as(project, PHOTOGRAPHS if there else GIVEN_AS[0])
+    usual = GIVEN_AS[0]
+    if project is not None and has_photographs(project):
+        usual = PHOTOGRAPHS
+    elif project is not None and ProjectRecording(project).parts:
+        usual = SEVERAL
+    how = given_as(project, usual)
     kind: str = st.segmented_control("I have", GIVEN_AS, required=True, **how.widget())
     return kind
 

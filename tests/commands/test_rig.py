@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.formats.exchange.exchange import read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -132,6 +133,17 @@ def test_all_cameras_of_another_program(tmp_path: Path) -> None:
         found = recording.pair(first, second).correspondences
         for one, other in zip(*(sorted_pixels(each) for each in (found, expected)), strict=True):
             assert one == pytest.approx(other)
+    # the same with a file of each camera, and with our table
+    for name, camera in recording.cameras.items():
+        (tmp_path / f"camera_{name}.json").write_bytes(write_camera(camera))
+    single = [str(tmp_path / f"camera_{name}.json") for name in "123"]
+    for table in (files[1], str(out / "points.csv")):
+        again = ["--distance", "0.5", "--cameras", "all", "--out", str(tmp_path / "again")]
+        assert main(["import", table, *single, *again]) == 0
+        copy = read_recording(tmp_path / "again")
+        assert list(copy.cameras) == ["1", "2", "3"]
+        assert copy.points == pytest.approx(recording.points)
+        assert np.array_equal(copy.camera, recording.camera)
     none = ["--distance", "0.5", "--cameras", "all", "--out", str(tmp_path / "none")]
     assert main(["import", files[1], *none]) == 2
     assert main(["import", files[0], str(tmp_path / "two.csv"), *none]) == 2

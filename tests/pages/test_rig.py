@@ -1,16 +1,23 @@
-"""The Rig page, and the pages of a pair of a rig."""
+"""Files of several cameras, the Rig page, and the pages of a pair of a rig."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.formats.recording_files import pack_recording
+from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.ui.samples import three_cameras
+from stereocal.simulation.several import simulated_rig
+from stereocal.ui.samples import RIG, three_cameras
 from tests.pages.stored_projects import ROOT, SLOW, go, session, told
+from tests.pages.waiting import wait_until
 from tests.projects.test_recording import rig_text
 
 
@@ -25,6 +32,9 @@ def project(home: Path) -> Project:
 
 def titles(app: AppTest) -> list[str]:
     return [str(title.value) for title in app.title]
+
+
+OUTSIDE = b"frame,camera,target,u,v\n1,1,A,9999,5\n1,2,B,9,5\n1,3,B,9,5\n"
 
 
 def opened(project: Project, pair: str) -> AppTest:
@@ -65,3 +75,81 @@ def test_a_pair_opens_by_its_address(project: Project) -> None:
 
 def test_an_address_without_such_a_pair_is_reported(project: Project) -> None:
     assert 'There is no pair "1-9"' in told(opened(project, "1-9"), "error")
+
+
+def files_of_rig() -> dict[str, bytes]:
+    """The camera files and the table of the sample, every third frame."""
+    files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix == ".yaml"}
+    head, *rows = (RIG / "points.csv").read_bytes().splitlines(keepends=True)
+    return {
+        **files,
+        "points.csv": head + b"".join(r for r in rows if int(r.split(b",")[0]) % 3 == 0),
+    }
+
+
+def given(app: AppTest, files: dict[str, bytes]) -> AppTest:
+    """Files given together on the Data page."""
+    go(app, "data").segmented_control(key="data_how").set_value("Three cameras and more").run()
+    uploader = app.file_uploader(key="upload_several_0")
+    for name, content in files.items():
+        uploader.upload(name, content)
+    return uploader.run()
+
+
+def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
+    given(app, files_of_rig())
+    assert "the distance from A to B is missing" in told(app, "warning")
+    app.number_input(key="several_B_m").set_value(0.39).run()
+    app.number_input(key="several_M_m").set_value(0.13).run()
+    assert "1-2 (" in told(app, "caption") and not app.error
+    app.button(key="several_run").click().run()
+    assert titles(app) == ["Rig"]
+    store = ProjectRecording(Project.open(home, find_projects(home)[0]))
+    recording = store.read()
+    assert recording is not None
+    assert list(recording.cameras) == ["1", "2", "3"]
+    assert recording.object.names == ("A", "B", "M")
+    wait_until(lambda: store.rig is not None)
+    assert "One rig of 3 cameras" in told(go(app, "rig"))
+    # The files are still there to be corrected; what replaces one is named, and can be undone.
+    other = files_of_rig()["camera_2.yaml"]
+    go(app, "data").file_uploader(key="upload_several_1").upload("camera_1.yaml", other).run()
+    assert "camera_1.yaml was replaced" in told(app, "info")
+    assert store.parts["camera_1.yaml"] == store.parts["camera_2.yaml"]
+    app.button(key="undo_camera_1.yaml").click().run()
+    assert store.parts["camera_1.yaml"].read_bytes() == files_of_rig()["camera_1.yaml"]
+    assert store.rig is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda files: files.pop("camera_2.yaml"), "points of a camera 2, and no camera file"),
+        (lambda files: files.pop("points.csv"), "table of points missing"),
+        (lambda files: files.update({"camera_4.yaml": files["camera_1.yaml"]}), "4 has no points"),
+        (
+            lambda files: files.update({"points.csv": files["points.csv"] + b"1,1,A,9999,5\n"}),
+            "out",
+        ),
+    ],
+    ids=["no file", "no table", "no points", "outside"],
+)
+def test_wrong_files_are_named(app: AppTest, change: Callable[[Any], Any], named: str) -> None:
+    files = files_of_rig()
+    change(files)
+    given(app, files)
+    if "points.csv" in files:
+        app.number_input(key="several_B_m").set_value(0.39).run()
+    assert named in told(app, "warning")
+
+
+def test_exchanged_camera_files_are_named(app: AppTest, home: Path) -> None:
+    """Of lenses that differ, in a simulation; those of the sample are of one model."""
+    packed = pack_recording(simulated_rig(np.random.default_rng(1), 3, 150).recording)
+    one, two, three = (packed[f"camera_{number}.json"] for number in (1, 2, 3))
+    files = {"c1.json": two, "c2.json": one, "c3.json": three, "points.csv": packed["points.csv"]}
+    given(app, files).number_input(key="several_B_m").set_value(0.6).run()
+    app.button(key="several_run").click().run()
+    store = ProjectRecording(Project.open(home, find_projects(home)[0]))
+    wait_until(lambda: store.rig is not None)
+    assert "c1 and c2 look exchanged" in told(go(app, "rig"), "warning")

@@ -53,6 +53,7 @@ def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
     assert page_states(project)["rig"].mark == "done"
     assert store.pairs == b"zip"
     assert "One rig: 0." in card_of(project).result
+    assert "worst pair" in card_of(project).result
     pack_project(project, tmp_path / "project.zip")
     copy = ProjectRecording(unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there"))
     assert copy.digest == store.digest

@@ -1,0 +1,188 @@
+"""The Data page's uploader for three cameras and more: their files, and one table of points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.every_camera import EveryCamera, gather_all, targets_in
+from stereocal.formats.archives.gather import TABLES
+from stereocal.formats.description import DESCRIPTION
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.recording_files import pack_recording, parse_recording
+from stereocal.frames.pairing import natural
+from stereocal.projects.files import StoredFile
+from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.recording import Recording
+from stereocal.system.latest import Latest
+from stereocal.ui import jobs
+from stereocal.ui.fields import Fit, number, setting
+from stereocal.ui.foreign import ask
+from stereocal.ui.intake import (
+    CAMERA_KINDS,
+    Upload,
+    check_uploads,
+    clear_refusal,
+    escape_markdown,
+    is_new,
+    taking,
+)
+from stereocal.ui.messages import callback
+from stereocal.ui.navigation import go_to
+from stereocal.ui.project import project_to_write
+from stereocal.ui.rig import work_of
+from stereocal.ui.texts import escaped_table
+
+FILES = "Camera files of all cameras, and one table of points"
+HELP = (
+    "One file for each camera, named as in the table (`left.json`, `camera_1.yaml`), or one of all "
+    "(Kalibr, aniposelib, Caliscope). The table is ours (`frame,camera,target,u,v`) or a wand file "
+    "of Argus, easyWand or DLTdv. With a `dataset.json`, nothing is asked."
+)
+_ROUND = "several_round"
+GATHERED: Latest[EveryCamera] = Latest(8)
+
+
+def several_in(project: Project | None) -> None:
+    """The uploader, the questions, what was read, and the press."""
+    uploads = st.file_uploader(
+        FILES,
+        type=[*CAMERA_KINDS, "csv", "txt"],
+        accept_multiple_files=True,
+        key=f"upload_several_{st.session_state.setdefault(_ROUND, 0)}",
+        help=HELP,
+    )
+    _take(uploads)
+    store = None if project is None else ProjectRecording(project)
+    if store is None or not store.parts:
+        return
+    _show_files(store)
+    parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
+    try:
+        found = _read(store.project, parts)
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return
+    _show(found)
+    st.button(
+        "Calibrate all",
+        type="primary",
+        key="several_run",
+        on_click=_calibrate,
+        args=(store, found.recording),
+    )
+
+
+def _take(uploads: Sequence[Upload]) -> None:
+    new = [upload for upload in uploads if is_new(upload)]
+    if not new:
+        return
+    with taking(*new):
+        check_uploads(new)
+        store = ProjectRecording(project_to_write())
+        store.add_parts({upload.name: upload.getvalue() for upload in new})
+        clear_refusal()
+        st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1  # empties the uploader
+    st.rerun()
+
+
+def _show_files(store: ProjectRecording) -> None:
+    """The files in use, to remove, and those that replaced one."""
+    with st.container(horizontal=True):
+        for name in sorted(store.parts, key=natural):
+            st.button(
+                escape_markdown(name),
+                key=f"drop_{name}",
+                icon=":material/close:",
+                help="Remove this file.",
+                on_click=callback(store.drop_part),
+                args=(name,),
+            )
+    for name in store.replaced:
+        text, button = st.columns([6, 2], vertical_alignment="center")
+        text.info(f"{escape_markdown(name)} was replaced.")
+        button.button(
+            "Undo",
+            key=f"undo_{name}",
+            icon=":material/undo:",
+            on_click=callback(store.undo_part),
+            args=(name,),
+        )
+
+
+def _read(project: Project, parts: dict[str, StoredFile]) -> EveryCamera:
+    """The recording of the files, and of what is answered about them."""
+    name = project.inputs.name or "Rig"
+    options, lengths = ExchangeOptions(), dict[str, float]()
+    if DESCRIPTION not in parts:
+        for table in (each for each in parts if each.lower().endswith(TABLES)):
+            lengths |= _lengths(project, targets_in(parts[table].read_bytes(), table))
+        options = _questions(project)
+
+    def gathered() -> EveryCamera:
+        files = {each: file.read_bytes() for each, file in parts.items()}
+        if DESCRIPTION in files:
+            return EveryCamera(parse_recording(files, name), (), ())
+        return gather_all(files, options, name, lengths)
+
+    about = [(each, file.sha256) for each, file in parts.items()]
+    return GATHERED.once(repr((about, options, lengths, name)), gathered)
+
+
+def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
+    """The places of the targets along the bar that are stated, in metres."""
+    found: dict[str, float] = {}
+    if len(targets) < 2:
+        return found
+    for target, column in zip(targets[1:], st.columns(len(targets) - 1), strict=True):
+        field = setting(project, f"several_{target}_m", None, number(0.0, or_none=True))
+        value = column.number_input(
+            f"{escape_markdown(targets[0])} to {escape_markdown(target)} (m)",
+            min_value=0.0,
+            value=None,
+            step=None,
+            format="%.10g",
+            placeholder="measured length, along the bar",
+            **field.widget(),
+        )
+        if value:
+            found[target] = value
+    return found
+
+
+def _questions(project: Project) -> ExchangeOptions:
+    def widget(name: str, usual: Any, fit: Fit) -> dict[str, Any]:
+        return setting(project, f"several_{name}", usual, fit).widget()
+
+    with st.expander("Say what the files do not, or have wrong"):
+        left, right = st.columns(2)
+        lens_model, corner = ask(left, "lens_model", widget), ask(right, "corner", widget)
+    return ExchangeOptions(lens_model=lens_model, corner=corner)
+
+
+def _show(found: EveryCamera) -> None:
+    """What was read, camera by camera."""
+    recording = found.recording
+    rows = []
+    for number_of, (name, camera) in enumerate(recording.cameras.items()):
+        own = recording.frame[recording.camera == number_of]
+        width, height = camera.image_size
+        rows.append((name, f"{width}x{height}", len(own), len({*own.tolist()})))
+    table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
+    st.table(escaped_table(table).set_index("Camera"))
+    st.caption(escape_markdown(recording.describe_pairs()))
+    for remark in found.remarks:
+        st.warning(escape_markdown(remark))
+
+
+@callback
+def _calibrate(store: ProjectRecording, recording: Recording) -> None:
+    """Store the recording, calibrate it, and open the Rig page (a callback)."""
+    store.give(pack_recording(recording), recording.name)
+    jobs.start(work_of(store.project, False))
+    go_to("rig")
