@@ -14,7 +14,8 @@ import numpy as np
 from benchmarks.peers.scenarios import Task
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import epipolar_distances, triangulate
+from stereocal.rig.geometry import triangulate
+from stereocal.rig.rig import Rig
 
 LIMIT_S = 10.0
 """CPU time after which a solve is broken off."""
@@ -59,13 +60,8 @@ def errors_of(found: Solution, task: Task, cpu_s: float = 0.0, wall_s: float = 0
     """Errors of a solution on the test data, seen through the solution's own lenses."""
     test = replace(task.test, primary=found.cameras[0], secondary=found.cameras[1])
     rows = test.correspondences
-    E = found.pose.essential
-    F = np.linalg.inv(test.secondary.K).T @ E @ np.linalg.inv(test.primary.K)
-    distances = epipolar_distances(
-        F,
-        test.primary.undistort_to_pixels(rows.primary),
-        test.secondary.undistort_to_pixels(rows.secondary),
-    )
+    rig = Rig(test.primary, test.secondary, found.pose)
+    distances = rig.epipolar_distances(rows.primary, rows.secondary)
     lengths = np.abs(test.reconstructed_lengths_m(found.pose) / test.bar_distances_m - 1)
     return Measured(
         epipolar_px=float(np.sqrt(_best((distances**2).mean(axis=1), task.kept).mean())),

@@ -213,6 +213,20 @@ def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
             first,
             second,
         )
+    other_one, other_two = _of_other_model(one), _of_other_model(two)
+    for names, own, other in (
+        ("primary camera's", other_one, two),
+        ("secondary camera's", one, other_two),
+        ("cameras'", other_one, other_two),
+    ):
+        if own is not None and other is not None:
+            yield _Hypothesis(
+                f"The {names} four distortion coefficients seem to be of the other lens model "
+                "(k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
+                "Give the camera file again, and state which they are.",
+                own,
+                other,
+            )
     for which, camera in (("primary", one), ("secondary", two)):
         factor = camera.size_factor
         if factor is not None:
@@ -354,7 +368,17 @@ def _size_factors(camera: Camera) -> FloatArray:
 
 
 def _same_lens(one: Camera, other: Camera) -> bool:
-    return np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
+    same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
+    return same and one.model == other.model
+
+
+def _of_other_model(camera: Camera) -> Camera | None:
+    """The lens with its four coefficients in the other model; None if it has none."""
+    if camera.is_fisheye:
+        return replace(camera, model="brown")
+    if not camera.distortion[:4].any() or camera.distortion[4:].any():
+        return None
+    return Camera(camera.K, camera.distortion[:4], camera.image_size, model="fisheye")
 
 
 def _negated(camera: Camera) -> Camera:

@@ -13,8 +13,8 @@ from stereocal.field.planning.drawn_rigs import draw_rigs
 from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, forecast
 from stereocal.field.planning.in_words import answer
 from stereocal.figures.plan_report import plan_report
-from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.formats.plan_file import read_plan
+from stereocal.rig.camera import LENS_MODELS
 from stereocal.system.atomic_files import write_all
 
 

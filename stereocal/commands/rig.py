@@ -10,7 +10,6 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.formats.dataset_files import read_recording
-from stereocal.formats.lens_model import LENS_MODELS
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
@@ -18,6 +17,7 @@ from stereocal.network.pair_of_rig import pair_name
 from stereocal.network.rig_file import RIG, RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
 from stereocal.pairs_of_rig import files_of_pairs
+from stereocal.rig.camera import LENS_MODELS
 from stereocal.system.atomic_files import write_all
 
 

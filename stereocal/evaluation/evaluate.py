@@ -34,6 +34,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.undistortion import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
@@ -335,7 +336,7 @@ def _test(
     seen, baseline_m, pixel_scale = dataset.rays, dataset.baseline_m, dataset.pixel_scale
     if refined is not None:
         (own, seen), baseline_m = refined, refined[0].pose.baseline
-        pixel_scale = np.array([own.primary.pixel_scale, own.secondary.pixel_scale])
+        pixel_scale = pixel_scales((own.primary, own.secondary))
     counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
     correct_px = np.empty(len(angles))

@@ -66,7 +66,7 @@ class FrameView:
 
     @cached_property
     def distances_px(self) -> FloatArray:
-        """(n, 2): distance of the points from the epipolar lines, in undistorted pixels."""
+        """(n, 2): distance of the points from the epipolar lines, in pixels as of `Camera`."""
         return self.rig.epipolar_distances(*self.pixels)
 
     @cached_property
@@ -116,7 +116,9 @@ class FrameView:
         own = self.cameras[camera]
         width, height = own.image_size
         corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
-        border = own.undistort(corners * (1 - 1e-3) + 5e-4 * np.array([width, height]))
+        border = own.corner_rays
+        if not own.is_fisheye:
+            border = own.undistort(corners * (1 - 1e-3) + 5e-4 * np.array([width, height]))
         foot = -c * np.array([a, b]) / (a * a + b * b)
         along = np.array([-b, a]) / np.hypot(a, b)
         reach = (border - foot) @ along
@@ -125,7 +127,10 @@ class FrameView:
         points = foot + steps[:, None] * along
         low, high = border.min(axis=0), border.max(axis=0)
         inside = ((points >= low) & (points <= high)).all(axis=1)
-        return own.distort(points[inside])
+        pixels = own.distort(points[inside])
+        if own.is_fisheye:  # the image is far from a rectangle on the plane z = 1
+            pixels = pixels[((pixels >= 0) & (pixels <= corners[2])).all(axis=1)]
+        return pixels
 
 
 def views_of(calibration: Calibration, frame: int) -> dict[Method, FrameView]:

@@ -122,9 +122,7 @@ def _centres(rig: RigFile) -> dict[str, FloatArray]:
 def _outline(rig: RigFile, name: str, depth: float) -> FloatArray:
     """The pyramid of a camera, a path (k, 3) with gaps of NaN."""
     camera, pose = rig.cameras[name], rig.poses[name].inverse()
-    width, height = camera.image_size
-    pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]])
-    a, b, c, d = pose.apply(depth * pixels @ np.linalg.inv(camera.K).T)
+    a, b, c, d = pose.apply(depth * np.column_stack([camera.corner_rays, np.ones(4)]))
     gap = np.full(3, np.nan)
     return np.array([pose.T, a, b, pose.T, gap, pose.T, c, d, pose.T, gap, b, c, gap, d, a])
 

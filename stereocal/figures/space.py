@@ -183,12 +183,8 @@ def _secondary_in(scene: Scene, rig: Rig) -> Pose:
 
 
 def _corners(camera: Camera, depth: float) -> FloatArray:
-    """The four image corners (4, 3) at a depth, in the camera's frame, without distortion."""
-    width, height = camera.image_size
-    right, bottom = width - 0.5, height - 0.5
-    pixels = np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [right, bottom, 1], [-0.5, bottom, 1]])
-    corners: FloatArray = depth * pixels @ np.linalg.inv(camera.K).T
-    return corners
+    """The four image corners (4, 3) at a depth, in the camera's frame: `Camera.corner_rays`."""
+    return depth * np.column_stack([camera.corner_rays, np.ones(4)])
 
 
 def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMERA) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -13,13 +14,13 @@ from stereocal.formats.file_storage import (
     Storage,
     find_node,
     is_number,
-    lens_model_of,
     matrix_of,
     read_storage,
+    stated_lens_model,
 )
-from stereocal.formats.lens_model import LensModel, check_lens_model, five_or_more
+from stereocal.formats.lens_model import five_or_more, lens_model_of
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensModel
 
 CAMERA_FORMAT = "stereocal-camera/1"
 LARGEST_BYTES = 4_000_000
@@ -92,8 +93,8 @@ def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> byte
 def write_opencv_camera(camera: Camera) -> bytes:
     """OpenCV's YAML file of a camera, with the names of its calibration program.
 
-    Uncertainties are not written. Four coefficients get a fifth, k3 = 0, since four alone might be
-    those of a fisheye.
+    Uncertainties are not written. Four coefficients of a usual lens get a fifth, k3 = 0, since
+    four alone might be those of a fisheye.
     """
     # OpenCV 5 writes YAML 1.2 by default; version 4 reads 1.0 only and has no such flag.
     yaml = getattr(cv2, "FILE_STORAGE_FORMAT_YAML_1_0", cv2.FILE_STORAGE_FORMAT_YAML)
@@ -102,7 +103,10 @@ def write_opencv_camera(camera: Camera) -> bytes:
     storage.write("image_width", width)
     storage.write("image_height", height)
     storage.write("camera_matrix", camera.K.copy())
-    storage.write("distortion_coefficients", five_or_more(camera.distortion).reshape(1, -1))
+    if camera.is_fisheye:
+        storage.write("fisheye_model", 1)
+    coefficients = camera.distortion if camera.is_fisheye else five_or_more(camera.distortion)
+    storage.write("distortion_coefficients", coefficients.reshape(1, -1).copy())
     return str(storage.releaseAndGetString()).encode()
 
 
@@ -117,10 +121,10 @@ def _read_nested_lists(storage: Storage, source: str, lens_model: LensModel | No
         what = "distortion" if distortion is None else "image_size"
         raise StereocalError(f"{source}: {what} is missing; {EXPECTED}.")
     named = {"K": find_node(storage, K_NAMES), "distortion": distortion, "image_size": size}
-    camera = Camera.from_json({**storage, **named}, source)
-    stated = storage.get("distortion_model", storage.get("fisheye_model"))
-    check_lens_model(camera.distortion, stated, lens_model, source)
-    return camera
+    stated = storage.get("distortion_model", storage.get("fisheye_model", storage.get("model")))
+    stated = bool(stated) if isinstance(stated, int) else stated
+    camera = Camera.from_json({**storage, **named, "model": "brown"}, source)
+    return _with_model(camera, lens_model_of(camera.distortion, stated, lens_model, source), source)
 
 
 def _read_matrices(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
@@ -134,8 +138,15 @@ def _read_matrices(storage: Storage, source: str, lens_model: LensModel | None) 
         camera = Camera(K, distortion, (int(width), int(height)))
     except (StereocalError, ValueError, OverflowError) as error:
         raise StereocalError(f"{source}: {error}") from error
-    check_lens_model(camera.distortion, lens_model_of(storage), lens_model, source)
-    return camera
+    model = lens_model_of(camera.distortion, stated_lens_model(storage), lens_model, source)
+    return _with_model(camera, model, source)
+
+
+def _with_model(camera: Camera, model: LensModel, source: str) -> Camera:
+    try:
+        return replace(camera, model=model)
+    except StereocalError as error:
+        raise StereocalError(f"{source}: {error}") from error
 
 
 def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:

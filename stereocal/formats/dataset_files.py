@@ -23,10 +23,9 @@ from stereocal.formats.description import (
     name_of,
     optional_length,
 )
-from stereocal.formats.lens_model import LensModel
 from stereocal.formats.recording_files import pack_recording, parse_recording
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.recording import Recording
 from stereocal.system.limits import Limits

@@ -8,8 +8,7 @@ from typing import Any
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
-from stereocal.formats.lens_model import LensModel
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensModel
 from stereocal.system.json_text import read_json
 
 DATASET_FORMAT = "stereocal-dataset/1"

@@ -57,7 +57,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 63)
 
 
-def lens_model_of(storage: Storage) -> str | bool | None:
+def stated_lens_model(storage: Storage) -> str | bool | None:
     """The name of the lens model in a file, or whether it is a fisheye; None if not stated."""
     model, fisheye = storage.get("distortion_model"), storage.get("fisheye_model")
     if isinstance(model, str):

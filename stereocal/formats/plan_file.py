@@ -12,8 +12,7 @@ import numpy as np
 from stereocal.errors import StereocalError, naming
 from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.camera_file import CAMERA_FORMAT, read_camera, write_camera
-from stereocal.formats.lens_model import LensModel
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.json_text import read_json
 

@@ -22,9 +22,8 @@ from stereocal.formats.description import (
     name_of,
     optional_length,
 )
-from stereocal.formats.lens_model import LensModel
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensModel
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.recording import Pair, Recording

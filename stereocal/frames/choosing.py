@@ -16,7 +16,7 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.detection.detect import Detection
 from stereocal.errors import StereocalError
-from stereocal.frames.epipolar_labels import sampson
+from stereocal.frames.epipolar_labels import frame_focal_px, sampson
 from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -64,8 +64,9 @@ def choose_boards(
 
     Returns, by frame number, the chosen detections; the original ones if undecided.
     """
-    focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
-    rays = np.concatenate([_undistorted(cameras[i], sure[:, :, i]) for i in range(2)], axis=-1)
+    of_sure = [_undistorted(cameras[i], sure[:, :, i]) for i in range(2)]
+    focal = float(np.median(frame_focal_px(cameras, of_sure))) if len(sure) else 1.0
+    rays = np.concatenate(of_sure, axis=-1)
     expected = None if len(sure) < MINIMUM_SURE else _expect(rays, focal)
     seen = {frame: [_all_centres(one) for one in both] for frame, both in open_frames.items()}
     chosen = {}

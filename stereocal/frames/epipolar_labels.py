@@ -8,6 +8,7 @@ of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871) are refined on the fra
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from stereocal.calibration.essential import calibrate_essential, linear_essential
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, contiguous
 from stereocal.rig.geometry import Pose, triangulate_rays
 
@@ -50,13 +52,16 @@ class EpipolarLabels:
 
 
 def compare_labels(
-    primary: FloatArray, secondary: FloatArray, focal_px: float, rng: np.random.Generator
+    primary: FloatArray,
+    secondary: FloatArray,
+    focal_px: float | FloatArray,
+    rng: np.random.Generator,
 ) -> EpipolarLabels | None:
     """Compare both labellings of each frame.
 
     Args:
         primary, secondary: (f, 2, 2): normalised points by frame, target, (x, y).
-        focal_px: converts residuals to pixels.
+        focal_px: converts residuals to pixels; one number, or (f,).
 
     Returns None if there are too few frames or they determine no geometry.
     """
@@ -85,6 +90,15 @@ def compare_labels(
     ends = [triangulate_rays(pose.R, pose.T, way.reshape(-1, 4).T.copy()) for way in rays]
     lengths = [np.linalg.norm(points[::2] - points[1::2], axis=1) for points in ends]
     return EpipolarLabels(residual.T, np.column_stack(lengths), unique)
+
+
+def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> FloatArray:
+    """(f,): pixels per unit of the plane z = 1 around the points (f, 2, 2) of both cameras."""
+    found = [
+        camera.local_focal_px(own.reshape(-1, 2)).reshape(-1, 2)
+        for camera, own in zip(cameras, rays, strict=True)
+    ]
+    return np.asarray(np.concatenate(found, axis=1).mean(axis=1))
 
 
 def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:

@@ -10,7 +10,8 @@ from stereocal.calibration.essential import MINIMUM_PAIRS, calibrate_essential
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import Frame, correspondences_of
 from stereocal.rig.camera import Camera
-from stereocal.rig.geometry import epipolar_distances, stack_rays
+from stereocal.rig.geometry import stack_rays
+from stereocal.rig.rig import Rig
 
 
 def epipolar_residuals_px(
@@ -21,7 +22,7 @@ def epipolar_residuals_px(
     The essential matrix is estimated from the other used frames, without the frame itself.
 
     Returns:
-        By target (0 A, 1 B), px of the undistorted image, the larger of the two cameras.
+        By target (0 A, 1 B), px as of `Camera`, the larger of the two cameras.
     """
     others = [frame for frame in frames if frame.use and frame.frame != number]
     shared = sum(len(frame.targets_in_both) for frame in others)
@@ -36,12 +37,8 @@ def epipolar_residuals_px(
     rows = correspondences_of(others)
     rays = stack_rays(cameras[0].undistort(rows.primary), cameras[1].undistort(rows.secondary))
     rays = rays[:, np.isfinite(rays).all(axis=0)]
-    E = calibrate_essential(rays, 1.0).pose.essential
-    F = np.linalg.inv(cameras[1].K).T @ E @ np.linalg.inv(cameras[0].K)
+    pose = calibrate_essential(rays, 1.0).pose
     points = correspondences_of([own.used(True)])
-    pixels = [
-        camera.undistort_to_pixels(raw)
-        for camera, raw in zip(cameras, (points.primary, points.secondary), strict=True)
-    ]
-    worst = epipolar_distances(F, pixels[0], pixels[1]).max(axis=1)
+    distances = Rig(*cameras, pose).epipolar_distances(points.primary, points.secondary)
+    worst = distances.max(axis=1)
     return {int(t): float(away) for t, away in zip(points.target, worst, strict=True)}

@@ -19,7 +19,12 @@ import numpy.typing as npt
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
 from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
-from stereocal.frames.epipolar_labels import MINIMUM_FRAMES, EpipolarLabels, compare_labels
+from stereocal.frames.epipolar_labels import (
+    MINIMUM_FRAMES,
+    EpipolarLabels,
+    compare_labels,
+    frame_focal_px,
+)
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -116,7 +121,7 @@ def _labelled(
         if (first := primary[frame].targets) and (second := secondary[frame].targets)
     }
     rays = [_rays(cameras[i], [both[i] for both in corners.values()]) for i in range(2)]
-    focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
+    focal = frame_focal_px(cameras, rays)
     labels = compare_labels(rays[0], rays[1], focal, np.random.default_rng(seed))
     decided = dict(zip(corners, decide_labels(list(corners), labels), strict=True))
     pairs, reports = [], []

@@ -12,7 +12,7 @@ import numpy as np
 
 from stereocal.detection.sighting import Sighting, Spot
 from stereocal.detection.target import Balls, Tags
-from stereocal.frames.epipolar_labels import compare_labels
+from stereocal.frames.epipolar_labels import compare_labels, frame_focal_px
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.labelling import FrameLabels, decide_labels
 from stereocal.frames.pairing import Pair
@@ -50,7 +50,7 @@ def frames_of(
         ).reshape(-1, 2, 2)
         for i, camera in enumerate(cameras)
     ]
-    focal = float(np.mean([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras]))
+    focal = frame_focal_px(cameras, rays)
     labels = compare_labels(rays[0], rays[1], focal, np.random.default_rng(seed))
     decided = dict(zip(whole, decide_labels(whole, labels), strict=True))
     return [_frame(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]

@@ -20,7 +20,10 @@ ORANGE_BGR = (0, 159, 230)
 def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
     """Two JPEG images: the photograph with the found corners marked, and undistorted (same K)."""
     grey = eight_bits(read_photograph(path))
-    undistorted = cv2.undistort(grey, camera.K, camera.distortion)
+    if camera.is_fisheye:
+        undistorted = cv2.fisheye.undistortImage(grey, camera.K, camera.distortion, Knew=camera.K)
+    else:
+        undistorted = cv2.undistort(grey, camera.K, camera.distortion)
     scale = WIDTH / grey.shape[1]
     marked = cv2.cvtColor(_small(grey, scale), cv2.COLOR_GRAY2BGR)
     corners = np.empty((0, 2)) if view is None else view.corners

@@ -313,7 +313,12 @@ def _best_orders(
 def _pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> Pose:
     """`camera_from_board`."""
     points = pattern.points[view.ids]
-    _, turn, shift = cv2.solvePnP(points, view.corners, camera.K, camera.distortion)
+    corners, K, distortion = view.corners, camera.K, camera.distortion
+    if camera.is_fisheye:
+        corners, K, distortion = camera.undistort(corners), np.eye(3), np.empty(0)
+        seen = np.isfinite(corners).all(axis=1)
+        points, corners = points[seen], corners[seen]
+    _, turn, shift = cv2.solvePnP(points, corners, K, distortion)
     R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
     return Pose(R, np.asarray(shift, dtype=np.float64).ravel())
 
@@ -341,5 +346,6 @@ def _mirrored_camera(camera: Camera) -> Camera:
     K, distortion = camera.K.copy(), camera.distortion.copy()
     K[0, 2] = camera.image_size[0] - 1.0 - K[0, 2]
     K[0, 1] *= -1.0
-    distortion[3:4] *= -1.0
+    if not camera.is_fisheye:
+        distortion[3:4] *= -1.0
     return replace(camera, K=K, distortion=distortion)

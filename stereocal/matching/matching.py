@@ -75,7 +75,7 @@ def match_points(
         rig.pose.T,
         rig.primary.undistort(primary_px),
         rig.secondary.undistort(secondary_px),
-        np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale]),
+        rig.pixel_scale,
         threshold,
         near,
         far,
@@ -230,6 +230,11 @@ def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
                 f"The two parameter files are {what}: the images of the {which} camera have "
                 f"{a.image_size[0]}x{a.image_size[1]} px in one and "
                 f"{b.image_size[0]}x{b.image_size[1]} px in the other."
+            )
+        if a.model != b.model:
+            raise StereocalError(
+                f"The two parameter files are {what}: the lens of the {which} camera is a fisheye "
+                f"in only one of them.{remedy}"
             )
         if abs(a.K[0, 0] / b.K[0, 0] - 1) > LARGEST_RELATIVE_DIFFERENCE:
             raise StereocalError(

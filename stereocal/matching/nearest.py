@@ -43,7 +43,6 @@ def nearest_errors(
 ) -> NearestErrors:
     """The two least errors of each primary point."""
     near, far = check_depths(depths_m)
-    scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
     found = [np.empty((0, 2))]
     for primary, secondary in frames:
         if not len(primary):
@@ -51,7 +50,7 @@ def nearest_errors(
         first = rig.primary.undistort(primary[:, :2])
         second = rig.secondary.undistort(secondary[:, :2])
         _, _, _, least, _ = pairs_within(
-            rig.pose.R, rig.pose.T, first, second, scale, 0.0, near, far
+            rig.pose.R, rig.pose.T, first, second, rig.pixel_scale, 0.0, near, far
         )
         found.append(least)
     both = np.concatenate(found)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.refined.bar_fit import BASELINE, SHARED
-from stereocal.refined.parameter_file import COVARIANCE_OF
+from stereocal.refined.parameter_file import covariance_names
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns
@@ -63,8 +63,7 @@ def reconstruct_points(
     """
     rays = stack_rays(rig.primary.undistort(primary_px), rig.secondary.undistort(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
-    scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
-    error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, scale).mean(axis=1)
+    error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, rig.pixel_scale).mean(axis=1)
     sigma = None
     of_targets, of_file = noise_of_file(rig)
     if sigma_px is None and pose_covariance is None:
@@ -91,9 +90,10 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
         if whole.shape != (len(names), len(names)) or not np.isfinite(whole).all():
             raise ValueError("the covariance is not a square table of numbers")
         found = np.zeros((SHARED, SHARED))
-        if missing := set(COVARIANCE_OF[:POSE]) - set(names):
+        known = covariance_names((rig.primary, rig.secondary))
+        if missing := set(known[:POSE]) - set(names):
             raise ValueError(f"the covariance is without {sorted(missing)[0]}")
-        at = [COVARIANCE_OF.index(name) for name in names]
+        at = [known.index(name) for name in names]
         found[np.ix_(at, at)] = whole
         return float(stored["sigma_px"]["value"]), found
     except (KeyError, TypeError, ValueError, IndexError) as error:

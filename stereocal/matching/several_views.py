@@ -21,6 +21,7 @@ from stereocal.matching.pair_candidates import pairs_within
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.views import fill_point_fits
+from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 LOST = 0.005
@@ -175,7 +176,7 @@ def _pairs(
         if not (len(points[a]) and len(points[b])):
             continue
         pose = poses[b] @ poses[a].inverse()
-        scale = np.array([fitter.cameras[a].pixel_scale, fitter.cameras[b].pixel_scale])
+        scale = pixel_scales((fitter.cameras[a], fitter.cameras[b]))
         limit = PAIR_SIGMAS * sigma
         one, other, *_ = pairs_within(
             pose.R, pose.T, rays[a], rays[b], scale, limit, 0.0, float("inf")
@@ -213,10 +214,11 @@ def _joined(
         free, predicted, seen = free[known], predicted[known], seen[known]
         # how far off the prediction is, from the noise of the two images
         spread = poses[c].R @ measured.covariance[free] @ poses[c].R.T
-        focal = float(np.mean(fitter.cameras[c].pixel_scale[[0, 2]]))
+        on_plane = seen[:, :2] / seen[:, 2:]
         J = np.zeros((len(free), 2, 3))
-        J[:, 0, 0] = J[:, 1, 1] = focal / seen[:, 2]
-        J[:, :, 2] = -focal * seen[:, :2] / seen[:, 2:] ** 2
+        J[:, 0, 0] = J[:, 1, 1] = 1.0 / seen[:, 2]
+        J[:, :, 2] = -on_plane / seen[:, 2:]
+        J = fitter.cameras[c].pixel_jacobians(on_plane) @ J
         variance = np.einsum("nij,njk,nik->ni", J, spread, J).max(axis=1)
         distance, nearest = cKDTree(own).query(predicted)
         near = distance <= REACH * sigma * np.sqrt(1.0 + variance)

@@ -201,7 +201,6 @@ def _sample(
     rig: RigParameters, frames: Sequence[FramePixels], depths_m: tuple[float, float]
 ) -> _Sample:
     near, far = check_depths(depths_m)
-    scale = np.array([rig.primary.pixel_scale, rig.secondary.pixel_scale])
     sides: tuple[list[FloatArray], list[FloatArray]] = ([], [])
     rays = zip(*(_undistorted(rig, which, frames) for which in CAMERAS), strict=True)
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
@@ -211,7 +210,7 @@ def _sample(
             rig.pose.T,
             own[0],
             own[1],
-            scale,
+            rig.pixel_scale,
             np.inf,
             near,
             far,

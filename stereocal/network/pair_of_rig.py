@@ -56,7 +56,7 @@ def pair_parameters(rig: RigCalibration, pair: Pair) -> RigParameters:
         inputs=inputs_of(dataset, rows.frames),
         uncertainties={
             "sigma_px": {"value": noise, "source": rig.fit.source_px},
-            "covariance": covariance_entry(covariance),
+            "covariance": covariance_entry(covariance, (dataset.primary, dataset.secondary)),
             "design_effect": rig.design_effect,
         },
         frames_left_out=rig.left_out,

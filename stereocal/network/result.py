@@ -17,7 +17,7 @@ from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.views import EACH, TIME, TRANSLATION, fill_jacobians, fill_point_fits
-from stereocal.rig.camera import LENS_UNKNOWNS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
@@ -152,7 +152,11 @@ class RigCalibration:
             own = sigma[EACH * number : EACH * (number + 1)]
             x, y, z = own[:TRANSLATION].tolist()
             tx, ty, tz = own[TRANSLATION : 2 * TRANSLATION].tolist()
-            lens = dict(zip(LENS_UNKNOWNS, own[2 * TRANSLATION : TIME].tolist(), strict=True))
+            lens = dict(
+                zip(
+                    self.cameras[name].lens_names, own[2 * TRANSLATION : TIME].tolist(), strict=True
+                )
+            )
             found[name] = CameraErrors((x, y, z), (tx, ty, tz), lens, self._image_px(number))
         return found
 

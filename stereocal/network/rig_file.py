@@ -20,7 +20,7 @@ from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import camera_at, lens_places
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
-from stereocal.rig.camera import LENS_UNKNOWNS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters, software_versions
@@ -35,7 +35,6 @@ RIG_FORMAT = "stereocal-rig/1"
 CONVENTION = "x_camera = R @ x_reference + T"
 UNITS = {"T": "m", "K": "px", "covariance": "rad, m, px", "noise_px": "px"}
 ROTATION = ("turn_x", "turn_y", "turn_z")
-OF_CAMERA = (*ROTATION, "x", "y", "z", *LENS_UNKNOWNS, "time_offset")
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +105,7 @@ class RigFile:
                     "value": self.noise_px,
                     "degrees_of_freedom": max(3 * figures.get("independent_frames", 0), 1),
                 },
-                "covariance": covariance_entry(covariance),
+                "covariance": covariance_entry(covariance, (own.primary, own.secondary)),
                 "bar_length_m": {"estimate": self.q[-1], "stated": 1.0},
                 "bar_scatter_m": {"value": figures.get("length_scatter_m", 0.0)},
                 "design_effect": figures.get("design_effect", 1.0),
@@ -124,15 +123,16 @@ class RigFile:
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         cameras = {}
         for number, (name, camera) in enumerate(self.cameras.items()):
-            own = errors[EACH * number : EACH * number + len(OF_CAMERA)].tolist()
+            names = _unknowns(camera)
+            own = errors[EACH * number : EACH * number + len(names)].tolist()
             cameras[name] = {
                 **camera.to_json(),
                 "R": self.poses[name].R.tolist(),
                 "T": self.poses[name].T.tolist(),
                 "time_offset_frames": self.time_offsets[name],
-                "standard_errors": dict(zip(OF_CAMERA, own, strict=True)),
+                "standard_errors": dict(zip(names, own, strict=True)),
             }
-        of = [f"{name} {what}" for name in self.cameras for what in OF_CAMERA]
+        of = [f"{name} {what}" for name, own in self.cameras.items() for what in _unknowns(own)]
         return {
             "format": RIG_FORMAT,
             "convention": CONVENTION,
@@ -214,6 +214,11 @@ class RigFile:
             {name: value for name, value in data.items() if name not in own},
             None if volume is None else Volume.from_json(volume, source),
         )
+
+
+def _unknowns(camera: Camera) -> tuple[str, ...]:
+    """Names of the unknowns of a camera that the file has."""
+    return (*ROTATION, "x", "y", "z", *camera.lens_names, "time_offset")
 
 
 def _written(cameras: int) -> tuple[IntArray, IntArray]:

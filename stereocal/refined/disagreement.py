@@ -34,11 +34,11 @@ from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, PRIMARY, SECOND
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
 from stereocal.refined.unknowns import (
-    FREE_DISTORTION,
     LensPrior,
     RefineSettings,
     baseline_sigma_m,
     distance_sigma_m,
+    free_distortion,
     lens_prior,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
@@ -304,7 +304,8 @@ def _freed(result: RefinedResult, key: str) -> RefineSettings:
     elif part == "centre":
         lens = replace(lens, centre_px=np.inf)
     else:
-        lens = replace(lens, distortion=FREE_DISTORTION)
+        free = free_distortion(getattr(result.dataset, camera))
+        lens = replace(lens, distortion=free)
     return (
         replace(settings, primary=lens)
         if camera == "primary"

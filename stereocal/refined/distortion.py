@@ -1,4 +1,4 @@
-"""OpenCV's distortion model and its derivatives, compiled, for the refined method."""
+"""The lens models and their derivatives, compiled, for the refined method."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ import numpy as np
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, internal
+from stereocal.rig.fisheye import distort_fisheye, fisheye_derivatives
 
 TERMS = 22
-"""k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, 1 if the sensor is tilted else 0, and its 3x3 homography."""
+"""k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, 1 if the sensor is tilted else 0, and its 3x3 homography.
+Of a fisheye: k1 k2 k3 k4, its largest angle, zeros, and `FISHEYE` at `TILTED`."""
 TILTED = 12
+FISHEYE = 2.0
 
 
 def lens_terms(camera: Camera) -> FloatArray:
     """The distortion coefficients of a camera in the order of `TERMS`, shape (22,)."""
     terms = np.zeros(TERMS)
     known = camera.distortion
+    if camera.is_fisheye:
+        terms[:4], terms[4], terms[TILTED] = known, camera.largest_angle, FISHEYE
+        return terms
     terms[: min(len(known), TILTED)] = known[:TILTED]
     tilt = np.eye(3)
     if len(known) > TILTED and known[TILTED:].any():
@@ -48,6 +54,8 @@ def distort(
         lenses: (c, 23): of each camera the skew, which is not used here, and `lens_terms`.
     """
     terms = lenses[camera, 1:]
+    if terms[12] == FISHEYE:
+        return distort_fisheye(x, y, terms[0], terms[1], terms[2], terms[3])
     k1, k2, p1, p2, k3 = terms[0], terms[1], terms[2], terms[3], terms[4]
     k4, k5, k6 = terms[5], terms[6], terms[7]
     s1, s2, s3, s4 = terms[8], terms[9], terms[10], terms[11]
@@ -80,8 +88,12 @@ def distort(
 def distortion_derivatives(
     x: float, y: float, lenses: FloatArray, camera: int, by_lens: FloatArray
 ) -> None:
-    """Write the derivatives of the distorted point by k1, k2, p1, p2 to `by_lens` (2, 4)."""
+    """Write the derivatives of the distorted point by k1, k2, p1, p2 to `by_lens` (2, 4);
+    of a fisheye by k1, k2, k3, k4."""
     terms = lenses[camera, 1:]
+    if terms[12] == FISHEYE:
+        fisheye_derivatives(x, y, by_lens)
+        return
     rr = x * x + y * y
     below = 1.0 / (1.0 + rr * (terms[5] + rr * (terms[6] + rr * terms[7])))
     by_lens[0, 0], by_lens[1, 0] = x * rr * below, y * rr * below
@@ -115,3 +127,26 @@ def set_distortion(q: FloatArray, first: int, each: int, lenses: FloatArray) -> 
         for i in range(4):
             found[camera, 1 + i] = q[first + each * camera + i]
     return found
+
+
+@internal
+def fill_pixel_scale(
+    q: FloatArray, focal_lengths: int, lenses: FloatArray, camera: int, scale: FloatArray
+) -> None:
+    """Write a row of `camera.pixel_scales` with the lens of q; `lenses` has its distortion."""
+    if scale.ndim == 3:
+        scale[camera, 0, 0], scale[camera, 0, 1] = q[focal_lengths], lenses[camera, 0]
+        scale[camera, 0, 2] = q[focal_lengths + 1]
+        if lenses[camera, 1 + TILTED] == FISHEYE:
+            scale[camera, 0, 3] = lenses[camera, 5]
+        for i in range(4):
+            scale[camera, 1, i] = lenses[camera, 1 + i]
+    else:
+        scale[camera, 0], scale[camera, 1] = q[focal_lengths], lenses[camera, 0]
+        scale[camera, 2] = q[focal_lengths + 1]
+
+
+def empty_pixel_scale(lenses: FloatArray) -> FloatArray:
+    """An array of the shape that `fill_pixel_scale` takes for some lenses."""
+    fisheye = (lenses[:, 1 + TILTED] == FISHEYE).any()
+    return np.zeros((len(lenses), 2, 4) if fisheye else (len(lenses), 3))

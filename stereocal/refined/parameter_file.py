@@ -11,7 +11,7 @@ from stereocal.refined.bar_fit import BAR, SHARED, TIME
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.uncertainty import LENS, standard_errors
-from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles
 from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
@@ -27,6 +27,16 @@ COVARIANCE_OF = (
     "time_drift",
 )
 """Names of the rows of the covariance, in order; files without a time offset end before it."""
+
+
+def covariance_names(cameras: Sequence[Camera]) -> tuple[str, ...]:
+    """`COVARIANCE_OF`, with the k3 and k4 of a fisheye instead of p1 and p2."""
+    fisheyes = {
+        f"{which}_{usual}": f"{which}_{own}"
+        for which, camera in zip(CAMERAS, cameras, strict=True)
+        for usual, own in zip(LENS_UNKNOWNS, camera.lens_names, strict=True)
+    }
+    return tuple(fisheyes.get(name, name) for name in COVARIANCE_OF)
 
 
 def refined_parameters(
@@ -66,10 +76,13 @@ def refined_parameters(
     )
 
 
-def covariance_entry(covariance: FloatArray) -> dict[str, Any]:
+def covariance_entry(covariance: FloatArray, cameras: Sequence[Camera]) -> dict[str, Any]:
     """The entry of a file on the covariance (25, 25) of the shared unknowns."""
     kept = SHARED if covariance[TIME:].any() else TIME
-    return {"of": list(COVARIANCE_OF[:kept]), "matrix": covariance[:kept, :kept].tolist()}
+    return {
+        "of": list(covariance_names(cameras)[:kept]),
+        "matrix": covariance[:kept, :kept].tolist(),
+    }
 
 
 def information_entry(result: RefinedResult) -> dict[str, Any]:
@@ -81,7 +94,7 @@ def information_entry(result: RefinedResult) -> dict[str, Any]:
     H, g = result.images_alone
     dataset = result.dataset
     return {
-        "of": list(COVARIANCE_OF),
+        "of": list(covariance_names((dataset.primary, dataset.secondary))),
         "matrix": H.tolist(),
         "gradient": g.tolist(),
         "bar_factor": result.bar_factor,
@@ -105,7 +118,7 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "estimate": bar * result.bar_factor,
             "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
         },
-        "covariance": covariance_entry(result.covariance),
+        "covariance": covariance_entry(result.covariance, (result.primary, result.secondary)),
         "information": information_entry(result),
         "design_effect": result.design_effect,
         "frames_left_out": [

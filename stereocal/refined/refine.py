@@ -334,14 +334,18 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
     """
     if rays.shape[1] < 6:
         return None
-    focal = float(np.sqrt(np.prod(dataset.pixel_scale[:, 0])))
+    cameras = dataset.primary, dataset.secondary
+    focal = [
+        np.median(camera.local_focal_px(own.T))
+        for camera, own in zip(cameras, (rays[:2], rays[2:]), strict=True)
+    ]
     E, _ = cv2.findEssentialMat(
         np.ascontiguousarray(rays[:2].T),
         np.ascontiguousarray(rays[2:].T),
         np.eye(3),
         method=cv2.USAC_MAGSAC,
         prob=0.9999,
-        threshold=2.0 / focal,
+        threshold=2.0 / float(np.sqrt(np.prod(focal))),
     )
     if E is None or np.shape(E) != (3, 3):
         return None

@@ -123,10 +123,10 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
     camera, part = key.split()
     if part == "distortion":
         return (
-            f"The {camera} camera's distortion (k1, k2, p1, p2) is stated as {given}; images and "
-            f"lengths say {found}. Was the lens calibrated with another focus, or with few points "
-            "near the edges? Calibrate it again, or let this fit estimate it (Estimate the "
-            "distortion of, on One set or two; or --free-distortion)."
+            f"The {camera} camera's distortion (k1, k2, p1, p2; of a fisheye k1 to k4) is stated "
+            f"as {given}; images and lengths say {found}. Was the lens calibrated with another "
+            "focus, or with few points near the edges? Calibrate it again, or let this fit "
+            "estimate it (Estimate the distortion of, on One set or two; or --free-distortion)."
         )
     if part == "focal":
         return (

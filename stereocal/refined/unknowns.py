@@ -59,7 +59,7 @@ class LensPrior:
     apart: bool = False
     """Whether fx and fy vary separately; otherwise they share one factor."""
     distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    """Of k1, k2, p1 and p2."""
+    """Of k1, k2, p1 and p2; of a fisheye's k1, k2, k3 and k4."""
     correlation: tuple[tuple[float, ...], ...] | None = None
     """(8, 8), between fx, fy, cx, cy, k1, k2, p1, p2, used with `apart`; None if independent. That
     of a value that is fixed or has no prior is not used."""
@@ -73,6 +73,8 @@ FIXED_LENS = LensPrior(0.0, 0.0)
 FREE_DISTORTION = (0.5, 1.0, 0.02, 0.02)
 """Standard deviations of k1, k2, p1, p2 that hardly restrict them; they keep those finite about
 which the images say nothing."""
+FREE_FISHEYE = (0.3, 0.3, 0.3, 0.3)
+"""The same of k1, k2, k3, k4 of a fisheye."""
 
 
 @dataclass(frozen=True)
@@ -311,10 +313,15 @@ def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettin
     primary = lens_prior(dataset.primary, settings.primary)
     secondary = lens_prior(dataset.secondary, settings.secondary)
     if "primary" in settings.free_distortion:
-        primary = replace(primary, distortion=FREE_DISTORTION)
+        primary = replace(primary, distortion=free_distortion(dataset.primary))
     if "secondary" in settings.free_distortion:
-        secondary = replace(secondary, distortion=FREE_DISTORTION)
+        secondary = replace(secondary, distortion=free_distortion(dataset.secondary))
     return replace(settings, primary=primary, secondary=secondary)
+
+
+def free_distortion(camera: Camera) -> tuple[float, float, float, float]:
+    """Standard deviations that hardly restrict the first four coefficients of a lens."""
+    return FREE_FISHEYE if camera.is_fisheye else FREE_DISTORTION
 
 
 def baseline_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
@@ -357,7 +364,7 @@ def with_lens(stated: Camera, lens: FloatArray) -> Camera:
     if not len(whole) and any(distortion):
         whole = np.zeros(4)
     whole[:4] = distortion[: len(whole)]
-    return Camera(K, whole, stated.image_size)
+    return Camera(K, whole, stated.image_size, model=stated.model)
 
 
 def shared_unknowns(rig: Rig) -> FloatArray:

@@ -1,9 +1,10 @@
-"""A camera with OpenCV's lens model: distortion, undistortion, projection."""
+"""A camera with one of OpenCV's lens models: distortion, undistortion, projection."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import cv2
@@ -11,12 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, contiguous
+from stereocal.rig.fisheye import fill_distorted, fill_undistorted, largest_angle
 
+LensModel = Literal["brown", "fisheye"]
+"""OpenCV's usual lens (Brown), or the one of `fisheye`."""
 CameraName = Literal["primary", "secondary"]
 CAMERAS: tuple[CameraName, CameraName] = ("primary", "secondary")
 LENS_UNKNOWNS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
-"""The order of `Camera.lens_values` and of the correlation of a lens."""
+"""The order of `Camera.lens_values` and of the correlation of a lens. The last four of a fisheye
+are its k1 to k4."""
+FISHEYE_UNKNOWNS = (*LENS_UNKNOWNS[:4], "k1", "k2", "k3", "k4")
+LENS_MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 LARGEST_SIDE = 1_000_000
 MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
@@ -108,13 +115,18 @@ def is_correlation(table: FloatArray, size: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera with OpenCV's lens model.
+    """A camera with one of OpenCV's lens models.
+
+    Errors are in pixels of the undistorted image, K times points on the plane z = 1; those of a
+    fisheye, whose undistorted image is stretched up to 15 times, in pixels of the recorded image.
 
     Args:
         K: (3, 3), `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`, in pixels.
-        distortion: OpenCV's coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]].
+        distortion: OpenCV's coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]]; of a
+            fisheye k1 k2 k3 k4.
         image_size: (width, height) in pixels.
         uncertainty: standard errors of fx, fy, cx, cy and the coefficients; None if unknown.
+        model: of the lens.
 
     Raises:
         StereocalError: K is not a camera matrix, a number is not finite, or the number of
@@ -125,6 +137,7 @@ class Camera:
     distortion: FloatArray
     image_size: tuple[int, int]
     uncertainty: LensUncertainty | None = None
+    model: LensModel = "brown"
 
     def __post_init__(self) -> None:
         K = np.array(self.K, dtype=np.float64)
@@ -148,11 +161,7 @@ class Camera:
                 "K is not a camera matrix: it must read [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]. "
                 "Is it transposed?"
             )
-        if distortion.size not in DISTORTION_LENGTHS:
-            raise StereocalError(
-                f"The lens has {distortion.size} distortion coefficients; OpenCV's model has "
-                "4, 5, 8, 12 or 14 (or none)."
-            )
+        distortion = _coefficients(distortion, self.model)
         width, height = (int(side) for side in self.image_size)
         if not (0 < width < LARGEST_SIDE and 0 < height < LARGEST_SIDE):
             raise StereocalError(f"The image size {width}x{height} px is not possible.")
@@ -176,9 +185,33 @@ class Camera:
         return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *distortion])
 
     @property
+    def is_fisheye(self) -> bool:
+        """Whether its errors are in pixels of the recorded image."""
+        return self.model == "fisheye"
+
+    @property
+    def lens_names(self) -> tuple[str, ...]:
+        """Names of `lens_values`."""
+        return FISHEYE_UNKNOWNS if self.is_fisheye else LENS_UNKNOWNS
+
+    @cached_property
+    def largest_angle(self) -> float:
+        """From the axis, to which a fisheye can be inverted, in radians."""
+        return largest_angle(self.distortion)
+
+    @property
     def pixel_scale(self) -> FloatArray:
         """(fx, skew, fy): the part of K that acts on differences of normalised points."""
         return np.array([self.K[0, 0], self.K[0, 1], self.K[1, 1]])
+
+    def pixel_jacobians(self, normalised: npt.ArrayLike) -> FloatArray:
+        """(n, 2, 2): derivatives of the pixels in which errors are by points (n, 2) of z = 1."""
+        points = np.asarray(normalised, dtype=np.float64)
+        if not self.is_fisheye:
+            return np.tile(self.K[:2, :2], (len(points), 1, 1))
+        jacobians = np.empty((len(points), 2, 2))
+        fill_distorted(contiguous(points), self.distortion, np.empty(points.shape), jacobians)
+        return np.asarray(self.K[:2, :2] @ jacobians)
 
     @property
     def size_factor(self) -> float | None:
@@ -189,6 +222,26 @@ class Camera:
         centre = 0.5 * (np.array(self.image_size) - 1.0)
         factor = float(np.mean(np.maximum(self.K[:2, 2], 1e-9) / centre))
         return factor if abs(np.log(factor)) > np.log(SIZE_FACTOR_TOLERANCE) else None
+
+    def local_focal_px(self, normalised: FloatArray) -> FloatArray:
+        """(n,): pixels per unit of the plane z = 1 at some of its points (n, 2), in the mean."""
+        return np.asarray(np.sqrt(np.linalg.det(self.pixel_jacobians(normalised))))
+
+    @property
+    def corner_rays(self) -> FloatArray:
+        """(4, 2): points of z = 1 of the image's corners, clockwise, without distortion.
+
+        Of a fisheye with its distortion, and at most at its largest angle.
+        """
+        right, bottom = np.array(self.image_size) - 0.5
+        pixels = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+        rays = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(self.K)[:2].T
+        if not self.is_fisheye:
+            return np.asarray(rays)
+        edge = self.largest_angle * (1 - 1e-9)
+        limit = np.linalg.norm(self._distort(np.array([[np.tan(edge), 0.0]])))
+        radius = np.linalg.norm(rays, axis=1, keepdims=True)
+        return self.undistort(self._to_pixels(rays * np.minimum(1.0, limit / radius)))
 
     def distort(self, normalised: npt.ArrayLike) -> FloatArray:
         """Raw pixels (n, 2) of undistorted, normalised points (n, 2)."""
@@ -209,6 +262,10 @@ class Camera:
         pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         distorted = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.K).T
         distorted = np.ascontiguousarray(distorted[:, :2])
+        if self.is_fisheye:
+            rays = np.empty(distorted.shape)
+            fill_undistorted(distorted, self.distortion, self.largest_angle, rays)
+            return rays
         if not self.distortion.any() or not len(distorted):
             return distorted
         guess = cv2.undistortPoints(distorted[:, None], np.eye(3), self.distortion).reshape(-1, 2)
@@ -249,6 +306,7 @@ class Camera:
             "K": self.K.tolist(),
             "distortion": self.distortion.tolist(),
             "image_size": list(self.image_size),
+            **({"model": self.model} if self.is_fisheye else {}),
         }
 
     @classmethod
@@ -273,19 +331,24 @@ class Camera:
         stated = data.get("uncertainty")
         uncertainty = None if stated is None else LensUncertainty.from_json(stated, source)
         try:
-            return cls(K, distortion, size, uncertainty)
+            return cls(K, distortion, size, uncertainty, data.get("model", "brown"))
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
 
     def _distort(self, normalised: FloatArray) -> FloatArray:
         """Distorted normalised points (n, 2), by OpenCV's full model."""
+        if self.is_fisheye:
+            distorted = np.empty(normalised.shape)
+            jacobians = np.empty((len(normalised), 2, 2))
+            fill_distorted(contiguous(normalised), self.distortion, distorted, jacobians)
+            return distorted
         if not len(normalised) or not self.distortion.any():
             return normalised
         points = np.column_stack([normalised, np.ones(len(normalised))])
-        distorted, _ = cv2.projectPoints(
+        found, _ = cv2.projectPoints(
             points[:, None], np.zeros(3), np.zeros(3), np.eye(3), self.distortion
         )
-        return np.asarray(distorted, dtype=np.float64).reshape(-1, 2)
+        return np.asarray(found, dtype=np.float64).reshape(-1, 2)
 
     def _jacobian(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives (n, 2) of the distorted points by x, and by y, by finite differences."""
@@ -298,3 +361,45 @@ class Camera:
     def _to_pixels(self, normalised: FloatArray) -> FloatArray:
         pixels: FloatArray = normalised @ self.K[:2, :2].T + self.K[:2, 2]
         return pixels
+
+
+def pixel_scales(cameras: Sequence[Camera]) -> FloatArray:
+    """(n, 3): `Camera.pixel_scale` of each, as `geometry.reprojection_shift` takes it.
+
+    (n, 2, 4) if one is a fisheye: fx, skew, fy and its largest angle, which is 0 for other lenses;
+    k1 to k4.
+    """
+    scales = np.array([camera.pixel_scale for camera in cameras])
+    if not any(camera.is_fisheye for camera in cameras):
+        return scales
+    found = np.zeros((len(cameras), 2, 4))
+    found[:, 0, :3] = scales
+    for row, camera in zip(found, cameras, strict=True):
+        if camera.is_fisheye:
+            row[0, 3], row[1] = camera.largest_angle, camera.distortion
+    return found
+
+
+def _coefficients(distortion: FloatArray, model: LensModel) -> FloatArray:
+    """The coefficients of a lens, of a fisheye four.
+
+    Raises:
+        StereocalError: an unknown model, or a number of coefficients that it does not have.
+    """
+    if model not in LENS_MODELS:
+        raise StereocalError(
+            f'The lens model "{model}" is not known; use {" or ".join(LENS_MODELS)}.'
+        )
+    if model == "fisheye":
+        if distortion.size not in (0, 4):
+            raise StereocalError(
+                f"The lens has {distortion.size} distortion coefficients; a fisheye has 4, "
+                "k1 k2 k3 k4."
+            )
+        return distortion if distortion.size else np.zeros(4)
+    if distortion.size not in DISTORTION_LENGTHS:
+        raise StereocalError(
+            f"The lens has {distortion.size} distortion coefficients; OpenCV's model has "
+            "4, 5, 8, 12 or 14 (or none)."
+        )
+    return distortion

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.rig.camera import CAMERAS, Camera, CameraName
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import TimeOffset, interpolate
@@ -339,6 +340,14 @@ class Dataset:
             else ("primary", self.primary)
         )
         width, height = camera.image_size
+        if camera.is_fisheye:
+            return (
+                f"The {which} camera's fisheye lens images {self.correspondences.name_of(row)} "
+                f"more than {np.degrees(camera.largest_angle):.0f} degrees from its axis: at most "
+                f"{np.degrees(LARGEST_ANGLE):.0f} degrees can be used (a field of view of "
+                f"{2 * np.degrees(LARGEST_ANGLE):.0f}). Leave such points out, or check the camera "
+                "file."
+            )
         size = camera.size_factor
         hint = f" K seems to belong to an image {rounded(size, 3)} times as large." if size else ""
         return (
@@ -408,8 +417,8 @@ class Dataset:
 
     @cached_property
     def pixel_scale(self) -> FloatArray:
-        """(2, 3): fx, skew, fy of each camera."""
-        return np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
+        """`pixel_scales` of both cameras."""
+        return pixel_scales((self.primary, self.secondary))
 
     @cached_property
     def bar_distances_m(self) -> FloatArray:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     Pose,
-    epipolar_distances,
     reprojection_errors_of_rays,
     residuals,
     stack_rays,
@@ -37,12 +36,16 @@ class Rig:
     def reprojection_errors(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> FloatArray:
-        """Errors (n, 2) in pixels of the undistorted images, from raw pixels of each camera."""
+        """Errors (n, 2) in pixels as of `Camera`, from raw pixels (n, 2) of each camera."""
         rays = stack_rays(
             self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
         )
-        scale = np.array([self.primary.pixel_scale, self.secondary.pixel_scale])
-        return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, scale)
+        return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, self.pixel_scale)
+
+    @property
+    def pixel_scale(self) -> FloatArray:
+        """`pixel_scales` of both cameras."""
+        return pixel_scales((self.primary, self.secondary))
 
     def residuals(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
         """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera."""
@@ -53,7 +56,7 @@ class Rig:
         )
 
     def epipolar_errors(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
-        """Signed distance of each pair from its epipolar lines, (n,) undistorted pixels.
+        """Signed distance of each pair from its epipolar lines, (n,) pixels as of `Camera`.
 
         To first order (Sampson): the residual over its standard deviation if each pixel coordinate
         has one of 1.
@@ -76,26 +79,41 @@ class Rig:
     def _sampson(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """The residuals (n,) and their derivatives (n, 4) by undistorted pixels."""
-        E, n = self.pose.essential, len(np.asarray(primary_px))
-        one = np.column_stack([self.primary.undistort(primary_px), np.ones(n)])
-        two = np.column_stack([self.secondary.undistort(secondary_px), np.ones(n)])
-        focal = [np.diag(camera.K)[:2] for camera in (self.primary, self.secondary)]
-        gradient = np.column_stack([(two @ E)[:, :2] / focal[0], (one @ E.T)[:, :2] / focal[1]])
+        """The residuals (n,) and their derivatives (n, 4) by the pixels in which errors are."""
+        E = self.pose.essential
+        p, q = self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
+        one, two = (np.column_stack([rays, np.ones(len(rays))]) for rays in (p, q))
+        gradient = np.column_stack(
+            [
+                _by_pixels(self.primary, p, (two @ E)[:, :2]),
+                _by_pixels(self.secondary, q, (one @ E.T)[:, :2]),
+            ]
+        )
         residual = np.sum(two * (one @ E.T), axis=1)
         return residual, gradient
 
     def epipolar_distances(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> FloatArray:
-        """Distance of each point to the epipolar line of its partner, (n, 2) undistorted pixels.
+        """Distance of each point to the epipolar line of its partner, (n, 2) pixels as of `Camera`.
+
+        To first order for a fisheye, whose epipolar lines are curves.
 
         Args:
             primary_px, secondary_px: raw pixels (n, 2) of each camera.
         """
-        F = np.linalg.inv(self.secondary.K).T @ self.pose.essential @ np.linalg.inv(self.primary.K)
-        return epipolar_distances(
-            F,
-            self.primary.undistort_to_pixels(primary_px),
-            self.secondary.undistort_to_pixels(secondary_px),
-        )
+        residual, gradient = self._sampson(primary_px, secondary_px)
+        lengths = np.linalg.norm(gradient.reshape(-1, 2, 2), axis=2)
+        return np.asarray(np.abs(residual)[:, None] / lengths)
+
+
+def _by_pixels(camera: Camera, rays: FloatArray, by_rays: FloatArray) -> FloatArray:
+    """(n, 2): derivatives by pixels, from those by the points of z = 1."""
+    if not camera.is_fisheye and not camera.K[0, 1]:
+        return by_rays / np.diag(camera.K)[:2]
+    jacobians = camera.pixel_jacobians(rays)
+    lost = ~np.isfinite(jacobians).all(axis=(1, 2))
+    jacobians[lost] = np.eye(2)
+    found = np.linalg.solve(jacobians.transpose(0, 2, 1), by_rays[:, :, None])[:, :, 0]
+    found[lost] = np.nan
+    return np.asarray(found)

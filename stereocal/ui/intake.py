@@ -21,7 +21,7 @@ from stereocal.formats.dataset_files import (
 from stereocal.formats.description import RECORDING_FORMAT, find_description
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.lens_model import FourCoefficientsError, LensModel
+from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.units import UNITS as UNITS
 from stereocal.projects.files import StoredFile
@@ -30,7 +30,7 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
@@ -185,9 +185,17 @@ def _try_camera(slot: Slot, name: str, content: bytes) -> None:
             content = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
         camera = read_camera(content, name)
     except FourCoefficientsError as error:
-        ask_lens(error, name, lambda: _try_files({slot: (name, content)}))
+        ask_lens(error, lambda model: _try_camera_as(slot, name, content, model))
     else:
         _try_files({slot: (name, content)}, {slot: camera})
+
+
+def _try_camera_as(slot: Slot, name: str, content: bytes, model: LensModel) -> None:
+    """Store a camera file that does not state its lens model."""
+    camera = read_camera(content, name, model)
+    if camera.is_fisheye:  # the stored file must state it
+        content = write_camera(camera)
+    _try_files({slot: (name, content)}, {slot: camera})
 
 
 def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, int]:
@@ -216,7 +224,7 @@ def _try_dataset(
         without = {**files, folder + TABLE: rest[0]}
         refuse(error, rest[1], lambda: _try_dataset(without, source, photographs, lens_model))
     except FourCoefficientsError as error:
-        ask_lens(error, source, lambda: _try_dataset(files, source, photographs, "brown"))
+        ask_lens(error, lambda model: _try_dataset(files, source, photographs, model))
     except StereocalError as error:
         refuse(error)
 
@@ -282,6 +290,10 @@ def give_dataset(
     read |= {"primary": survey.primary, "secondary": survey.secondary}
     free = survey.baseline_sigma_m == math.inf
     slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
+    for which in CAMERAS:
+        camera: Camera = getattr(survey, which)
+        if camera.is_fisheye:  # the stored file must state it
+            files = {**files, folder + slots[which]: write_camera(camera)}
     kept = store.give(
         {slot: (name, files[folder + name]) for slot, name in slots.items()},
         found,

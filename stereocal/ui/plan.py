@@ -23,9 +23,10 @@ from stereocal.figures import (
 )
 from stereocal.figures.forecast_table import plan_table
 from stereocal.figures.plan_report import how_computed, plan_report
-from stereocal.formats.lens_model import FourCoefficientsError, LensModel
+from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.project import Project
+from stereocal.rig.camera import LensModel
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
 from stereocal.ui.downloads import on_demand
@@ -96,7 +97,7 @@ def _take_plan(
     try:
         plan = _plan_in(files, model)
     except FourCoefficientsError as error:
-        ask_lens(error, "the plan", callback(partial(_take_plan, project, files, "brown")))
+        ask_lens(error, lambda model: callback(partial(_take_plan, project, files, model))())
         return
     show_plan(project, plan)
     clear_refusal()

@@ -20,9 +20,9 @@ from stereocal.field.planning.plan import (
     Uncertainty,
 )
 from stereocal.formats.camera_file import read_camera, write_camera
-from stereocal.formats.lens_model import FourCoefficientsError, LensModel
+from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, Camera, CameraName
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, number, one_of, setting, yes_or_no
@@ -200,7 +200,7 @@ def take_camera(kept: Field, content: bytes, name: str, model: LensModel | None 
     try:
         camera = read_camera(content, name, model)
     except FourCoefficientsError as error:
-        ask_lens(error, name, callback(partial(take_camera, kept, content, name, "brown")))
+        ask_lens(error, lambda one: callback(partial(take_camera, kept, content, name, one))())
         return
     kept.set(write_camera(camera).decode())
     clear_refusal()

@@ -9,7 +9,8 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.formats.lens_model import FourCoefficientsError, fisheye_refused
+from stereocal.formats.lens_model import FourCoefficientsError
+from stereocal.rig.camera import LensModel
 from stereocal.ui.texts import escape_markdown
 
 _REFUSED = "refused"
@@ -64,13 +65,13 @@ def clear_refusal() -> None:
     st.session_state.pop(_REFUSED, None)
 
 
-def ask_lens(error: FourCoefficientsError, source: str, use: Callable[[], None]) -> None:
+def ask_lens(error: FourCoefficientsError, use: Callable[[LensModel], None]) -> None:
     """Ask for the model of four distortion coefficients; nothing is stored before the answer."""
     st.session_state[_REFUSED] = _Refusal(
         f"{error.question} Which are they?",
         (),
         {
-            "k1 k2 p1 p2: the usual lens": use,
-            "k1 k2 k3 k4: a fisheye": lambda: refuse(fisheye_refused(source)),
+            "k1 k2 p1 p2: the usual lens": lambda: use("brown"),
+            "k1 k2 k3 k4: a fisheye": lambda: use("fisheye"),
         },
     )

@@ -64,7 +64,9 @@ class Outlook:
                     "value": float(model.scatter_m.value),
                     "source": model.scatter_m.source,
                 },
-                "covariance": covariance_entry(self.covariance(method)),
+                "covariance": covariance_entry(
+                    self.covariance(method), (model.primary, model.secondary)
+                ),
                 "design_effect": model.design_effect,
             },
         )

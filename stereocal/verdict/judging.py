@@ -6,7 +6,13 @@ import numpy as np
 
 from stereocal.evaluation.compiled_run import count_pairs
 from stereocal.refined.bar_fit import BASELINE, DISTORTION, PRIMARY, SECONDARY
-from stereocal.refined.distortion import distort, set_distortion
+from stereocal.refined.distortion import (
+    FISHEYE,
+    TILTED,
+    distort,
+    fill_pixel_scale,
+    set_distortion,
+)
 from stereocal.refined.undistortion import undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
 from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
@@ -38,6 +44,7 @@ def photograph(
 @compiled
 def add_noise(
     q: FloatArray,
+    stated_lenses: FloatArray,
     points: FloatArray,
     along: float,
     noise: FloatArray,
@@ -50,6 +57,7 @@ def add_noise(
     reconstructed point, `along` times.
     """
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    lenses = set_distortion(q, DISTORTION, 4, stated_lenses)
     fill_pose(q, q[BASELINE], R, T)
     fill_essential(R, T, E)
     across = np.empty(4)
@@ -63,6 +71,12 @@ def add_noise(
         across[1] = (u * E[0, 1] + v * E[1, 1] + E[2, 1]) / q[PRIMARY + 1]
         across[2] = (x * E[0, 0] + y * E[0, 1] + E[0, 2]) / q[SECONDARY]
         across[3] = (x * E[1, 0] + y * E[1, 1] + E[1, 2]) / q[SECONDARY + 1]
+        for camera in range(2):
+            if lenses[camera, 1 + TILTED] == FISHEYE:
+                i = 2 * camera
+                _, _, xx, xy, yx, yy = distort(start[i, k], start[i + 1, k], lenses, camera)
+                scale, a, b = 1.0 / (xx * yy - xy * yx), across[i], across[i + 1]
+                across[i], across[i + 1] = scale * (yy * a - yx * b), scale * (xx * b - xy * a)
         length = dot = 0.0
         for i in range(4):
             length += across[i] * across[i]
@@ -76,6 +90,7 @@ def add_noise(
 def judge(
     sets: FloatArray,
     stated_lenses: FloatArray,
+    scale: FloatArray,
     pixels: FloatArray,
     start: FloatArray,
     distances: FloatArray,
@@ -90,6 +105,7 @@ def judge(
     Args:
         sets: (s, 25): the shared unknowns of `bar_fit` of each set.
         stated_lenses: (2, 23), as in `bar_fit`.
+        scale: `distortion.empty_pixel_scale` of them, written.
         pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.
         start: (4, n): initial rays for the undistortion.
         distances: (m,), the true lengths in metres.
@@ -98,7 +114,6 @@ def judge(
     """
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     rays, inverse_jacobians = start.copy(), np.empty((len(pixels), 2, 4))
-    scale = np.empty((2, 3))
     for s in range(len(sets)):
         q = sets[s]
         lenses = set_distortion(q, DISTORTION, 4, stated_lenses)
@@ -113,9 +128,7 @@ def judge(
         fill_pose(q, q[BASELINE], R, T)
         fill_essential(R, T, E)
         for camera in range(2):
-            at = PRIMARY if camera == 0 else SECONDARY
-            scale[camera, 0], scale[camera, 1] = q[at], lenses[camera, 0]
-            scale[camera, 2] = q[at + 1]
+            fill_pixel_scale(q, PRIMARY + 4 * camera, lenses, camera, scale)
         correct_px[s] = count_pairs(R, T, E, rays, scale, partners, counts[s], nans[s])
         for k in range(len(distances)):
             lengths[s, k] = bar_length(R, T, rays, 2 * k, 2 * k + 1) / distances[k]

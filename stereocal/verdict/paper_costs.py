@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
-from stereocal.rig.compiled import FloatArray, IntArray, compiled
+from stereocal.refined.distortion import FISHEYE, TILTED, distort
+from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
 from stereocal.rig.geometry import fill_pose, midpoint
 
 
@@ -39,10 +40,40 @@ def fill_errors(
         dx, dy = x2 / z2 - xs, y2 / z2 - ys
         errors[4 * k + 2] = q[SECONDARY] * dx + lenses[1, 0] * dy
         errors[4 * k + 3] = q[SECONDARY + 1] * dy
+    for camera in range(2):
+        if lenses[camera, 1 + TILTED] == FISHEYE:
+            _fill_recorded(q, R, T, lenses, camera, rays, points, errors)
     for j in range(len(bars)):
         a, b = points[bars[j, 0]], points[bars[j, 1]]
         square = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
         errors[4 * n + j] = np.sqrt(square) - distances[j]
+
+
+@internal
+def _fill_recorded(
+    q: FloatArray,
+    R: FloatArray,
+    T: FloatArray,
+    lenses: FloatArray,
+    camera: int,
+    rays: FloatArray,
+    points: FloatArray,
+    errors: FloatArray,
+) -> None:
+    """Write the errors of a fisheye, which are differences in the recorded image."""
+    at, row = PRIMARY + 4 * camera, 2 * camera
+    for k in range(rays.shape[1]):
+        a, b, c = points[k, 0], points[k, 1], points[k, 2]
+        if camera == 1:
+            a, b, c = (
+                R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + T[0],
+                R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + T[1],
+                R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + T[2],
+            )
+        u, v, _, _, _, _ = distort(a / c, b / c, lenses, camera)
+        seen_u, seen_v, _, _, _, _ = distort(rays[row, k], rays[row + 1, k], lenses, camera)
+        errors[4 * k + row] = q[at] * (u - seen_u) + lenses[camera, 0] * (v - seen_v)
+        errors[4 * k + row + 1] = q[at + 1] * (v - seen_v)
 
 
 @compiled

@@ -30,6 +30,7 @@ from stereocal.evaluation.compiled_run import (
 )
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.bar_fit import BAR
+from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.unknowns import shared_unknowns
@@ -257,12 +258,13 @@ def predict(
     def judge_draw(draw: int) -> None:
         points, seen, start = ends[draw].reshape(-1, 3), pixels[draw], np.empty((4, 4 * bars))
         photograph(truths[draw], lenses, points, seen)
-        add_noise(model.q, points, of_noise.along[draw], noise[draw], seen, start)
+        add_noise(model.q, lenses, points, of_noise.along[draw], noise[draw], seen, start)
         for half in range(2):
             own = slice(2 * bars * half, 2 * bars * (half + 1))
             judge(
                 sets,
                 lenses,
+                empty_pixel_scale(lenses),
                 seen[own],
                 np.ascontiguousarray(start[:, own]),
                 distances[draw, bars * half : bars * (half + 1)],

@@ -5,18 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.workflow import calibrate
+from tests.fisheye_rig import recording
 from tests.rigs.mistakes import flipped, scaled
 from tests.rigs.mistakes import rig as random_rig
 
+FOUR = np.array([-0.25, 0.1, 0.001, -0.001])
 SOUND = random_rig(3)[1]
 
 
@@ -91,3 +95,28 @@ def test_points_of_resized_images_are_named_with_both_sizes(
     assert f"in the camera file, {width}x{height} px" in said
     about = float(said.split("about ")[1].split("x")[0])
     assert about == pytest.approx(factor * width, rel=0.03)
+
+
+@pytest.mark.parametrize("sides", [("primary",), ("secondary",), ("primary", "secondary")])
+def test_a_lens_of_the_other_model_is_named(sides: tuple[str, ...]) -> None:
+    """A fisheye read as a usual lens, and a usual lens read as a fisheye."""
+    fisheyes, _ = recording(90.0, 0)
+    rows = SOUND.correspondences
+    usual = replace(
+        SOUND,
+        **{side: replace(getattr(SOUND, side), distortion=FOUR) for side in CAMERAS},
+        correspondences=replace(
+            rows,
+            **{
+                side: replace(getattr(SOUND, side), distortion=FOUR).distort(
+                    getattr(SOUND, side).undistort(getattr(rows, side))
+                )
+                for side in CAMERAS
+            },
+        ),
+    )
+    for data, model in ((fisheyes, "brown"), (usual, "fisheye")):
+        wrong = {side: replace(getattr(data, side), model=model) for side in sides}
+        whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
+        said = find_wrong_input(replace(data, **wrong))
+        assert f"{whose} four distortion coefficients seem to be of the other" in said

@@ -22,7 +22,8 @@ from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, epipolar_distances
+from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.workflow import calibrate
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
@@ -62,13 +63,9 @@ def epipolar_rms(data: Dataset, calibration: Calibration, method: Method) -> flo
 
 def epipolar_rms_of(data: Dataset, pose: Pose) -> float:
     """The same for any pose, with the lenses of `data`."""
-    E = pose.essential
-    F = np.linalg.inv(data.secondary.K).T @ E @ np.linalg.inv(data.primary.K)
     rows = data.correspondences
-    distances = epipolar_distances(
-        F,
-        data.primary.undistort_to_pixels(rows.primary),
-        data.secondary.undistort_to_pixels(rows.secondary),
+    distances = Rig(data.primary, data.secondary, pose).epipolar_distances(
+        rows.primary, rows.secondary
     )
     return float(np.sqrt(best((distances**2).mean(axis=1)).mean()))
 

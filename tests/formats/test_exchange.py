@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.exchange.exchange import (
     FORMATS,
     export,
@@ -25,10 +26,11 @@ from stereocal.formats.exchange.exchange import (
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import Flip
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
+from tests.fisheye_rig import fisheye_rig
 from tests.known_rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 POINTS = bar_ends(30)
@@ -293,7 +295,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("name", "change", "says"),
         [
-            ("kalibr", lambda t: t.replace("radtan", "equi", 1), "pinhole with equi"),
+            ("kalibr", lambda t: t.replace("radtan", "fov", 1), "pinhole with fov"),
             ("kalibr", lambda t: t.replace("cam1:", "cam2:"), "cam0, cam2"),
             ("kalibr", lambda t: t.replace("[1600, 1200]", "[1600]"), "image size"),
             ("kalibr", lambda t: t.replace("T_cn_cnm1", "T_other"), "T_cn_cnm1"),
@@ -317,3 +319,36 @@ class TestRefusals:
         ):
             with pytest.raises(StereocalError, match=r"stereo pair|two camera_info files"):
                 import_files(spoilt, "ros")
+
+
+class TestFisheye:
+    rig = fisheye_rig(120.0)
+
+    @pytest.mark.parametrize("name", ["opencv", "kalibr", "ros", "aniposelib", "colmap"])
+    def test_there_and_back(self, name: str) -> None:
+        read = import_files(export_files(self.rig, name), name)
+        for which in CAMERAS:
+            ours, theirs = getattr(self.rig, which), getattr(read, which)
+            assert theirs.model == "fisheye"
+            # As written, with 12 digits or more.
+            np.testing.assert_allclose(theirs.K, ours.K, rtol=1e-9)
+            np.testing.assert_allclose(theirs.distortion, ours.distortion, rtol=1e-9)
+        np.testing.assert_allclose(read.pose.R, self.rig.pose.R, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(read.pose.T, self.rig.pose.T, rtol=0, atol=1e-9)
+
+    def test_matlab_has_none(self) -> None:
+        with pytest.raises(StereocalError, match="MATLAB's cameraParameters has no fisheye lens"):
+            export_files(self.rig, "matlab")
+
+    def test_opencv_has_one_model_for_both(self) -> None:
+        mixed = replace(self.rig, primary=RICHEST["opencv"].primary)
+        with pytest.raises(StereocalError, match="one lens model for both"):
+            export_files(mixed, "opencv")
+        assert import_files(export_files(mixed, "ros"), "ros").primary.model == "brown"
+
+    def test_a_camera_file(self) -> None:
+        camera = self.rig.primary
+        for content in (write_camera(camera), write_opencv_camera(camera)):
+            read = read_camera(content, "c")
+            assert read.model == "fisheye"
+            np.testing.assert_allclose(read.distortion, camera.distortion, rtol=1e-12)

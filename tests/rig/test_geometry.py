@@ -16,13 +16,13 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     Angles,
     Pose,
-    epipolar_distances,
     reprojection_errors_of_rays,
     residuals,
     stack_rays,
     triangulate,
     triangulate_rays,
 )
+from stereocal.rig.rig import Rig
 from tests.known_rig import (
     ANY_ANGLES,
     PRIMARY,
@@ -169,11 +169,16 @@ class TestEssential:
 
 class TestEpipolarDistances:
     F = fundamental(PRIMARY, SECONDARY, RIG)
+    rig = Rig(
+        Camera(PRIMARY.K, np.empty(0), PRIMARY.image_size),
+        Camera(SECONDARY.K, np.empty(0), SECONDARY.image_size),
+        RIG,
+    )
     first = pixels(PRIMARY, P) + np.random.default_rng(1).normal(size=P.shape)
     second = pixels(SECONDARY, Q) + np.random.default_rng(2).normal(size=Q.shape)
 
     def test_agrees_with_opencvs_lines(self) -> None:
-        found = epipolar_distances(self.F, self.first, self.second)
+        found = self.rig.epipolar_distances(self.first, self.second)
         for column, own, other, image in (
             (0, self.first, self.second, 2),
             (1, self.second, self.first, 1),
@@ -186,7 +191,7 @@ class TestEpipolarDistances:
         assert np.median(found) > 0.3
 
     def test_agrees_with_opencvs_sampson_distance(self) -> None:
-        found = epipolar_distances(self.F, self.first, self.second)
+        found = self.rig.epipolar_distances(self.first, self.second)
         # v^2 / (n1^2 + n2^2) of d1 = |v| / n1 and d2 = |v| / n2.
         ours = 1.0 / (1.0 / found**2).sum(axis=1)
         homogeneous = (

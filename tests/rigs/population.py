@@ -58,6 +58,7 @@ def population(
     judge(
         np.array([shared_unknowns(files[method]) for method in methods]),
         lenses_of_cameras(any_file.primary, any_file.secondary),
+        any_file.pixel_scale,
         pixels,
         np.ascontiguousarray(start.T),
         np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1) / bar_factor,

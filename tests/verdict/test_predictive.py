@@ -130,7 +130,7 @@ def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
     fitted, points = outlook().refined, rig.bar_ends(3)
     pixels, start, rays = np.zeros((6, 4)), np.empty((4, 6)), np.ones((6, 2, 3))
     noise = np.random.default_rng(4).standard_normal((6, 4))
-    add_noise(fitted.q, points, 2.5, noise, pixels, start)
+    add_noise(fitted.q, fitted.lenses, points, 2.5, noise, pixels, start)
     rays[:, 0, :2], rays[:, 1, :2] = start[:2].T, start[2:].T
     two = fitted.pose.apply(points)
     assert_allclose(rays, np.stack([points / points[:, 2:], two / two[:, 2:]], axis=1), rtol=1e-12)

@@ -37,7 +37,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
         },
         "bar_scatter_m": {"value": check.prior.scatter_m, "source": GIVEN},
         "standard_errors": {name: named[name] for name in kept},
-        "covariance": covariance_entry(fit.covariance),
+        "covariance": covariance_entry(fit.covariance, (rig.primary, rig.secondary)),
         "design_effect": check.noise.design_effect,
     }
     if isinstance(bar, int | float):

@@ -31,6 +31,7 @@ from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.expected import planned_dataset, refine_settings
 from stereocal.field.planning.plan import Plan
 from stereocal.refined.bar_fit import BAR, BASELINE, PRIMARY, SECONDARY
+from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.undistortion import undistort_rays
@@ -194,7 +195,19 @@ def _judged(
     nans, lengths = np.zeros((len(sets), 2), dtype=np.int64), np.empty((len(sets), len(ends)))
     correct_px = np.empty(len(sets))
     distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    judge(sets, lenses, pixels, rays, distances, partners, counts, nans, lengths, correct_px)
+    judge(
+        sets,
+        lenses,
+        empty_pixel_scale(lenses),
+        pixels,
+        rays,
+        distances,
+        partners,
+        counts,
+        nans,
+        lengths,
+        correct_px,
+    )
     of_px = counts[:, REPROJECTION].astype(np.int64)
     limits = crossing(of_px)
     errors = np.abs(lengths - 1.0)

@@ -100,6 +100,11 @@ def world_of_lines(
         sigma_px: noise of an image coordinate; None: as the points scatter about their lines.
         upside_down: whether the cameras hang upside down.
     """
+    if rig.primary.is_fisheye or rig.secondary.is_fisheye:
+        raise StereocalError(
+            "The vertical is not found from lines in images of fisheye lenses: take a thrown "
+            "object or surveyed points instead."
+        )
     for line in lines:
         for side, camera, at in zip(
             CAMERAS, (rig.primary, rig.secondary), line.pixels, strict=True

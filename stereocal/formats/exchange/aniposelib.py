@@ -25,9 +25,10 @@ from stereocal.formats.exchange.reading import (
     pose_of,
     size_of,
 )
-from stereocal.formats.lens_model import check_lens_model
+from stereocal.formats.lens_model import lens_model_of
 from stereocal.formats.yaml_text import check_length
 from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.json_text import check_depth
@@ -59,8 +60,9 @@ def write_aniposelib_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[s
             f"\n[cam_{k}]\nname = {json.dumps(which)}\n"
             f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
             f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
-            f"distortions = {numbers(lens(camera, 5, which, 'aniposelib'))}\n"
-            f"rotation = {numbers(rotation)}\ntranslation = {numbers(translation)}\n"
+            f"distortions = {numbers(_distortion(camera, which))}\n"
+            + "fisheye = true\n" * camera.is_fisheye
+            + f"rotation = {numbers(rotation)}\ntranslation = {numbers(translation)}\n"
         )
     return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
 
@@ -130,9 +132,14 @@ def read_toml(text: str, name: str) -> dict[str, Any]:
 
 def _camera(data: Mapping[str, Any], k: int, options: ExchangeOptions, source: str) -> Camera:
     coefficients = array_of(data.get("distortions"), (-1,), "distortions", source)
-    check_lens_model(coefficients, data.get("fisheye"), options.lens_model, source)
+    model = lens_model_of(coefficients, data.get("fisheye"), options.lens_model, source)
     K = array_of(data.get("matrix"), (3, 3), "matrix", source)
-    return camera_of(K, coefficients, size_of(data.get("size"), options, k, source), source)
+    size = size_of(data.get("size"), options, k, source)
+    return camera_of(K, coefficients, size, source, model)
+
+
+def _distortion(camera: Camera, which: str) -> FloatArray:
+    return camera.distortion if camera.is_fisheye else lens(camera, 5, which, "aniposelib")
 
 
 def _pose(data: Mapping[str, Any], source: str) -> Pose:

@@ -30,17 +30,19 @@ from stereocal.formats.exchange.reading import (
     camera_of,
     pose_of,
 )
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import FISHEYE_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 
 FIRST_PIXEL = 0.5
+FISHEYE = FISHEYE_UNKNOWNS[4:]
 MODELS: Mapping[str, tuple[str, ...]] = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
     "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", *FISHEYE),
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", *RATIONAL),
 }
 
@@ -116,6 +118,8 @@ def _parameters(camera: Camera, which: str) -> tuple[str, FloatArray]:
     refuse_skew(camera, which, "COLMAP")
     K = camera.K
     pinhole = [K[0, 0], K[1, 1], K[0, 2] + FIRST_PIXEL, K[1, 2] + FIRST_PIXEL]
+    if camera.is_fisheye:
+        return "OPENCV_FISHEYE", np.array([*pinhole, *camera.distortion])
     eight = lens(camera, 8, which, "COLMAP")
     if eight[4:].any():
         return "FULL_OPENCV", np.array([*pinhole, *eight])
@@ -134,8 +138,10 @@ def _camera(cells: list[str], source: str) -> Camera:
     fx = named.get("fx", named.get("f", 0.0))
     K = camera_matrix(fx, named.get("fy", fx), named["cx"] - FIRST_PIXEL, named["cy"] - FIRST_PIXEL)
     width, height = array_of(cells[2:4], (2,), "the image size", source)
-    distortion = [named.get(k, 0.0) for k in RATIONAL]
-    return camera_of(K, distortion, (int(width), int(height)), source)
+    size = (int(width), int(height))
+    if model == "OPENCV_FISHEYE":
+        return camera_of(K, [named[k] for k in FISHEYE], size, source, "fisheye")
+    return camera_of(K, [named.get(k, 0.0) for k in RATIONAL], size, source)
 
 
 def _rows(file: ForeignFile) -> list[list[str]]:

@@ -245,7 +245,7 @@ def export_notes(rig: Rig, name: str) -> list[str]:
         notes.append("The file does not contain the lenses: undistort points before using it.")
     for which, camera in (("primary", rig.primary), ("secondary", rig.secondary)):
         count = known.coefficients
-        if count is not None and camera.distortion[count:].any():
+        if count is not None and not camera.is_fisheye and camera.distortion[count:].any():
             notes.append(
                 f"The format has {count} distortion coefficients: those of the {which} camera were "
                 "refitted, which moves pixels by "

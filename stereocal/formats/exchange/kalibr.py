@@ -22,6 +22,7 @@ from stereocal.formats.exchange.reading import (
     pose_of,
     size_of,
 )
+from stereocal.formats.lens_model import FISHEYE
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -41,12 +42,13 @@ def write_kalibr_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, 
     text = header(
         "#",
         f"{names}; T_cn_cnm1 takes the camera before to each.",
-        "intrinsics: fu fv pu pv; distortion_coeffs: k1 k2 p1 p2; the centre of the top-left",
-        "pixel is (0, 0).",
+        "intrinsics: fu fv pu pv; distortion_coeffs: k1 k2 p1 p2, of equidistant k1 k2 k3 k4;",
+        "the centre of the top-left pixel is (0, 0).",
     )
     for k, (which, camera, pose) in enumerate(cameras):
         refuse_skew(camera, which, "Kalibr")
-        coefficients = lens(camera, 4, which, "Kalibr")
+        fisheye = camera.is_fisheye
+        coefficients = camera.distortion if fisheye else lens(camera, 4, which, "Kalibr")
         K = camera.K
         text += f"cam{k}:\n"
         if k:
@@ -56,7 +58,7 @@ def write_kalibr_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, 
         text += (
             "  camera_model: pinhole\n"
             f"  intrinsics: {numbers([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])}\n"
-            "  distortion_model: radtan\n"
+            f"  distortion_model: {'equidistant' if fisheye else 'radtan'}\n"
             f"  distortion_coeffs: {numbers(coefficients)}\n"
             f"  resolution: [{camera.image_size[0]}, {camera.image_size[1]}]\n"
             f"  rostopic: /{which}/image_raw\n"
@@ -115,10 +117,12 @@ def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
     # Coefficients without a model are an error, not a lens without distortion.
     usual = "none" if data.get("distortion_coeffs") is None else "no distortion_model"
     model, distortion = data.get("camera_model"), data.get("distortion_model", usual)
-    if model != "pinhole" or distortion not in ("radtan", "none"):
+    fisheye = distortion in FISHEYE
+    if model != "pinhole" or (distortion not in ("radtan", "none") and not fisheye):
         raise StereocalError(
-            f"{source}: the camera is {model} with {distortion}; only pinhole with radtan or none "
-            "is supported. Calibrate with --models pinhole-radtan."
+            f"{source}: the camera is {model} with {distortion}; only pinhole with radtan, "
+            "equidistant or none is supported. Calibrate with --models pinhole-radtan or "
+            "pinhole-equi."
         )
     fx, fy, cx, cy = array_of(data.get("intrinsics"), (4,), "intrinsics", source)
     coefficients = (
@@ -127,4 +131,5 @@ def _camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
         else array_of(data.get("distortion_coeffs"), (4,), "distortion_coeffs", source)
     )
     size = size_of(data.get("resolution"), options, k, source)
-    return camera_of(camera_matrix(fx, fy, cx, cy), coefficients, size, source)
+    K = camera_matrix(fx, fy, cx, cy)
+    return camera_of(K, coefficients, size, source, "fisheye" if fisheye else "brown")

@@ -21,7 +21,15 @@ def lens(camera: Camera, count: int, which: str, where: str) -> FloatArray:
 
     If the lens has more, and `count` is 4 or 5, coefficients are refitted, provided that no pixel
     moves by more than `NEGLIGIBLE_PX`.
+
+    Raises:
+        StereocalError: a fisheye, or a lens that so few coefficients do not describe.
     """
+    if camera.is_fisheye:
+        raise StereocalError(
+            f"{where} has no fisheye lens (k1 k2 k3 k4), which the {which} camera has. Choose "
+            "OpenCV, Kalibr, ROS, aniposelib or COLMAP."
+        )
     padded = np.zeros(max(14, count))
     padded[: len(camera.distortion)] = camera.distortion
     further = np.flatnonzero(padded[count:]) + count

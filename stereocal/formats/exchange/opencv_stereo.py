@@ -21,9 +21,9 @@ from stereocal.formats.exchange.reading import (
     pose_of,
     size_of,
 )
-from stereocal.formats.file_storage import find_node, is_number, lens_model_of, matrix_of
-from stereocal.formats.lens_model import check_lens_model, five_or_more
-from stereocal.rig.camera import CAMERAS
+from stereocal.formats.file_storage import find_node, is_number, matrix_of, stated_lens_model
+from stereocal.formats.lens_model import five_or_more, lens_model_of
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 
@@ -40,11 +40,20 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 
 def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     """The two files; R1, R2, P1, P2, Q are those of `cv2.stereoRectify`."""
-    intrinsics = [("M1", rig.primary.K), ("D1", _row(rig.primary.distortion))]
-    intrinsics += [("M2", rig.secondary.K), ("D2", _row(rig.secondary.distortion))]
-    sizes = "".join(
-        f"image_size_{k}: [ {camera.image_size[0]}, {camera.image_size[1]} ]\n"
-        for k, camera in ((1, rig.primary), (2, rig.secondary))
+    fisheye = rig.primary.is_fisheye
+    if fisheye != rig.secondary.is_fisheye:
+        raise StereocalError(
+            "OpenCV's stereo files have one lens model for both cameras, but one camera of this "
+            "pair is a fisheye and the other is not. Choose another format."
+        )
+    intrinsics = [("M1", rig.primary.K), ("D1", _row(rig.primary))]
+    intrinsics += [("M2", rig.secondary.K), ("D2", _row(rig.secondary))]
+    sizes = (
+        "".join(
+            f"image_size_{k}: [ {camera.image_size[0]}, {camera.image_size[1]} ]\n"
+            for k, camera in ((1, rig.primary), (2, rig.secondary))
+        )
+        + "fisheye_model: 1\n" * fisheye
     )
     extrinsics = [("R", rig.pose.R), ("T", rig.pose.T[:, None])]
     extrinsics += list(zip(("R1", "R2", "P1", "P2", "Q"), rectification(rig), strict=True))
@@ -53,7 +62,9 @@ def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
         "intrinsics.yml": _file(
             [
                 comment,
-                "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
+                "M: camera matrix; D: k1 k2 k3 k4 of a fisheye; sizes: width, height."
+                if fisheye
+                else "M: camera matrix; D: k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]; sizes: width, height.",
                 "The centre of the top-left pixel is (0, 0).",
             ],
             intrinsics,
@@ -66,12 +77,13 @@ def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
 
 
 def rectification(rig: Rig) -> tuple[FloatArray, ...]:
-    """R1, R2, P1, P2, Q of `cv2.stereoRectify`."""
+    """R1, R2, P1, P2, Q of `cv2.stereoRectify`; for a fisheye, of its undistorted image."""
+    none = np.zeros((1, 5))
     found = cv2.stereoRectify(
         rig.primary.K,
-        _row(rig.primary.distortion),
+        none if rig.primary.is_fisheye else _row(rig.primary),
         rig.secondary.K,
-        _row(rig.secondary.distortion),
+        none if rig.secondary.is_fisheye else _row(rig.secondary),
         rig.primary.image_size,
         rig.pose.R,
         rig.pose.T[:, None],
@@ -107,10 +119,10 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     cameras = []
     for k, which in enumerate(CAMERAS):
         where, K, D = f"{source}, {which}", found[f"M{k + 1}"], found[f"D{k + 1}"]
-        check_lens_model(D, models[0] if models else None, options.lens_model, where)
+        model = lens_model_of(D, models[0] if models else None, options.lens_model, where)
         size = size_of(sizes.get(k), options, k, source)
         K = array_of(K, (3, 3), f"M{k + 1}", source)
-        cameras.append(camera_of(K, D, size, where))
+        cameras.append(camera_of(K, D, size, where, model))
     if missing:
         return CameraPair(cameras[0], cameras[1], None, lacks)
     R, T = array_of(found["R"], (3, 3), "R", source), array_of(found["T"], (3,), "T", source)
@@ -127,7 +139,7 @@ def _read_one(
         node = find_node(file.storage, known)
         if node is not None:
             found[key] = matrix_of(node, key, file.name)
-    stated = lens_model_of(file.storage)
+    stated = stated_lens_model(file.storage)
     models += [] if stated is None else [stated]
     for k in (0, 1):
         node = find_node(file.storage, (f"image_size_{k + 1}", "image_size", "imageSize"))
@@ -135,8 +147,9 @@ def _read_one(
             sizes[k] = node
 
 
-def _row(coefficients: FloatArray) -> FloatArray:
-    return five_or_more(coefficients)[None, :]
+def _row(camera: Camera) -> FloatArray:
+    known = camera.distortion
+    return (known if camera.is_fisheye else five_or_more(known))[None, :]
 
 
 def _file(comments: list[str], matrices: list[tuple[str, FloatArray]], more: str = "") -> bytes:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.lens_model import LensModel
 from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
 from stereocal.formats.units import Unit
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.version import __version__

@@ -33,7 +33,7 @@ QUESTIONS: Mapping[str, Question] = {
         "--lens-model",
         "Four distortion coefficients are",
         "the model of four distortion coefficients, if the file does not state it: brown is "
-        "OpenCV's usual k1 k2 p1 p2",
+        "OpenCV's usual k1 k2 p1 p2, fisheye its k1 k2 k3 k4",
         {"brown": "k1 k2 p1 p2: the usual lens", "fisheye": "k1 k2 k3 k4: a fisheye"},
     ),
     "corner": Question(

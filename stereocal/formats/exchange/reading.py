@@ -15,7 +15,7 @@ from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.file_storage import Storage, read_storage
 from stereocal.formats.units import Unit, metres_per_unit
 from stereocal.formats.yaml_text import read_yaml
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -220,10 +220,16 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def camera_of(K: FloatArray, distortion: npt.ArrayLike, size: ImageSize, source: str) -> Camera:
+def camera_of(
+    K: FloatArray,
+    distortion: npt.ArrayLike,
+    size: ImageSize,
+    source: str,
+    model: LensModel = "brown",
+) -> Camera:
     """A camera whose errors begin with `source`."""
     with naming(source):
-        return Camera(K, np.asarray(distortion, dtype=np.float64), size)
+        return Camera(K, np.asarray(distortion, dtype=np.float64), size, model=model)
 
 
 def pose_of(R: npt.ArrayLike, T: FloatArray, source: str) -> Pose:

@@ -17,7 +17,7 @@ from stereocal.formats.exchange.reading import (
     pose_of,
     size_of,
 )
-from stereocal.formats.lens_model import check_lens_model
+from stereocal.formats.lens_model import FISHEYE, lens_model_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -36,9 +36,7 @@ def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
         ("primary", rig.primary, R1, P1),
         ("secondary", rig.secondary, R2, P2),
     ):
-        eight = lens(camera, 8, which, "A ROS camera_info")
-        rational = bool(eight[5:].any())
-        coefficients = eight if rational else eight[:5]
+        model, coefficients = _distortion(camera, which)
         width, height = camera.image_size
         text = header(
             "#",
@@ -49,7 +47,7 @@ def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
         text += (
             f"image_width: {width}\nimage_height: {height}\ncamera_name: {which}\n"
             + _matrix("camera_matrix", camera.K)
-            + f"distortion_model: {'rational_polynomial' if rational else 'plumb_bob'}\n"
+            + f"distortion_model: {model}\n"
             + _matrix("distortion_coefficients", coefficients[None])
             + _matrix("rectification_matrix", R)
             + _matrix("projection_matrix", P)
@@ -107,17 +105,24 @@ def _camera(file: ForeignFile, k: int, options: ExchangeOptions) -> Camera:
     data, name = file.storage, file.name
     model = data.get("distortion_model")
     coefficients = _numbers_of(file, "distortion_coefficients", (-1,))
-    check_lens_model(coefficients, model, options.lens_model, name)
-    if model not in (None, "plumb_bob", "rational_polynomial"):
+    if model not in (None, "plumb_bob", "rational_polynomial", *FISHEYE):
         raise StereocalError(
-            f"{name}: the lens model {model} is not supported; use plumb_bob or "
-            "rational_polynomial."
+            f"{name}: the lens model {model} is not supported; use plumb_bob, "
+            "rational_polynomial or equidistant."
         )
+    lens_model = lens_model_of(coefficients, model, options.lens_model, name)
     size = [data.get("image_width"), data.get("image_height")]
     K = _numbers_of(file, "camera_matrix", (3, 3))
-    return camera_of(
-        K, coefficients, size_of(None if None in size else size, options, k, name), name
-    )
+    known_size = size_of(None if None in size else size, options, k, name)
+    return camera_of(K, coefficients, known_size, name, lens_model)
+
+
+def _distortion(camera: Camera, which: str) -> tuple[str, FloatArray]:
+    """The name of the lens model, and its coefficients."""
+    if camera.is_fisheye:
+        return "equidistant", camera.distortion
+    eight = lens(camera, 8, which, "A ROS camera_info")
+    return ("rational_polynomial", eight) if eight[5:].any() else ("plumb_bob", eight[:5])
 
 
 def _numbers_of(file: ForeignFile, key: str, shape: tuple[int, ...]) -> FloatArray:

@@ -1,0 +1,74 @@
+"""Two cameras with fisheye lenses, and recordings with them whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
+
+IMAGE_SIZE = (1920, 1440)
+COEFFICIENTS = np.array([0.04, -0.012, 0.006, -0.0018])
+NOISE_PX = 0.3
+SIGMA_K = np.array([0.004, 0.004, 0.003, 0.001])
+"""About those of a lens calibration."""
+
+
+def fisheye(field_of_view_deg: float, turned: float = 1.0) -> Camera:
+    """A fisheye with this field of view across the image; `turned`: of the coefficients."""
+    k = COEFFICIENTS * turned
+    half = np.radians(field_of_view_deg / 2)
+    radius = half * (1 + sum(k[i] * half ** (2 * i + 2) for i in range(4)))
+    f = 0.5 * IMAGE_SIZE[0] / radius
+    K = np.array([[f, 0.0, 953.2], [0.0, 1.003 * f, 728.9], [0.0, 0.0, 1.0]])
+    return Camera(K, k, IMAGE_SIZE, model="fisheye")
+
+
+def fisheye_rig(field_of_view_deg: float) -> Rig:
+    """Two cameras 1 m apart that look at a point 3 m away."""
+    toe = float(np.arctan2(0.5, 3.0))
+    angles = Angles(2 * toe - 0.01, -0.02, 0.03, toe - 0.01, 3.11)
+    lenses = fisheye(field_of_view_deg), fisheye(field_of_view_deg, 0.9)
+    return Rig(*lenses, Pose.from_angles(angles, 1.0))
+
+
+def recording(
+    field_of_view_deg: float, seed: int, frames: int = 40, exact: bool = False
+) -> tuple[Dataset, Scene]:
+    """A recording of a bar of 0.4 m from 0.7 to 4 m, with lenses off by their standard errors.
+
+    Args:
+        exact: with the true lenses and lengths.
+    """
+    rng = np.random.default_rng(seed)
+    placed = place_bars(fisheye_rig(field_of_view_deg), rng, 2 * frames, 0.4, (0.7, 4.0))
+    usable = np.ones(2 * frames, dtype=bool)  # noise must not move them beyond 75 degrees
+    for points in placed.points_m:
+        away = np.hypot(points[:, 0], points[:, 1]) < np.tan(np.radians(74.5)) * points[:, 2]
+        usable &= away.reshape(-1, 2).all(axis=1)
+    scene = replace(placed, ends_m=placed.ends_m[usable][:frames])
+    cameras = [off(camera, rng) for camera in (scene.rig.primary, scene.rig.secondary)]
+    baseline, bar = 1.0 + 0.002 * rng.standard_normal(), 0.4 * (1 + 5e-4 * rng.standard_normal())
+    nominal = None if exact else Nominal(cameras[0], cameras[1], baseline, bar)
+    found = observe(scene, rng, NOISE_PX, f"fisheye {field_of_view_deg:g}", nominal)
+    found = replace(found, baseline_sigma_m=0.002, target_distance_sigma_m=0.0002)
+    return found, scene
+
+
+def off(camera: Camera, rng: np.random.Generator) -> Camera:
+    """A lens with errors of the size that it states."""
+    K, sigma = camera.K.copy(), 0.001 * camera.K[0, 0]
+    K[[0, 1], [0, 1]] += sigma * rng.standard_normal()
+    K[:2, 2] += rng.standard_normal(2)
+    k = camera.distortion + SIGMA_K * rng.standard_normal(4)
+    return replace(
+        camera,
+        K=K,
+        distortion=k,
+        uncertainty=LensUncertainty(sigma, sigma, 1.0, 1.0, SIGMA_K),
+    )

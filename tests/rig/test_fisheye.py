@@ -1,0 +1,118 @@
+"""The fisheye lens against OpenCV's, and how its errors are counted."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rig import Rig
+from tests.fisheye_rig import IMAGE_SIZE, fisheye, fisheye_rig, recording
+from tests.known_rig import PRIMARY
+
+LENSES = [fisheye(angle) for angle in (90.0, 120.0, 150.0)]
+
+
+def rays_to(degrees: float, count: int = 1000) -> FloatArray:
+    """(n, 2): points of z = 1 up to an angle from the axis, in all directions."""
+    rng = np.random.default_rng(0)
+    angle, around = np.radians(rng.uniform(0, degrees, count)), rng.uniform(0, 2 * np.pi, count)
+    return np.asarray(np.tan(angle) * [np.cos(around), np.sin(around)]).T
+
+
+@pytest.mark.parametrize("camera", LENSES)
+class TestTheLens:
+    def test_projects_as_opencv(self, camera: Camera) -> None:
+        rays = rays_to(74.9)
+        peer = cv2.fisheye.distortPoints(rays[:, None], camera.K, camera.distortion)
+        # Rounding of 2000 px; measured: 5e-13. The issue asks for 1e-6.
+        np.testing.assert_allclose(camera.distort(rays), peer[:, 0], rtol=0, atol=1e-9)
+
+    def test_undistorts(self, camera: Camera) -> None:
+        rays = rays_to(74.9)
+        # The rounding of the angle is 15 times as large on the plane z = 1; measured: 2e-14.
+        np.testing.assert_allclose(camera.undistort(camera.distort(rays)), rays, rtol=0, atol=1e-11)
+
+    def test_has_no_ray_beyond_its_largest_angle(self, camera: Camera) -> None:
+        far = np.array([[np.tan(np.radians(76.0)), 0.0]])
+        assert np.isnan(camera.undistort(camera.distort(far))).all()
+        assert np.isfinite(camera.corner_rays).all()
+
+    def test_jacobian(self, camera: Camera) -> None:
+        rays, h = rays_to(74.0, 100), 1e-6
+        along = [
+            (camera.distort(rays + step) - camera.distort(rays - step)) / (2 * h)
+            for step in ([h, 0.0], [0.0, h])
+        ]
+        # Rounding of 2000 px over 2e-6; measured: 3e-7.
+        np.testing.assert_allclose(
+            camera.pixel_jacobians(rays), np.stack(along, axis=2), rtol=0, atol=1e-5
+        )
+
+
+def test_a_lens_that_folds_back_ends_there() -> None:
+    camera = Camera(LENSES[0].K, np.array([-0.3, 0.0, 0.0, 0.0]), IMAGE_SIZE, model="fisheye")
+    # The radius t - 0.3 t^3 is largest at t = 1 / sqrt(0.9).
+    assert 0.98 / np.sqrt(0.9) < camera.largest_angle < 1 / np.sqrt(0.9)
+    found = camera.undistort(camera.distort([[np.tan(1.2), 0.0]]))
+    assert np.arctan(found[0, 0]) < camera.largest_angle
+    assert np.isnan(camera.undistort([[1919.0, 728.9]])).all()
+
+
+def test_a_fisheye_has_four_coefficients() -> None:
+    with pytest.raises(StereocalError, match="a fisheye has 4"):
+        Camera(LENSES[0].K, np.zeros(5), IMAGE_SIZE, model="fisheye")
+
+
+def test_json_states_the_model() -> None:
+    assert Camera.from_json(LENSES[1].to_json(), "c").model == "fisheye"
+    assert "model" not in PRIMARY.to_json()
+    with pytest.raises(StereocalError, match='"omni" is not known'):
+        Camera.from_json({**PRIMARY.to_json(), "model": "omni"}, "c")
+
+
+@pytest.mark.parametrize("other", [fisheye(150.0), PRIMARY])
+def test_errors_are_differences_in_the_recorded_image(other: Camera) -> None:
+    """Of a fisheye, also beside a lens of the usual kind."""
+    rig = Rig(fisheye(150.0), other, fisheye_rig(150.0).pose)
+    points = np.array([[0.4, 0.1, 0.9], [0.1, -0.1, 2.0], [0.0, 0.2, 1.5]])
+    first = rig.primary.project(points)
+    second = rig.secondary.project(rig.pose.apply(points))
+    moved = first + np.array([0.7, -1.1])
+    found = rig.reprojection_errors(moved, second)
+    meeting = rig.reconstruct(moved, second)
+    expected = np.linalg.norm(rig.primary.project(meeting) - moved, axis=1)
+    # The midpoint and the images once more; measured: 1e-12.
+    np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=1e-8)
+    if other.is_fisheye:
+        seen = rig.secondary.project(rig.pose.apply(meeting))
+        np.testing.assert_allclose(
+            found[:, 1], np.linalg.norm(seen - second, axis=1), rtol=0, atol=1e-8
+        )
+
+
+def test_epipolar_errors_have_the_noise_of_the_pixels() -> None:
+    """Sampson distances of noise of 0.3 px, out to 75 degrees."""
+    dataset, scene = recording(150.0, 3, 2000, exact=True)
+    rows = dataset.correspondences
+    found = scene.rig.epipolar_errors(rows.primary, rows.secondary)
+    far = np.linalg.norm(dataset.rays[:2], axis=0) > np.tan(np.radians(55.0))
+    for some in (far, ~far):
+        # 4,000 errors, 800 of them far out: 2 standard errors are 2 and 5 %.
+        assert np.sqrt(np.mean(found[some] ** 2)) == pytest.approx(0.3, rel=0.06)
+
+
+def test_a_point_beyond_75_degrees_is_named() -> None:
+    dataset, _ = recording(150.0, 1)
+    rows = dataset.correspondences
+    half = Camera(
+        np.array([[400.0, 0.0, 953.0], [0.0, 400.0, 729.0], [0.0, 0.0, 1.0]]),
+        np.zeros(4),
+        IMAGE_SIZE,
+        model="fisheye",
+    )
+    with pytest.raises(StereocalError, match="more than 75 degrees from its axis"):
+        type(dataset)("x", half, half, rows, 1.0, 0.4)
