@@ -220,11 +220,16 @@ def real(folder: str) -> None:
     with contextlib.suppress(ImportError):
         from benchmarks.peers import caliscope
 
-        began = time.perf_counter()
-        found = caliscope.solve_rig(even)
-        spent = time.perf_counter() - began
-        lens = {name: camera for name, (camera, _) in found.items()}
-        _tested("Caliscope", odd, lens, {name: pose for name, (_, pose) in found.items()}, spent)
+        for name, cameras in (("stated", stated), ("stereocal's", rig.cameras)):
+            began = time.perf_counter()
+            found = caliscope.solve_rig(replace(even, cameras=cameras))
+            spent = time.perf_counter() - began
+            lens = {key: camera for key, (camera, _) in found.items()}
+            focal = ", ".join(
+                f"{100 * (own.K[0, 0] / cameras[key].K[0, 0] - 1):.2f}" for key, own in lens.items()
+            )
+            own = {key: pose for key, (_, pose) in found.items()}
+            _tested(f"Caliscope, {name} lenses (focal {focal} %)", odd, lens, own, spent)
 
 
 def _tested(

@@ -80,7 +80,11 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
 def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> None:
     assert main(["rig", str(dataset), "--out", str(tmp_path)]) == 0
     rig = RigFile.load(tmp_path / "rig.json")
-    for name, file in (("aniposelib", "calibration.toml"), ("kalibr", "camchain.yaml")):
+    for name, file in (
+        ("aniposelib", "calibration.toml"),
+        ("caliscope", "camera_array.toml"),
+        ("kalibr", "camchain.yaml"),
+    ):
         out = str(tmp_path / file)
         assert main(["convert", str(tmp_path / "rig.json"), "--to", name, "--out", out]) == 0
         options = ExchangeOptions(cameras=("1", "3"))

@@ -46,6 +46,7 @@ RICHEST = {
     "ros": FULL,
     "matlab": FULL,
     "aniposelib": FULL,
+    "caliscope": FULL,
     "colmap": NO_SKEW,
     "dlt": FULL,
 }
@@ -151,6 +152,16 @@ class TestPeers:
         np.testing.assert_allclose(
             group.project(POINTS).reshape(2, -1, 2), views(NO_SKEW), rtol=0, atol=1e-6
         )
+
+    def test_caliscope(self, tmp_path: Path) -> None:
+        cameras = pytest.importorskip("caliscope.cameras.camera_array")
+        export(NO_SKEW, "caliscope", tmp_path / "camera_array.toml")
+        found = cameras.CameraArray.from_toml(tmp_path / "camera_array.toml").cameras
+        for number, seen in enumerate(views(NO_SKEW)):
+            own = found[number]
+            lens = Camera(own.matrix, own.distortions, own.size)
+            moved = Pose(own.rotation, own.translation).apply(POINTS)
+            np.testing.assert_allclose(lens.project(moved), seen, rtol=0, atol=1e-6)
 
     def test_colmap(self, tmp_path: Path) -> None:
         colmap = pytest.importorskip("pycolmap")
@@ -324,7 +335,9 @@ class TestRefusals:
 class TestFisheye:
     rig = fisheye_rig(120.0)
 
-    @pytest.mark.parametrize("name", ["opencv", "kalibr", "ros", "aniposelib", "colmap"])
+    @pytest.mark.parametrize(
+        "name", ["opencv", "kalibr", "ros", "aniposelib", "caliscope", "colmap"]
+    )
     def test_there_and_back(self, name: str) -> None:
         read = import_files(export_files(self.rig, name), name)
         for which in CAMERAS:

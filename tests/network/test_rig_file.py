@@ -21,6 +21,7 @@ from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.views import EACH, TRANSLATION
 from stereocal.rig.recording import Recording
 from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
 
@@ -99,7 +100,8 @@ def test_files_of_pairs_are_fused(truth: SimulatedRig, tmp_path: Path) -> None:
     assert "warnings" not in fused.about
     for name, pose in truth.poses.items():
         number = fused.names.index(name)
-        sigma = np.sqrt(np.diag(fused.covariance))[15 * number + 3 : 15 * number + 6]
+        at = EACH * number + TRANSLATION
+        sigma = np.sqrt(np.diag(fused.covariance))[at : at + 3]
         if number:
             # the points of three pairs are counted twice, so that errors are stated too small
             assert np.abs((fused.poses[name].T - pose.T) / sigma).max() < 5.0

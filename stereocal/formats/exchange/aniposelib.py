@@ -1,4 +1,4 @@
-"""aniposelib's TOML: each camera's pose from the world; our world frame is the primary's."""
+"""aniposelib's and Caliscope's TOML: each camera's pose from the world, our primary's frame."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
@@ -28,7 +28,6 @@ from stereocal.formats.exchange.reading import (
 from stereocal.formats.lens_model import lens_model_of
 from stereocal.formats.yaml_text import check_length
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.json_text import check_depth
@@ -38,33 +37,59 @@ MOST_DOTS = 100
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
 
 
-def write_aniposelib(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
+def write_aniposelib(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
     """`calibration.toml`."""
-    still = Pose(np.eye(3), np.zeros(3))
-    posed = (("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose))
-    return write_aniposelib_rig(posed, _)
+    return write_aniposelib_rig(_posed(rig), options)
 
 
 def write_aniposelib_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """The same of any number of cameras, with their poses from the first."""
-    first = cameras[0][0]
-    text = header(
+    text = _header(cameras)
+    for k, own in enumerate(cameras):
+        text += f"\n[cam_{k}]\nname = {json.dumps(own[0])}\n"
+        text += "fisheye = true\n" * own[1].is_fisheye + _values(own, "aniposelib")
+    return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
+
+
+def write_caliscope(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
+    """`camera_array.toml`."""
+    return write_caliscope_rig(_posed(rig), options)
+
+
+def write_caliscope_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """The same of any number of cameras, whose names there are numbers."""
+    text = _header(cameras)
+    for k, own in enumerate(cameras):
+        text += f"\n# {json.dumps(own[0])}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
+        text += f"fisheye = {json.dumps(own[1].is_fisheye)}\n{_values(own, 'Caliscope')}"
+    return {"camera_array.toml": text.encode()}
+
+
+def _posed(rig: Rig) -> tuple[Posed, Posed]:
+    still = Pose(np.eye(3), np.zeros(3))
+    return ("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)
+
+
+def _header(cameras: Sequence[Posed]) -> str:
+    return header(
         "#",
-        f"The world is the frame of the {first} camera, cam_0. rotation: rotation vector, radians.",
+        f"The world is the frame of the {cameras[0][0]} camera, the first. rotation: rotation "
+        "vector, radians.",
         "size: width, height; the centre of the top-left pixel is (0, 0).",
     )
-    for k, (which, camera, pose) in enumerate(cameras):
-        turn, _jacobian = cv2.Rodrigues(pose.R)
-        rotation, translation = np.asarray(turn, np.float64), pose.T
-        text += (
-            f"\n[cam_{k}]\nname = {json.dumps(which)}\n"
-            f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
-            f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
-            f"distortions = {numbers(_distortion(camera, which))}\n"
-            + "fisheye = true\n" * camera.is_fisheye
-            + f"rotation = {numbers(rotation)}\ntranslation = {numbers(translation)}\n"
-        )
-    return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
+
+
+def _values(own: Posed, program: str) -> str:
+    """What both programs write of a camera."""
+    which, camera, pose = own
+    distortion = camera.distortion if camera.is_fisheye else lens(camera, 5, which, program)
+    return (
+        f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
+        f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
+        f"distortions = {numbers(distortion)}\n"
+        f"rotation = {numbers(Rotation.from_matrix(pose.R).as_rotvec())}\n"
+        f"translation = {numbers(pose.T)}\n"
+    )
 
 
 def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
@@ -138,15 +163,11 @@ def _camera(data: Mapping[str, Any], k: int, options: ExchangeOptions, source: s
     return camera_of(K, coefficients, size, source, model)
 
 
-def _distortion(camera: Camera, which: str) -> FloatArray:
-    return camera.distortion if camera.is_fisheye else lens(camera, 5, which, "aniposelib")
-
-
 def _pose(data: Mapping[str, Any], source: str) -> Pose:
     """Camera from world; a rotation vector, or Caliscope's matrix."""
     rotation = array_of(data.get("rotation"), (-1,), "rotation", source)
     translation = array_of(data.get("translation"), (3,), "translation", source)
     if rotation.size == 9:
         return pose_of(rotation.reshape(3, 3), translation, source)
-    turn, _ = cv2.Rodrigues(array_of(rotation, (3,), "rotation", source))
-    return pose_of(turn, translation, source)
+    turn = Rotation.from_rotvec(array_of(rotation, (3,), "rotation", source))
+    return pose_of(turn.as_matrix(), translation, source)

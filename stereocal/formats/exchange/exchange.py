@@ -13,6 +13,8 @@ from stereocal.formats.exchange.aniposelib import (
     read_aniposelib,
     write_aniposelib,
     write_aniposelib_rig,
+    write_caliscope,
+    write_caliscope_rig,
 )
 from stereocal.formats.exchange.camera_files import (
     is_camera,
@@ -111,6 +113,15 @@ FORMATS: Mapping[str, ExchangeFormat] = {
         ignores_skew=True,
         coefficients=5,
     ),
+    "caliscope": ExchangeFormat(
+        "Caliscope (camera_array.toml)",
+        read_aniposelib,
+        None,
+        aniposelib_names,
+        write=write_caliscope,
+        ignores_skew=True,
+        coefficients=5,
+    ),
     "colmap": ExchangeFormat("COLMAP (rig)", read_colmap, write=write_colmap),
     "dlt": ExchangeFormat(
         "DLT coefficients (DLTdv, easyWand, Argus)", read_dlt, write=write_dlt, without_lens=True
@@ -125,6 +136,7 @@ READ: Mapping[str, CameraFormat] = {
 
 RIG_WRITERS: Mapping[str, Callable[[Sequence[Posed], ExchangeOptions], dict[str, bytes]]] = {
     "aniposelib": write_aniposelib_rig,
+    "caliscope": write_caliscope_rig,
     "dlt": write_dlt_rig,
     "kalibr": write_kalibr_rig,
 }
