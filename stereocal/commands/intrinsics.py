@@ -15,7 +15,7 @@ from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
-from stereocal.intrinsics.quality import advice, hint
+from stereocal.intrinsics.quality import advice, hint, note_on_model
 from stereocal.intrinsics.stereo_boards import recording_of
 from stereocal.intrinsics.tables import LENS_COLUMNS, lens_answer, lens_rows
 from stereocal.rig.board_pattern import BoardPattern
@@ -116,5 +116,6 @@ def _print(search: BoardSearch, lens: LensCalibration) -> None:
     print(" ".join(f"{title:>16}" for title in LENS_COLUMNS))
     for row in lens_rows(lens):
         print(" ".join(f"{cell:>16}" for cell in row))
-    for sentence in filter(None, (*advice(lens), hint(lens))):
+    model = note_on_model(search, lens.settings)
+    for sentence in filter(None, (*advice(lens), hint(lens), model)):
         print(f"Note: {sentence}")

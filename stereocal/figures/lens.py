@@ -45,7 +45,7 @@ def _add_draws(
     figure: go.Figure, lens: LensCalibration, at: int, in_legend: bool, place: dict[str, int]
 ) -> None:
     """The histogram of one parameter, and its axes."""
-    unit, name = " px" if at < 4 else "", PARAMETERS[at]
+    unit, name = " px" if at < 4 else "", lens.settings.parameters[at]
     value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
     low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
     figure.add_histogram(
@@ -88,7 +88,7 @@ def describe_draws(lens: LensCalibration) -> str:
     found = [
         f"{name} {with_error(float(value), float(sigma))}{' px' if at < 4 else ''}"
         for at, (name, value, sigma) in enumerate(
-            zip(PARAMETERS, lens.values, lens.standard_errors, strict=True)
+            zip(settings.parameters, lens.values, lens.standard_errors, strict=True)
         )
         if settings.free[at]
     ]

@@ -20,8 +20,9 @@ import hashlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,17 +30,27 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.rig.camera import LENS_UNKNOWNS, Camera, LensUncertainty
+from stereocal.rig.camera import (
+    FISHEYE_UNKNOWNS,
+    LENS_MODELS,
+    LENS_UNKNOWNS,
+    Camera,
+    LensModel,
+    LensUncertainty,
+)
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.described import check_described, described
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+FISHEYE_PARAMETERS = (*FISHEYE_UNKNOWNS, "")
+"""Of a fisheye; the ninth is not used."""
 RECOMMENDED_VIEWS = 50
 FEWEST_VIEWS = 8
 """Photographs below which draws are not made smaller unasked."""
 MINIMUM_VIEWS = 3
 """Two photographs give four equations for the four parameters of K, and nothing to check them."""
+SMALLEST_BOARD = 4
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 OUTLYING = 2.0
 """A photograph is an outlier if its error exceeds this multiple of the median."""
@@ -82,13 +93,29 @@ class LensSettings:
         "If the lens is known to be perpendicular to the sensor. Paper: not held.",
     )
 
+    model: LensModel = described(
+        "brown",
+        "Lens model",
+        "brown: OpenCV's usual lens, k1 k2 p1 p2 k3. fisheye: k1 k2 k3 k4, for action cameras and "
+        "other wide lenses.",
+        choices=LENS_MODELS,
+    )
+
     def __post_init__(self) -> None:
         check_described(self)
 
     @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of a draw; the last is empty for a fisheye."""
+        return FISHEYE_PARAMETERS if self.model == "fisheye" else PARAMETERS
+
+    @property
     def free(self) -> FloatArray:
-        """(9,): 1 for a parameter that is fitted, 0 for one that is held at 0."""
+        """(9,): 1 for a parameter that is fitted, 0 for one that is held at 0 or not used."""
         free = np.ones(len(PARAMETERS))
+        if self.model == "fisheye":
+            free[8] = 0.0
+            return free
         free[8] = not self.fix_k3
         free[6:8] = not self.zero_tangential
         return free
@@ -151,8 +178,10 @@ class LensCalibration:
         """The camera with the median parameters and their standard errors."""
         sigma = self.standard_errors
         fx, fy, cx, cy = (float(value) for value in sigma[:4])
-        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:], self.correlation)
-        return _camera(self.values, self.search.image_size, uncertainty)
+        count = 4 if self.settings.model == "fisheye" else 5
+        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4 : 4 + count], self.correlation)
+        lens = _camera(self.values, self.search.image_size, self.settings.model)
+        return replace(lens, uncertainty=uncertainty)
 
     @cached_property
     def residuals(self) -> list[FloatArray]:
@@ -207,7 +236,7 @@ def calibrate_lens(
     every = np.arange(len(views))[None]
     chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, settings.repeats, CHUNK))]
     about = (search.pattern, views, search.image_size, settings)
-    of_views = _key(search, settings)
+    of_views = digest_of(search, settings)
     tasks = (
         Task(f"{of_views} {number}", solve_draws, (*about, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
@@ -223,7 +252,7 @@ def calibrate_lens(
     return calibration
 
 
-def _key(search: BoardSearch, settings: LensSettings) -> str:
+def digest_of(search: BoardSearch, settings: LensSettings) -> str:
     """Digest of all that a draw depends on, except its number."""
     digest = hashlib.sha256(repr((search.pattern, search.image_size, settings)).encode())
     for view in search.views:
@@ -263,6 +292,8 @@ def solve(
         # results in 20 runs, 1e-9 apart.
         cv2.setNumThreads(1)
     try:
+        if settings.model == "fisheye":
+            return _solve_fisheye(pattern, views, image_size)
         _, K, distortion, _, _ = cv2.calibrateCamera(
             [points[view.ids] for view in views],
             [view.corners.astype(np.float32) for view in views],
@@ -278,6 +309,46 @@ def solve(
             "directions."
         ) from error
     return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
+
+
+def _solve_fisheye(
+    pattern: BoardPattern, views: Sequence[BoardView], image_size: tuple[int, int]
+) -> FloatArray:
+    """(9,): the parameters by OpenCV's `fisheye.calibrate`, and 0."""
+    # OpenCV 5 has the names in another module than OpenCV 4.
+    of: Any = cv2 if hasattr(cv2, "CALIB_RECOMPUTE_EXTRINSIC") else cv2.fisheye
+    K, distortion = np.eye(3), np.zeros((4, 1))
+    cv2.fisheye.calibrate(
+        [pattern.points[view.ids][None] for view in views],
+        [np.asarray(view.corners, np.float64)[None] for view in views],
+        image_size,
+        K,
+        distortion,
+        flags=of.CALIB_RECOMPUTE_EXTRINSIC | of.CALIB_FIX_SKEW,
+        criteria=CRITERIA,
+    )
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *distortion.ravel(), 0.0])
+
+
+def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, float]:
+    """Error of each lens model on boards that it was not fitted to, root mean square px.
+
+    Every second board is fitted and the others tested, and the reverse; only the pose of a board
+    is fitted to its own corners. NaN for a model that the boards do not determine.
+    """
+    found: dict[LensModel, float] = {}
+    for model in LENS_MODELS:
+        own, errors = replace(settings, model=model), []
+        for fitted, tested in ((0, 1), (1, 0)):
+            try:
+                values = solve(search.pattern, search.views[fitted::2], search.image_size, own)
+                camera = _camera(values, search.image_size, model)
+            except StereocalError:
+                errors.append(np.full((1, 2), np.nan))
+                continue
+            errors += [_residuals(camera, search.pattern, v) for v in search.views[tested::2]]
+        found[model] = float(np.sqrt((np.concatenate(errors) ** 2).sum(axis=1).mean()))
+    return found
 
 
 def _draw(views: int, size: int, seed: int, repeat: int) -> IntArray:
@@ -315,17 +386,17 @@ def _check_lens(calibration: LensCalibration) -> None:
         )
 
 
-def _camera(
-    values: FloatArray, image_size: tuple[int, int], uncertainty: LensUncertainty | None = None
-) -> Camera:
+def _camera(values: FloatArray, image_size: tuple[int, int], model: LensModel) -> Camera:
     fx, fy, cx, cy = values[:4]
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return Camera(K, values[4:], image_size, uncertainty)
+    return Camera(K, values[4:8] if model == "fisheye" else values[4:], image_size, model=model)
 
 
 def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:
     """Found minus projected corners (n, 2), px, with the best-fit pose of the board."""
     points = pattern.points[view.ids]
+    if camera.is_fisheye:
+        return _fisheye_residuals(camera, points, view.corners)
     found, turn, shift = cv2.solvePnP(points, view.corners, camera.K, camera.distortion)
     if not found:
         return np.full((len(points), 2), np.nan)
@@ -334,3 +405,27 @@ def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatA
     )
     seen, _ = cv2.projectPoints(points, turn, shift, camera.K, camera.distortion)
     return view.corners - np.asarray(seen, dtype=np.float64).reshape(-1, 2)
+
+
+def _fisheye_residuals(camera: Camera, points: FloatArray, corners: FloatArray) -> FloatArray:
+    """The same for a fisheye, which `solvePnPRefineLM` does not know."""
+    from scipy.optimize import least_squares  # takes 0.3 s, which every worker would wait for
+
+    rays = camera.undistort(corners)
+    known = np.isfinite(rays).all(axis=1)
+    lost = np.full((len(points), 2), np.nan)
+    if np.count_nonzero(known) < SMALLEST_BOARD:
+        return lost
+    found, turn, shift = cv2.solvePnP(points[known], rays[known], np.eye(3), np.empty(0))
+    if not found:
+        return lost
+
+    def residuals(pose: FloatArray) -> FloatArray:
+        seen, _ = cv2.fisheye.projectPoints(
+            points[:, None], pose[:3], pose[3:], camera.K, camera.distortion
+        )
+        return np.asarray(corners - seen[:, 0], dtype=np.float64).ravel()
+
+    start = np.concatenate([turn.ravel(), shift.ravel()])
+    best = least_squares(residuals, start, method="lm")
+    return residuals(best.x).reshape(-1, 2)

@@ -34,9 +34,14 @@ def about(calibration: LensCalibration) -> dict[str, Any]:
         "board": _pattern_json(search.pattern),
         "settings": dataclasses.asdict(settings),
         "reprojection_error_px": calibration.error_px,
-        "spread": dict(zip(PARAMETERS, calibration.spread.tolist(), strict=True)),
-        "all_photographs": dict(zip(PARAMETERS, calibration.of_all.tolist(), strict=True)),
+        "spread": _named(calibration, calibration.spread),
+        "all_photographs": _named(calibration, calibration.of_all),
     }
+
+
+def _named(calibration: LensCalibration, values: FloatArray) -> dict[str, float]:
+    pairs = zip(calibration.settings.parameters, values.tolist(), strict=True)
+    return {name: value for name, value in pairs if name}
 
 
 def pack_search(search: BoardSearch) -> bytes:

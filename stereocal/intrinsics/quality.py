@@ -7,7 +7,13 @@ import math
 import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch
-from stereocal.intrinsics.calibrate_lens import PARAMETERS, RECOMMENDED_VIEWS, LensCalibration
+from stereocal.intrinsics.calibrate_lens import (
+    PARAMETERS,
+    RECOMMENDED_VIEWS,
+    LensCalibration,
+    LensSettings,
+    held_out_px,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 
@@ -17,6 +23,8 @@ MINIMUM_IN_CELL = 5
 WELL_COVERED = 0.6
 SURE_FOCAL = 2e-3
 """Relative standard error of a focal length above which there is a warning."""
+LEVEL = 0.02
+"""Relative difference of the errors of two lens models below which they count as equal."""
 SYSTEMATIC = 2.0
 """Ratio of the cell means to the value expected from noise above which there is a warning."""
 
@@ -102,7 +110,7 @@ def _few_boards(calibration: LensCalibration) -> str | None:
 def hint(calibration: LensCalibration) -> str | None:
     """A possible improvement where nothing is wrong; None if there is none."""
     k3 = PARAMETERS.index("k3")
-    if calibration.settings.fix_k3:
+    if calibration.settings.fix_k3 or calibration.camera.is_fisheye:
         return None
     if abs(calibration.values[k3]) > calibration.standard_errors[k3]:
         return None
@@ -110,6 +118,19 @@ def hint(calibration: LensCalibration) -> str | None:
         "The coefficient k3 does not differ significantly from 0. It does no harm, but holding it "
         "at 0 makes k1 and k2 more precise."
     )
+
+
+def note_on_model(search: BoardSearch, settings: LensSettings) -> str:
+    """Which lens model describes the boards better, with the error of both on held-out boards."""
+    px = held_out_px(search, settings)
+    if not all(math.isfinite(value) for value in px.values()):
+        return ""
+    names = {"brown": "the usual lens (brown)", "fisheye": "the fisheye"}
+    better = min(px, key=lambda model: px[model])
+    figures = ", ".join(f"{names[model]} {value:.3f} px" for model, value in px.items())
+    if px[better] > (1 - LEVEL) * px[settings.model]:
+        return f"Held-out boards: {figures}. The chosen model is as good as the other, or better."
+    return f"Held-out boards: {figures}. Use {names[better]}: --model {better}."
 
 
 def largest_shift_px(camera: Camera) -> float:

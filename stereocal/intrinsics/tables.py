@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
+from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.quality import coverage, turned_count
 
 LENS_COLUMNS = ("parameter", "median", "standard error", "spread of draws", "all at once")
@@ -29,7 +29,7 @@ def lens_answer(lens: LensCalibration) -> str:
 def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
     """A row of `LENS_COLUMNS` for each parameter; digits by the standard error."""
     rows = []
-    for at, name in enumerate(PARAMETERS):
+    for at, name in enumerate(filter(None, lens.settings.parameters)):
         value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
         if lens.settings.free[at] == 0:
             rows.append((name, "0", "held at 0", "", "0"))

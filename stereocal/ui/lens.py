@@ -197,6 +197,11 @@ def lens_form(project: Project) -> LensSettings:
                 own = setting(project, f"lens_{name}", about.default, yes_or_no)
                 place = switches[len(values) - len(numbers)]
                 values[name] = place.checkbox(about.title, help=about.help, **own.widget())
+            elif about.choices:
+                own = setting(project, f"lens_{name}", about.default, one_of(about.choices))
+                values[name] = st.radio(
+                    about.title, about.choices, help=about.help, horizontal=True, **own.widget()
+                )
             else:
                 bounds = bounds_of(about)
                 own = setting(project, f"lens_{name}", about.default, number(*bounds))

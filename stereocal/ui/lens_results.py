@@ -16,15 +16,20 @@ from stereocal.figures import (
     plot_view_errors,
 )
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.calibrate_lens import LensCalibration, digest_of
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.preview import preview
-from stereocal.intrinsics.quality import advice, hint, largest_shift_px
+from stereocal.intrinsics.quality import advice, hint, largest_shift_px, note_on_model
 from stereocal.intrinsics.tables import lens_answer, lens_table
 from stereocal.projects.lens import ProjectLens
 from stereocal.ui.fields import one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+
+
+@st.cache_data(show_spinner=False, max_entries=8)
+def _note_on_model(_: str, _lens: LensCalibration) -> str:
+    return note_on_model(_lens.search, _lens.settings)
 
 
 def show_lens(store: ProjectLens) -> None:
@@ -44,6 +49,7 @@ def show_lens(store: ProjectLens) -> None:
     for sentence in advice(lens):
         st.warning(escape_markdown(sentence))
     st.success(escape_markdown(lens_answer(lens)))
+    st.caption(escape_markdown(_note_on_model(digest_of(lens.search, lens.settings), lens)))
     if text := hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)
