@@ -19,7 +19,7 @@ from scipy.special import chdtri
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.network.rig_file import RigFile
-from stereocal.refined.distortion import lens_terms
+from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.views import fill_point_fits
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -77,7 +77,7 @@ class ViewFitter:
     def __init__(self, rig: RigFile) -> None:
         self.rig, self.cameras = rig, list(rig.cameras.values())
         self.q, self.R = rig.q, rig.R
-        self.lenses = np.array([np.append(c.K[0, 1], lens_terms(c)) for c in self.cameras])
+        self.lenses = lenses_of_cameras(*self.cameras)
 
     def rays(self, pixels: FloatArray) -> FloatArray:
         """(n, c, 2): undistorted, of pixels (n, c, 2); NaN where not seen."""

@@ -9,7 +9,6 @@ import numpy as np
 from stereocal.network.placings import placings_of
 from stereocal.network.unknowns import RigSettings, baselines_of, unknowns_of
 from stereocal.refined.adjustment import add_baselines
-from stereocal.refined.distortion import lens_terms
 from stereocal.refined.robust import (
     ASSUMED,
     ASSUMED_PX,
@@ -20,6 +19,7 @@ from stereocal.refined.robust import (
     RobustFit,
     limits_of,
 )
+from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.views import EACH
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -44,7 +44,7 @@ class RigFit(RobustFit):
         unknowns = unknowns_of(recording, poses, settings, bool(bars.any()))
         self.baselines = baselines_of(recording, settings)
         self.R = np.array([pose.R for pose in poses])
-        self.lenses = np.array([np.append(c.K[0, 1], lens_terms(c)) for c in cameras])
+        self.lenses = lenses_of_cameras(*cameras)
         self.rays = np.full(own.pixels.shape, np.nan)
         for number, camera in enumerate(cameras):
             seen = own.seen[:, :, number]

@@ -59,18 +59,6 @@ class Placings:
         known = np.isfinite(self.distances)
         return np.bincount(self.of_frame, known, len(self.frames)).astype(np.int64)
 
-    def of_frames(self, chosen: IntArray) -> Placings:
-        """Those of some frames, given by their indices."""
-        chosen = np.sort(chosen)
-        kept = np.isin(self.of_frame, chosen)
-        return Placings(
-            self.frames[chosen],
-            np.searchsorted(chosen, self.of_frame[kept]),
-            self.targets[kept],
-            self.pixels[kept],
-            self.distances[kept],
-        )
-
 
 def rows_where(recording: Recording, kept: BoolArray) -> Recording:
     """A recording without some of its rows."""

@@ -12,7 +12,6 @@ import numpy as np
 from stereocal.network.fit import RigFit
 from stereocal.network.fuse import Fused
 from stereocal.network.pairs import Pairs
-from stereocal.network.placings import Placings
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
@@ -203,17 +202,8 @@ class RigCalibration:
         errors = {name: own.image_px for name, own in self.errors.items()}
         if np.isfinite(list(errors.values())).all():
             return max(errors, key=lambda name: errors[name])
-        return min(self.names, key=lambda name: self.bars_with(name)[1])
-
-    def bars_with(self, name: str) -> tuple[str, int]:
-        """With which camera a camera shares most bars, and how many."""
-        shared = {
-            other: self.pairs.bars.get((name, other), self.pairs.bars.get((other, name), 0))
-            for other in self.names
-            if other != name
-        }
-        best = max(shared, key=lambda other: shared[other])
-        return best, shared[best]
+        bars = self.pairs.bars.items()
+        return min(self.names, key=lambda name: max(n for pair, n in bars if name in pair))
 
     @cached_property
     def reprojection_px(self) -> FloatArray:
@@ -256,10 +246,6 @@ class RigCalibration:
     def pose_of(self, pair: Pair) -> Pose:
         """`second_from_first` of the rig."""
         return self.poses[pair[1]] @ self.poses[pair[0]].inverse()
-
-    @property
-    def used_placings(self) -> Placings:
-        return self.fit.placings.of_frames(self.used)
 
 
 def fit_points(

@@ -135,6 +135,6 @@ def lenses_of(dataset: Dataset) -> FloatArray:
     return lenses_of_cameras(dataset.primary, dataset.secondary)
 
 
-def lenses_of_cameras(primary: Camera, secondary: Camera) -> FloatArray:
-    """(2, 23): skew and `lens_terms` of both cameras."""
-    return np.array([np.append(c.K[0, 1], lens_terms(c)) for c in (primary, secondary)])
+def lenses_of_cameras(*cameras: Camera) -> FloatArray:
+    """(c, 23): skew and `lens_terms` of cameras."""
+    return np.array([np.append(c.K[0, 1], lens_terms(c)) for c in cameras])
