@@ -61,7 +61,8 @@ def _unnamed(project: Project) -> str:
     if table != TABLE_LABEL:
         return Path(table).stem
     points = [file.label for file in project.database.files(POINT_FILES).values()]
-    files = [label for label in (*points, *labels.values()) if label != TABLE_LABEL]
+    parts = ProjectRecording(project).parts
+    files = [label for label in (*points, *labels.values(), *parts) if label != TABLE_LABEL]
     return _photographs_of(project) or (files[0] if files else "Nothing yet")
 
 

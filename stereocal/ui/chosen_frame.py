@@ -64,24 +64,15 @@ def _actions(project: Project, calibration: Calibration, frame: int) -> None:
     screening, inputs = calibration.screening, project.inputs
     # As asked for last: without the frame there may have been no result.
     back = frame in screening.left_out and frame not in inputs.put_back
-    if back or frame in inputs.left_out:
-        st.button(
-            "Put it back",
-            key="frame_put_back",
-            icon=":material/undo:",
-            on_click=put_back,
-            args=(project, frame),
-            help="The result is made again at once.",
-        )
-    else:
-        st.button(
-            "Leave it out",
-            key="frame_leave_out",
-            icon=":material/close:",
-            on_click=leave_out,
-            args=(project, frame),
-            help="The result is made again at once.",
-        )
+    out = back or frame in inputs.left_out
+    st.button(
+        "Put it back" if out else "Leave it out",
+        key="frame_put_back" if out else "frame_leave_out",
+        icon=":material/undo:" if out else ":material/close:",
+        on_click=put_back if out else leave_out,
+        args=(project, frame),
+        help="The result is made again at once.",
+    )
     if frame in screening.exchanged:
         st.button(
             "Exchange A and B",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from itertools import pairwise
 
@@ -22,11 +21,9 @@ from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, TITLES, show_menu
 from stereocal.ui.messages import callback, forget_messages, show_messages
 from stereocal.ui.page_states import page_states
 from stereocal.ui.project import (
-    forms_are_sound,
     leave_pair,
     open_created,
     open_or_none,
-    reset_forms,
     show_project,
     show_saved,
 )
@@ -72,7 +69,6 @@ ARRIVAL = """<script>/* {} */
 would be on nothing, or on the button of the same name at the end. A link of the menu keeps it."""
 
 _NEXT, _PAGE = "next_page", "page_at"
-_LOG = logging.getLogger(__name__)
 
 
 def check_settings() -> None:
@@ -87,11 +83,7 @@ def check_settings() -> None:
 
 
 def run_page(page: StreamlitPage) -> None:
-    """Draw a page with the queued messages above it.
-
-    Errors of a project on disk are shown as messages. If a page fails over values of its forms,
-    which an older version may have left, the forms are reset.
-    """
+    """Draw a page with the queued messages above it; errors of a project become messages."""
     st.html(FITS)
     callback(check_dropped)()
     if chosen := st.session_state.pop(_NEXT, None):
@@ -173,14 +165,8 @@ def go_to(name: str) -> None:
 def _draw(page: StreamlitPage) -> None:
     try:
         page.run()
-        forms_are_sound()
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
     except OSError as error:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))
-    except Exception:
-        if not reset_forms():
-            raise  # the forms are not the cause
-        _LOG.exception("A page could not be drawn; its forms are reset.")
-        st.rerun()

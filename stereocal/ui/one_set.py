@@ -9,7 +9,6 @@ from typing import Any
 import streamlit as st
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.figures import (
@@ -145,19 +144,6 @@ def show_trade_off(
     calibration: Calibration | None,
 ) -> None:
     """The trade-off curve with all methods, and one point of it to inspect and download."""
-    try:
-        _show_trade_off(project, dataset, result, settings, calibration)
-    except StereocalError as error:  # for example a bad frame that the refined set leaves out
-        st.info(f"There is no trade-off to show. {escape_markdown(str(error))}")
-
-
-def _show_trade_off(
-    project: Project,
-    dataset: Dataset,
-    result: RefinedResult,
-    settings: RefineSettings,
-    calibration: Calibration | None,
-) -> None:
     curves = curves_when_ready(project, dataset, settings)
     if curves is None:
         return

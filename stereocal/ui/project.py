@@ -18,10 +18,9 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.results import Calibration
 from stereocal.ui.fields import Field
-from stereocal.ui.messages import attempt, callback, end_here, readable, tell
+from stereocal.ui.messages import attempt, callback, end_here, readable
 from stereocal.ui.texts import escape_markdown
 
-_RESET = "forms_reset"
 _BEGUN = "projects_begun"
 _ID, _PAIR = "project_id", "project_pair"
 
@@ -198,21 +197,3 @@ def last_calibration(project: Project) -> Calibration | None:
 def last_evaluation(project: Project) -> Evaluation | None:
     """The last validation; None and a warning if it is damaged."""
     return readable(lambda: project.evaluation)
-
-
-def reset_forms() -> bool:
-    """Clear this tab's form values; False if that was just done, and did not help."""
-    if st.session_state.get(_RESET):
-        return False
-    project_id = st.session_state.get(_ID)
-    st.session_state.clear()
-    if project_id is not None:
-        st.session_state[_ID] = project_id
-    st.session_state[_RESET] = True
-    tell("A form held invalid values; it was reset to the defaults.", "info")
-    return True
-
-
-def forms_are_sound() -> None:
-    """Note that a page was drawn without an error."""
-    st.session_state.pop(_RESET, None)
