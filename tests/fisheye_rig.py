@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
@@ -15,8 +16,6 @@ from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 IMAGE_SIZE = (1920, 1440)
 COEFFICIENTS = np.array([0.04, -0.012, 0.006, -0.0018])
 NOISE_PX = 0.3
-SIGMA_K = np.array([0.004, 0.004, 0.003, 0.001])
-"""About those of a lens calibration."""
 
 
 def fisheye(field_of_view_deg: float, turned: float = 1.0) -> Camera:
@@ -49,7 +48,7 @@ def recording(
     placed = place_bars(fisheye_rig(field_of_view_deg), rng, 2 * frames, 0.4, (0.7, 4.0))
     usable = np.ones(2 * frames, dtype=bool)  # noise must not move them beyond 75 degrees
     for points in placed.points_m:
-        away = np.hypot(points[:, 0], points[:, 1]) < np.tan(np.radians(74.5)) * points[:, 2]
+        away = np.hypot(points[:, 0], points[:, 1]) < np.tan(np.radians(74.0)) * points[:, 2]
         usable &= away.reshape(-1, 2).all(axis=1)
     scene = replace(placed, ends_m=placed.ends_m[usable][:frames])
     cameras = [off(camera, rng) for camera in (scene.rig.primary, scene.rig.secondary)]
@@ -61,14 +60,30 @@ def recording(
 
 
 def off(camera: Camera, rng: np.random.Generator) -> Camera:
-    """A lens with errors of the size that it states."""
-    K, sigma = camera.K.copy(), 0.001 * camera.K[0, 0]
-    K[[0, 1], [0, 1]] += sigma * rng.standard_normal()
-    K[:2, 2] += rng.standard_normal(2)
-    k = camera.distortion + SIGMA_K * rng.standard_normal(4)
-    return replace(
-        camera,
-        K=K,
-        distortion=k,
-        uncertainty=LensUncertainty(sigma, sigma, 1.0, 1.0, SIGMA_K),
+    """A lens with errors of the size that it states, correlated as those of a calibration.
+
+    The images of points move by 0.15 px in root mean square.
+    """
+    u, v = np.meshgrid(np.linspace(0, IMAGE_SIZE[0], 40), np.linspace(0, IMAGE_SIZE[1], 30))
+    rays = camera.undistort(np.column_stack([u.ravel(), v.ravel()]))
+    rays = rays[np.isfinite(rays).all(axis=1)]
+    steps = 1e-4 * np.array([*4 * [1.0], *4 * [1e-2]])
+    columns = [
+        (_lens(camera, +step).distort(rays) - _lens(camera, -step).distort(rays)).ravel() / 2
+        for step in np.diag(steps)
+    ]
+    J = np.column_stack(columns) / steps
+    covariance = 0.15**2 * len(rays) / 8 * np.linalg.inv(J.T @ J)
+    sigma = np.sqrt(np.diag(covariance))
+    fx, fy, cx, cy = sigma[:4].tolist()
+    known = LensUncertainty(fx, fy, cx, cy, sigma[4:], covariance / np.outer(sigma, sigma))
+    errors = np.linalg.cholesky(covariance) @ rng.standard_normal(8)
+    return replace(_lens(camera, errors), uncertainty=known)
+
+
+def _lens(camera: Camera, change: FloatArray) -> Camera:
+    """A lens with other fx, fy, cx, cy and k1 to k4."""
+    K = camera.K + np.array(
+        [[change[0], 0.0, change[2]], [0.0, change[1], change[3]], [0.0, 0.0, 0.0]]
     )
+    return replace(camera, K=K, distortion=camera.distortion + change[4:])

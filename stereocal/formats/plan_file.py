@@ -130,6 +130,7 @@ def _camera_entry(stated: Camera | SensorLens) -> dict[str, Any]:
             "focal_mm": stated.focal_mm,
             "sensor_mm": list(stated.sensor_mm),
             "image_size": list(stated.image_size),
+            **({"model": stated.model} if stated.model != "brown" else {}),
         }
     entry: dict[str, Any] = json.loads(write_camera(stated))
     return entry
@@ -158,7 +159,7 @@ def _camera(
         raise StereocalError(f"{where}: image_size must be two whole numbers of pixels.")
     sensor, focal = _two(entry, "sensor_mm", where), _number(entry, "focal_mm", where)
     with naming(where):
-        return SensorLens(focal, sensor, (int(width), int(height)))
+        return SensorLens(focal, sensor, (int(width), int(height)), entry.get("model", "brown"))
 
 
 def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:

@@ -128,10 +128,14 @@ def _show_camera(project: Project | None, which: CameraName, stated: Camera | Se
         _choice(project, which).set(FILE)
         return
     for name, common in COMMON.items():
-        if (common.sensor_mm, common.image_size) == (stated.sensor_mm, stated.image_size):
+        if common.lens(stated.focal_mm) == stated:
             _choice(project, which).set(name)
             _focal(project, which, name).set(stated.focal_mm)
             return
+    if stated.model == "fisheye":  # a sensor that is typed has the usual lens
+        _file(project, which).set(write_camera(stated.camera).decode())
+        _choice(project, which).set(FILE)
+        return
     _choice(project, which).set(OTHER)
     _focal(project, which, OTHER).set(stated.focal_mm)
     for own, value in zip(

@@ -6,7 +6,8 @@ further, its data sheet says so, and its numbers must be typed.
 
 The camera makes a GoPro's Linear mode from its wide image, so that the field of view of the result
 counts: that of a 19 mm lens on full frame at its widest. Stabilisation crops further, as it does in
-a phone's video. The phone has the main camera of an iPhone 13 (26 mm on full frame).
+a phone's video. Its Wide mode is a fisheye of 118 degrees across the image. The phone has the main
+camera of an iPhone 13 (26 mm on full frame).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stereocal.field.planning.plan import SensorLens
+from stereocal.rig.camera import LensModel
 
 
 @dataclass(frozen=True)
@@ -25,10 +27,11 @@ class CommonCamera:
     image_size: tuple[int, int]
     focal_mm: float
     """Of its own lens, or a usual one."""
+    model: LensModel = "brown"
 
     def lens(self, focal_mm: float) -> SensorLens:
         """The camera with a lens."""
-        return SensorLens(focal_mm, self.sensor_mm, self.image_size)
+        return SensorLens(focal_mm, self.sensor_mm, self.image_size, self.model)
 
 
 def _pitch(width: int, height: int, micrometres: float, focal_mm: float) -> CommonCamera:
@@ -60,5 +63,6 @@ COMMON: Mapping[str, CommonCamera] = {
     "Micro four thirds, 4K video, full width": CommonCamera((17.3, 9.7313), (3840, 2160), 25.0),
     "1 inch, 4K video, full width": CommonCamera((13.2, 7.425), (3840, 2160), 8.8),
     "GoPro HERO, 4K video, Linear": CommonCamera((6.17, 3.4706), (3840, 2160), 3.26),
+    "GoPro HERO, 4K video, Wide": CommonCamera((6.17, 3.4706), (3840, 2160), 2.99, "fisheye"),
     "Phone, 1.7 µm, photographs (4032 x 3024)": _pitch(4032, 3024, 1.7, 5.1),
 }

@@ -13,7 +13,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.planning.common_view import DEPTHS, common_points
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.geometry import Pose
@@ -30,6 +30,8 @@ SMALLEST_MM, LARGEST_MM = 0.01, 10_000.0
 class SensorLens:
     """A camera without a lens calibration yet: no distortion, principal point in the middle.
 
+    A fisheye without coefficients has as many pixels per radian everywhere.
+
     Args:
         sensor_mm: (width, height) of the part of the sensor that the image shows.
         image_size: (width, height) in pixels.
@@ -38,6 +40,7 @@ class SensorLens:
     focal_mm: float
     sensor_mm: tuple[float, float]
     image_size: tuple[int, int]
+    model: LensModel = "brown"
 
     def __post_init__(self) -> None:
         for what, value in (
@@ -63,7 +66,9 @@ class SensorLens:
         size = np.array(self.image_size, dtype=np.float64)
         fx, fy = self.focal_mm * size / np.array(self.sensor_mm)
         cx, cy = 0.5 * (size - 1.0)
-        return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.zeros(5), self.image_size)
+        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+        none = np.zeros(4 if self.model == "fisheye" else 5)
+        return Camera(K, none, self.image_size, model=self.model)
 
 
 @dataclass(frozen=True)
