@@ -12,6 +12,7 @@ from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import end_here
+from stereocal.ui.navigation import went_on_to
 from stereocal.ui.plan_project import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import press, show_progress, work_of
@@ -23,16 +24,18 @@ from stereocal.ui.status import staleness
 st.title("Calibrate")
 st.subheader("What is the pose of the cameras, and which set serves what?")
 
+came = went_on_to("calibrate")
 project, inputs, dataset = project_with_data()
 result = last_calibration(project)
+first = came and result is None
 label = "Calibrate again" if result else "Calibrate"
 pressed = st.button(label, type="primary", key="run")
 values = settings_form(project, dataset)
 show_exchanged(project)
 work = None
 try:
-    if calibrate_again() or pressed:
-        press(project, inputs, dataset, settings_of(values), errors_first=not pressed)
+    if calibrate_again() or pressed or first:
+        press(project, inputs, dataset, settings_of(values), errors_first=not (pressed or first))
         result = last_calibration(project)
     work = work_of(project, inputs, dataset, settings_of(values))
 except StereocalError as error:

@@ -17,12 +17,12 @@ from stereocal.formats.dataset_files import read_cameras
 from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.recording_files import pack_recording, write_points
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings
+from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     find_stereo_boards,
     lenses_of_boards,
     recording_of,
-    size_in,
 )
 from stereocal.intrinsics.tables import lens_answer
 from stereocal.rig.board_pattern import BoardPattern
@@ -106,9 +106,14 @@ def _described(parsed: argparse.Namespace) -> Recording | None:
 
 
 def _size_found(photographs: Photographs) -> str:
-    size = size_in(photographs)
-    say(f"The board has {size} inner corners, as the first photographs show; else state them.")
-    return size
+    board = proposed_board(photographs)
+    if board is None:
+        raise StereocalError(
+            "The size of the board cannot be found in the first photographs: count the inner "
+            "corners, where four squares meet, and state them, as board:9x6:0.03."
+        )
+    say(f"The board has {board} inner corners, as the first photographs show; else state them.")
+    return str(board)
 
 
 class _Stages(ExitStack):

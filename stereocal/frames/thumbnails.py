@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.frames.frame import CentrePair
+from stereocal.rig.compiled import FloatArray
 from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 240, 180
@@ -43,6 +44,29 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
     whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn
     return whole
+
+
+def board_tile(image: GreyImage | None, corners: FloatArray) -> Tile:
+    """(180, 240, 3): the whole photograph, with the corners (n, 2) of a board as dots, the first
+    one ringed."""
+    drawn = tile(image, (None, None))
+    if image is None:
+        return drawn
+    scale = min(WIDTH / image.shape[1], HEIGHT / image.shape[0])
+    margin = np.array([WIDTH, HEIGHT]) - scale * np.array(image.shape[::-1])
+    for number, at in enumerate((corners + 0.5) * scale + 0.5 * margin):
+        where = tuple(np.round(16 * at).astype(int).tolist())
+        for radius in (1.5, 5.0) if number == 0 else (1.5,):
+            cv2.circle(
+                drawn,
+                where,
+                round(16 * radius),
+                COLOURS[number == 0],
+                -(radius < 2) or 1,
+                cv2.LINE_AA,
+                4,
+            )
+    return drawn
 
 
 def _mark(

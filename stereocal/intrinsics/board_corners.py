@@ -81,17 +81,6 @@ def find_chessboard(
     return best
 
 
-def size_of_board(grey: npt.NDArray[np.uint8]) -> tuple[int, int] | None:
-    """Columns and rows of the chessboard in a photograph, at least as many columns; None if it
-    shows none."""
-    if max(grey.shape) > LARGE_PX:
-        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        grey = np.asarray(half, dtype=np.uint8)
-    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
-    return (max(meta.shape), min(meta.shape)) if found else None
-
-
 def outer_squares(grid: FloatArray, grey: GreyImage) -> float:
     """How far black and white squares alternate beyond the outermost corners of a grid, in
     squares: the last of `BEYOND`, or 0."""

@@ -8,7 +8,6 @@ one camera may hang upside down.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -19,7 +18,6 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.intrinsics.board_corners import eight_bits, size_of_board
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.rig.board_pattern import BoardPattern
@@ -28,7 +26,6 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Pieces, Progress
 
@@ -38,8 +35,6 @@ FITTING_PX = 8.0
 """Median distance of corners from where another board's pose of the cameras puts them, of boards in
 the right order. A wrong order gives tens of pixels."""
 MOST_HYPOTHESES = 40
-LOOKED_AT = 6
-"""Photographs of which the size of a board is found."""
 STAGES = ("boards of the primary", "boards of the secondary", "lenses")
 Begin = Callable[[str], None]
 
@@ -77,6 +72,21 @@ class StereoBoards:
         return self.searches[0].refused + self.searches[1].refused
 
     @property
+    def doubtful(self) -> dict[int, str]:
+        """Of frames that are not used, the reason."""
+        reasons = {item.name: item.reason for item in self.refused}
+        return {
+            pair.frame: "; ".join(
+                f"{name}: {reasons[name]}"
+                for name in (pair.primary, pair.secondary)
+                if name in reasons
+            )
+            or f"the board stands where it does in frame {self.repeated[pair.frame]}"
+            for pair in self.pairing.pairs
+            if pair.frame in self.repeated or reasons.keys() & {pair.primary, pair.secondary}
+        }
+
+    @property
     def sentence(self) -> str:
         """What was found, for the user."""
         found = [len(search.views) for search in self.searches]
@@ -95,26 +105,6 @@ class StereoBoards:
                 f"{same}."
             )
         return " ".join(parts)
-
-
-def size_in(photographs: Photographs) -> str:
-    """The size of the chessboard in the first photographs, such as `9x6`.
-
-    Raises:
-        StereocalError: none shows a chessboard, or they do not agree.
-    """
-    names = sorted(photographs)
-    chosen = names[:: max(len(names) // LOOKED_AT, 1)][:LOOKED_AT]
-    greys = (eight_bits(read_photograph(photographs[name])) for name in chosen)
-    found = Counter(size for size in map(size_of_board, greys) if size is not None)
-    best = found.most_common(2)
-    if not best or (len(best) > 1 and best[0][1] == best[1][1]):
-        raise StereocalError(
-            f"The size of the board cannot be found in the first {len(chosen)} photographs: count "
-            "the inner corners, where four squares meet, and state them, as board:9x6:0.03."
-        )
-    (columns, rows), _ = best[0]
-    return f"{columns}x{rows}"
 
 
 def find_stereo_boards(

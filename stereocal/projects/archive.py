@@ -199,7 +199,7 @@ def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | No
             tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
             database.transaction() as db,
         ):
-            of_bar = ("pairs", "found_by", "boards_found")
+            of_bar = ("pairs", "found_by", "boards_found", "boards_doubtful")
             pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
             for own, store in ((manifest, database), *pairs):
                 for part, names in ((INPUT, VALUES), (BAR, of_bar), (SETTING, None)):

@@ -198,8 +198,20 @@ class ProjectPhotographs(ProjectPart):
         label = self.project.inputs.labels.get("correspondences")
         return str(self._value("boards_found") or "") if label == BOARDS_LABEL else ""
 
+    @property
+    def doubtful_boards(self) -> dict[int, str]:
+        """Of frames whose board is not used or does not fit well, the reason."""
+        return {
+            int(frame): str(why) for frame, why in (self._value("boards_doubtful") or {}).items()
+        }
+
     def keep_boards(
-        self, found: Dataset, sentence: str, lenses: str | None, search: str = ""
+        self,
+        found: Dataset,
+        sentence: str,
+        doubtful: Mapping[int, str],
+        lenses: str | None,
+        search: str = "",
     ) -> None:
         """Store the corners of a board as the table of points.
 
@@ -207,6 +219,7 @@ class ProjectPhotographs(ProjectPart):
 
         Args:
             sentence: what was found, in words.
+            doubtful: reasons by frame.
             lenses: the label of the data set's lenses, which replace those of the project; None
                 to keep those.
             search: a digest of the search.
@@ -224,7 +237,14 @@ class ProjectPhotographs(ProjectPart):
             if self.project.inputs.baseline_m is None:
                 values["baseline_free"] = True
             self.project.give(files, read=read, **values)
-            self.database.keep_values(BAR, {"boards_found": sentence, "found_by": search})
+            self.database.keep_values(
+                BAR,
+                {
+                    "boards_found": sentence,
+                    "boards_doubtful": {str(frame): why for frame, why in doubtful.items()},
+                    "found_by": search,
+                },
+            )
             self.database.keep_result("frames", None)
 
     def _keep_frames(self, frames: Sequence[Frame]) -> StereocalError | None:

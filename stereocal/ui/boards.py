@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import Pairing
+from stereocal.frames.pairing import Pair, Pairing
 from stereocal.intrinsics.calibrate_lens import LensSettings
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.intrinsics.stereo_boards import (
@@ -16,13 +18,15 @@ from stereocal.intrinsics.stereo_boards import (
     find_stereo_boards,
     lenses_of_boards,
     recording_of,
-    size_in,
 )
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.thumbnails import board_corners, board_thumbnail
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.system.latest import Latest
+from stereocal.rig.compiled import FloatArray
 from stereocal.ui import jobs
+from stereocal.ui.contact_sheet import badge, on_a_sheet
+from stereocal.ui.holding import first_pairs
 from stereocal.ui.intake import clear_refusal
 from stereocal.ui.lens import board_form
 from stereocal.ui.messages import readable
@@ -31,20 +35,22 @@ from stereocal.ui.texts import escape_markdown
 USUAL = (9, 6)
 OF_BOARDS = "lens from the boards"
 """Label of a lens that was made from the same photographs."""
-_SIZES: Latest[tuple[int, int]] = Latest(20)
 
 
 def boards_in(store: ProjectPhotographs) -> None:
     """What is printed on the board, the search for it, and what was found."""
     project, pairs = store.project, [row.pair for row in store.rows if row.use]
-    size = _size(store)
     try:
-        pattern = board_form(project, size or USUAL)
+        pattern = board_form(project, USUAL, square_mm=None)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         return
-    if size is not None:
-        st.caption(f"The first photographs show a chessboard of {size[0]} × {size[1]}.")
+    entered = project.settings.get("board_square_mm") is not None
+    found = store.boards_found
+    if not found:
+        _show_first(store, pairs, pattern)
+    if not entered:
+        st.info("Enter the side of a square as measured: all lengths follow from it.")
     given = _lenses_given(store)
     st.markdown(
         "The lenses are those of the camera files."
@@ -67,12 +73,11 @@ def boards_in(store: ProjectPhotographs) -> None:
         about,
         lambda job: _find(store, pairing, pattern, given, job),
     )
-    found = store.boards_found
     st.button(
         "Find the boards again" if found else "Find the boards",
         key="find_boards",
         type="secondary" if found else "primary",
-        disabled=jobs.is_running(project, "photographs") or not pairs,
+        disabled=jobs.is_running(project, "photographs") or not pairs or not entered,
         on_click=_start,
         args=(work,),
     )
@@ -84,6 +89,7 @@ def boards_in(store: ProjectPhotographs) -> None:
         )
     if found:
         st.success(escape_markdown(found))
+        _show_found(store, pairs)
 
 
 def _start(work: jobs.Work) -> None:
@@ -91,21 +97,46 @@ def _start(work: jobs.Work) -> None:
     jobs.start(work)
 
 
-def _size(store: ProjectPhotographs) -> tuple[int, int] | None:
-    """Columns and rows of a chessboard in the first photographs; None if they show none."""
+def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: BoardPattern) -> None:
+    """Some of the photographs with the corners of this board, for a yes."""
     files = store.photographs
-    key = "".join(sorted(file.sha256 for file in files.values()))
+    with st.spinner("Looking at the first photographs ..."):
+        for pair, column in zip(first_pairs(pairs), st.columns(3), strict=False):
+            first, second = (
+                board_corners(files[name], pattern) for name in (pair.primary, pair.secondary)
+            )
+            _show_pair(store, pair, (first, second), column)
+    st.caption(
+        "Corners of this board are dots, the first one is ringed; none are drawn if it is "
+        "another board."
+    )
 
-    def find() -> tuple[int, int]:
-        try:
-            with st.spinner("Looking at the first photographs ..."):
-                columns, rows = map(int, size_in(files).split("x"))
-        except StereocalError:
-            return 0, 0
-        return columns, rows
 
-    found = _SIZES.once(key, find)
-    return found if found[0] else None
+def _show_pair(
+    store: ProjectPhotographs,
+    pair: Pair,
+    corners: tuple[FloatArray, FloatArray],
+    place: DeltaGenerator,
+) -> None:
+    alt = f"Both photographs of frame {pair.frame} with the corners of the board"
+    place.image(board_thumbnail(store, pair, corners), width="stretch", alt=alt)
+
+
+def _show_found(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+    """All pairs with the corners in use, doubtful ones first."""
+    dataset = readable(lambda: store.project.dataset)
+    if dataset is None:
+        return
+    rows, doubtful = dataset.correspondences, store.doubtful_boards
+
+    def show(pair: Pair) -> None:
+        own = rows.frame == pair.frame
+        _show_pair(store, pair, (rows.primary[own], rows.secondary[own]), st.container())
+        state = "found" if pair.frame not in doubtful else "doubtful" if own.any() else "refused"
+        st.markdown(f"{badge(state)} **Frame {pair.frame}**")
+        st.caption(escape_markdown(doubtful.get(pair.frame, "")))
+
+    on_a_sheet(store.project, sorted(pairs, key=lambda pair: pair.frame not in doubtful), show)
 
 
 def _lenses_given(store: ProjectPhotographs) -> tuple[Camera, Camera] | None:
@@ -137,7 +168,7 @@ def _find(
     )
     if boards is None:
         return False
-    cameras = given
+    cameras, loose = given, dict[int, str]()
     if cameras is None:
         job.begin(STAGES[2])
         lenses = lenses_of_boards(
@@ -146,6 +177,14 @@ def _find(
         if lenses is None:
             return False
         cameras = lenses[0].camera, lenses[1].camera
+        outlying = {*lenses[0].outlying, *lenses[1].outlying}
+        loose = {
+            seen.frame: f"The corners in {view.name} fit the lens less than half as well as usual."
+            for seen in boards.common
+            for view in seen.views
+            if view.name in outlying
+        }
     data = recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
-    store.keep_boards(data, boards.sentence, None if given else OF_BOARDS, job.digest)
+    label = None if given else OF_BOARDS
+    store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.digest)
     return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import streamlit as st
 
@@ -10,11 +11,13 @@ from stereocal.errors import StereocalError
 from stereocal.frames.frame import STATES, Frame, describe_frames
 from stereocal.frames.review import choose, is_open
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
 from stereocal.projects.thumbnails import thumbnail
 from stereocal.ui.fields import number, one_of, setting
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
+Item = TypeVar("Item")
 ON_A_SHEET = 12
 COLUMNS = 3
 BADGES = {
@@ -46,23 +49,37 @@ def show_contact_sheet(
         required=True,
         **kind.widget(),
     )
-    shown = groups[chosen]
-    sheets = -(-len(shown) // ON_A_SHEET)
-    sheet = 1
-    if sheets > 1:
-        of_all = setting(store.project, "sheet", 1, number(1, sheets), tabs_own=True)
-        sheet = st.number_input(
-            f"Sheet (of {sheets})", 1, sheets, step=1, width=200, **of_all.widget()
-        )
-    on_it = shown[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
-    for start in range(0, len(on_it), COLUMNS):
-        for frame, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
-            with column:
-                _show_frame(store, frame, running, look_closely)
+    on_a_sheet(
+        store.project,
+        groups[chosen],
+        lambda frame: _show_frame(store, frame, running, look_closely),
+    )
     st.caption(
         "Each picture: the primary camera on the left, the secondary on the right; A green, B "
         "pink. Sigma is the standard error of a centre."
     )
+
+
+def on_a_sheet(project: Project, items: Sequence[Item], show: Callable[[Item], None]) -> None:
+    """Twelve of the items, in columns, and which twelve."""
+    sheets = -(-len(items) // ON_A_SHEET)
+    sheet = 1
+    if sheets > 1:
+        of_all = setting(project, "sheet", 1, number(1, sheets), tabs_own=True)
+        sheet = st.number_input(
+            f"Sheet (of {sheets})", 1, sheets, step=1, width=200, **of_all.widget()
+        )
+    on_it = items[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
+    for start in range(0, len(on_it), COLUMNS):
+        for item, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
+            with column:
+                show(item)
+
+
+def badge(state: str) -> str:
+    """The sign of a state, in Markdown."""
+    icon, colour = BADGES[state]
+    return f":{colour}-badge[{icon} {state}]"
 
 
 def _show_frame(
@@ -70,12 +87,11 @@ def _show_frame(
 ) -> None:
     alt = f"Both photographs of frame {frame.frame} about the targets found"
     st.image(thumbnail(store, frame), width="stretch", alt=alt)
-    icon, colour = BADGES[frame.state]
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
     seen = "corrected" if frame.corrected else "reviewed"
     reviewed = f" · {seen}" if frame.corrected or frame.reviewed else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
-    st.markdown(f":{colour}-badge[{icon} {frame.state}] **Frame {frame.frame}**{sigma}{reviewed}")
+    st.markdown(f"{badge(frame.state)} **Frame {frame.frame}**{sigma}{reviewed}")
     if frame.reason:
         st.caption(escape_markdown(frame.reason))
     key = f"use_frame_{frame.frame}"

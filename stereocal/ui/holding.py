@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import streamlit as st
 
 from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls
+from stereocal.detection.proposed_colours import proposed_colours
 from stereocal.detection.sighting import Sighting
 from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Target, parse_target
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.pairing import Pair
 from stereocal.frames.thumbnails import eight_bits
+from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import Camera
 from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.lens import board_settings
 from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
 from stereocal.ui.texts import escape_markdown
@@ -60,6 +65,29 @@ def held_text(project: Project) -> str:
 def holds_board(project: Project) -> bool:
     """Whether a board is held."""
     return bool(_kind(project).value() == BOARD)
+
+
+def first_pairs(pairs: Sequence[Pair]) -> list[Pair]:
+    """Three of the pairs: the first, one from the middle, the last."""
+    return [pairs[at] for at in sorted({0, len(pairs) // 2, len(pairs) - 1})] if pairs else []
+
+
+def propose_held(store: ProjectPhotographs) -> None:
+    """Store what the first photographs show, unless the user has said what is held."""
+    project = store.project
+    if "held" in project.settings:
+        return
+    first, files = first_pairs([row.pair for row in store.rows]), store.photographs
+    with suppress(StereocalError):  # a photograph is missing or damaged: the search reports it
+        names = [name for pair in first for name in (pair.primary, pair.secondary)]
+        board = proposed_board({name: files[name] for name in names}, least=0.5)
+        if board is not None:
+            project.keep_settings({"held": BOARD, **board_settings(board)})
+            return
+        images = [read_colours(files[name], name) for name in names]
+        balls = proposed_colours([images[::2], images[1::2]])
+        if balls is not None:
+            project.keep_settings({"held": "balls", "held_balls": ",".join(balls.colours)})
 
 
 def is_stale(project: Project) -> bool:

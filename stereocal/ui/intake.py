@@ -53,8 +53,8 @@ TITLES: Mapping[Slot, str] = {
     "secondary": "Camera file, secondary",
 }
 PHOTOGRAPHS = "Photographs"
-SEVERAL = "Three cameras and more"
-GIVEN_AS = ("Single files", PHOTOGRAPHS, "A zip", "A folder", SEVERAL)
+SINGLE_FILES, SEVERAL = "Single files", "Three cameras and more"
+GIVEN_AS = (PHOTOGRAPHS, SINGLE_FILES, "A zip", "A folder", SEVERAL)
 CAMERA_KINDS = ["json", "yaml", "yml", "xml", "toml", "m", "mat", "ini", "conf"]
 """Suffixes of camera files; the last two are rejected with advice."""
 _SEEN = "uploads_seen"
@@ -157,7 +157,6 @@ def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectL
             refused.insert(0, error)
         if found:
             store.add(found)
-    clear_refusal()
     if refused:
         more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
         refuse(StereocalError(f"{refused[0]}{more}"))
@@ -171,13 +170,13 @@ def take_file(slot: Slot, upload: Upload | None) -> None:
         check_uploads([upload])
         content = upload.getvalue()
         if slot != "correspondences":
-            _try_camera(slot, upload.name, content)
+            store_camera(slot, upload.name, content)
         else:
             _try_files({slot: (upload.name, point_text(content, upload.name))})
     st.rerun()
 
 
-def _try_camera(slot: Slot, name: str, content: bytes) -> None:
+def store_camera(slot: Slot, name: str, content: bytes) -> None:
     """Store a camera file; if it may be a fisheye's, ask."""
 
     try:

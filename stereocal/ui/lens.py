@@ -12,6 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
+from stereocal.intrinsics.proposed_board import ProposedBoard
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
@@ -41,9 +42,11 @@ from stereocal.ui.uploads import free_memory
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
+SQUARE_MM = 30.0
+"""Until the user enters the side of a square."""
 STAGES = ("photographs searched", "draws calibrated")
 KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
-_ROUND = "boards_round"
+_ROUND, _MARKER_PART = "boards_round", "board_marker_part"
 
 
 def job_kind(which: CameraName) -> jobs.Kind:
@@ -135,6 +138,7 @@ def take_boards(uploads: Sequence[Upload], which: CameraName) -> None:
     if not uploads:
         return
     store = ProjectLens(project_to_write(), which)
+    clear_refusal()
     take_photographs(photographs_of(uploads), store)
     # A new key empties the uploader, which otherwise keeps every file in memory.
     free_memory(uploads)
@@ -142,11 +146,30 @@ def take_boards(uploads: Sequence[Upload], which: CameraName) -> None:
     st.rerun()
 
 
-def board_form(project: Project, size: tuple[int, int] = (18, 12)) -> BoardPattern:
+def board_settings(board: ProposedBoard) -> dict[str, Any]:
+    """The values of the form for a board, but for the side of its squares."""
+    marked = {"board_dictionary": board.dictionary, _MARKER_PART: board.marker}
+    return {
+        "board_kind": CHARUCO if board.dictionary else CHESSBOARD,
+        "board_columns": board.columns,
+        "board_rows": board.rows,
+        **(marked if board.dictionary else {}),
+    }
+
+
+def board_form(
+    project: Project,
+    size: tuple[int, int] = (18, 12),
+    square_mm: float | None = SQUARE_MM,
+) -> BoardPattern:
     """The form of the printed board, the same for both cameras.
 
     Args:
         size: the usual columns and rows.
+        square_mm: of the form before the user enters one; None leaves the field empty.
+
+    Raises:
+        StereocalError: no board is like that.
     """
     kinds, corners, side = (CHESSBOARD, CHARUCO), (3, 100), (0.1, 10_000.0)
     kind, *places, square = st.columns(4, vertical_alignment="bottom")
@@ -164,17 +187,22 @@ def board_form(project: Project, size: tuple[int, int] = (18, 12)) -> BoardPatte
             places, ("one", "other"), ("board_columns", "board_rows"), size, strict=True
         )
     )
-    square_mm = square.number_input(
+    entered = square.number_input(
         "Side of a square (mm)",
         *side,
+        value=None,
+        placeholder="measured",
         step=1.0,
         format="%.10g",
         help="The lens does not depend on it; lengths do, where the board gives them.",
-        **setting(project, "board_square_mm", 30.0, number(*side)).widget(),
+        **setting(project, "board_square_mm", square_mm, number(*side, or_none=True)).widget(),
     )
+    side_mm = entered or SQUARE_MM
     dictionary, marker_m = None, None
     if board == CHARUCO:
         left, right = st.columns(2)
+        part = setting(project, _MARKER_PART, 0.75, number(0.01, 1.0)).value()
+        marker_mm = float(f"{part * side_mm:.3g}")
         named = setting(project, "board_dictionary", "DICT_4X4_250", one_of(DICTIONARIES))
         dictionary = left.selectbox("Dictionary of the markers", DICTIONARIES, **named.widget())
         marker_m = 1e-3 * right.number_input(
@@ -182,9 +210,9 @@ def board_form(project: Project, size: tuple[int, int] = (18, 12)) -> BoardPatte
             *side,
             step=1.0,
             format="%.10g",
-            **setting(project, "board_marker_mm", 22.5, number(*side)).widget(),
+            **setting(project, "board_marker_mm", marker_mm, number(*side)).widget(),
         )
-    return BoardPattern(columns, rows, 1e-3 * square_mm, dictionary, marker_m)
+    return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, marker_m)
 
 
 def lens_form(project: Project) -> LensSettings:

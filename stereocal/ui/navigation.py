@@ -68,7 +68,7 @@ ARRIVAL = """<script>/* {} */
 """Runs in the browser when the text in its comment is new. The focus of a button that led to a page
 would be on nothing, or on the button of the same name at the end. A link of the menu keeps it."""
 
-_NEXT, _PAGE = "next_page", "page_at"
+_NEXT, _PAGE, _WENT_ON = "next_page", "page_at", "went_on_to"
 
 
 def check_settings() -> None:
@@ -152,9 +152,19 @@ def _show_next(page: StreamlitPage) -> None:
             key="next",
             type="primary",
             icon=":material/arrow_forward:",
-            on_click=go_to,
+            on_click=_go_on,
             args=(following,),
         )
+
+
+def _go_on(name: str) -> None:
+    st.session_state[_WENT_ON] = name
+    go_to(name)
+
+
+def went_on_to(name: str) -> bool:
+    """Whether the user came to this page by the Next button, once."""
+    return bool(st.session_state.pop(_WENT_ON, None) == name)
 
 
 def go_to(name: str) -> None:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import PurePosixPath
+from typing import Literal
 
 import streamlit as st
 
 from stereocal.detection.target import BAR, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import Pair, pair_names
 from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpack_detection
+from stereocal.frames.video.decoding import SUFFIXES as VIDEO_SUFFIXES
+from stereocal.frames.video.extract import VideoSettings
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import plain
 from stereocal.ui import jobs
@@ -27,19 +31,24 @@ from stereocal.ui.holding import (
     holds_board,
     is_stale,
     keep_what_was_found,
+    propose_held,
 )
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     GIVEN_AS,
     PHOTOGRAPHS,
     SEVERAL,
+    SINGLE_FILES,
     TITLES,
     Upload,
+    check_uploads,
     clear_refusal,
     escape_markdown,
     given_as,
     in_use,
     photographs_of,
+    refuse,
+    store_camera,
     take_photographs,
 )
 from stereocal.ui.messages import readable
@@ -47,22 +56,26 @@ from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
 from stereocal.ui.print_downloads import targets_to_print
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
-from stereocal.ui.single_files import take_camera
+from stereocal.ui.single_files import holds_both, take_camera
 from stereocal.ui.uploads import free_memory
-from stereocal.ui.videos import videos_in
+from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
-VIDEOS = "Two videos"
-KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
+KINDS = [
+    *sorted(suffix.removeprefix(".") for suffix in (*SUFFIXES, *VIDEO_SUFFIXES)),
+    "zip",
+    *CAMERA_KINDS,
+]
 
 
 def choose_kind(project: Project | None) -> str:
-    """The kind of input data; photographs, if the project has some."""
-    usual = GIVEN_AS[0]
-    if project is not None and has_photographs(project):
-        usual = PHOTOGRAPHS
-    elif project is not None and ProjectRecording(project).parts:
-        usual = SEVERAL
+    """The kind of input data, as the project has some; photographs at first."""
+    usual = PHOTOGRAPHS
+    if project is not None and not has_photographs(project):
+        if ProjectRecording(project).parts:
+            usual = SEVERAL
+        elif "correspondences" in project.inputs.files:
+            usual = SINGLE_FILES
     how = given_as(project, usual)
     kind: str = st.segmented_control("I have", GIVEN_AS, required=True, **how.widget())
     return kind
@@ -78,40 +91,45 @@ def has_photographs(project: Project) -> bool:
 
 def photographs_in(project: Project | None) -> None:
     """The uploaders, the pairs and the targets found."""
-    ways = (TOGETHER, FOLDER, APART, VIDEOS)
+    ways = (TOGETHER, FOLDER, APART)
     chosen = setting(project, "photographs_how", TOGETHER, one_of(ways), tabs_own=True)
     how = st.segmented_control("They come as", ways, required=True, **chosen.widget())
     key = f"upload_photographs_{st.session_state.setdefault(ROUND, 0)}"
+    given: list[tuple[str, Upload]] = []
     if how == APART:
         for camera, column in zip(CAMERAS, st.columns(2), strict=True):
-            with column:
-                uploads = st.file_uploader(
-                    f"Photographs of the {camera} camera, or a zip of them",
-                    type=KINDS,
-                    accept_multiple_files=True,
-                    key=f"{key}_{camera}",
-                )
-                _take(uploads, f"{camera}/")
-    elif how == VIDEOS:
-        videos_in(project)
+            uploads = column.file_uploader(
+                f"Photographs of the {camera} camera, a zip of them, or its video",
+                type=KINDS,
+                accept_multiple_files=True,
+                key=f"{key}_{camera}",
+            )
+            given += [(f"{camera}/", upload) for upload in uploads]
     elif how == FOLDER:
         folder = st.file_uploader(
             "Folder with the photographs", accept_multiple_files="directory", key=f"{key}_folder"
         )
-        _take(folder)
+        given = [("", upload) for upload in folder if kind_of(upload.name) == "photograph"]
+        if folder and not given:
+            refuse(StereocalError("There is no photograph among these files."))
     else:
         uploads = st.file_uploader(
-            "Photographs of both cameras, or a zip of them",
+            "Photographs of both cameras, a zip of them, or two videos; with the camera files, if "
+            "you have them",
             type=KINDS,
             accept_multiple_files=True,
             key=key,
             help="Give both photographs of a frame the same name, apart from the camera: left07.png"
-            " and right07.png, or cam0/07.png and cam1/07.png in a zip.",
+            " and right07.png, or cam0/07.png and cam1/07.png in a zip. Likewise left.mp4 and "
+            "right.mp4, left.json and right.json.",
         )
-        _take(uploads)
+        given = [("", upload) for upload in uploads]
+    settings = video_settings(project)
+    _take(given, settings)
     targets_to_print(project, _focal_px(project) if project else None)
     if project is None:
         return
+    show_frames_taken(project)
     _camera_files(project)
     store = ProjectPhotographs(project)
     try:
@@ -149,21 +167,83 @@ def _camera_files(project: Project) -> None:
     ask_about_archive(ProjectApplication(project))
 
 
-def _take(uploads: Sequence[Upload], prefix: str = "") -> None:
-    """Store uploads, and free their memory.
+def kind_of(name: str) -> Literal["photograph", "camera", "video"]:
+    """What an upload is, by its name."""
+    suffix = PurePosixPath(name).suffix.lower()
+    if suffix in VIDEO_SUFFIXES:
+        return "video"
+    return "camera" if suffix.removeprefix(".") in CAMERA_KINDS else "photograph"
+
+
+def _take(given: Sequence[tuple[str, Upload]], settings: VideoSettings) -> None:
+    """Store uploads by what they are, and free their memory.
 
     Args:
-        prefix: of the names: the folder of a camera.
+        given: each with the folder of its camera; empty if its name tells the camera.
     """
-    if not uploads:
-        return
-    store = ProjectPhotographs(project_to_write())
-    take_photographs(photographs_of(uploads, prefix), store)
+    kinds: dict[str, list[tuple[str, Upload]]] = {"photograph": [], "camera": [], "video": []}
+    both_cameras: list[Upload] = []
+    for folder, upload in given:
+        kind = kind_of(upload.name)
+        if kind == "camera" and holds_both(upload):
+            both_cameras.append(upload)
+        else:
+            kinds[kind].append((folder, upload))
+    if not given or (len(kinds["video"]) == len(given) == 1 and given[0][0]):
+        return  # the other camera's video is still to come
+    uploads = [upload for _, upload in given]
+    clear_refusal()
+    try:
+        check_uploads(uploads)
+        cameras, videos = by_camera(kinds["camera"]), by_camera(kinds["video"])
+        if len(videos) == 1:
+            raise StereocalError("Give the videos of both cameras together.")
+        if kinds["photograph"]:
+            store = ProjectPhotographs(project_to_write())
+            contents = (
+                item
+                for folder, upload in kinds["photograph"]
+                for item in photographs_of([upload], folder)
+            )
+            take_photographs(contents, store)
+            with st.spinner("Looking at the first photographs ..."):
+                propose_held(store)
+        for slot, upload in cameras.items():
+            store_camera(slot, upload.name, upload.getvalue())
+        for upload in both_cameras:
+            name, content = upload.name, upload.getvalue()
+            ProjectApplication(project_to_write()).ask("archive", name, content)
+        if videos:
+            take_videos([videos[camera] for camera in CAMERAS], settings)
+    except StereocalError as error:
+        refuse(error)
     forget_base()
     # A new key empties the uploader, which otherwise keeps every file in memory.
     free_memory(uploads)
     st.session_state[ROUND] += 1
     st.rerun()
+
+
+def by_camera(given: Sequence[tuple[str, Upload]]) -> dict[CameraName, Upload]:
+    """The one file of each camera, the primary's first, told apart by folders or names.
+
+    Raises:
+        StereocalError: the names do not tell.
+    """
+    files = {f"{folder}file" if folder else upload.name: upload for folder, upload in given}
+    pairing = pair_names(files)
+    found: dict[CameraName, Upload] = {}
+    for pair in pairing.pairs[:1]:
+        found = {"primary": files[pair.primary], "secondary": files[pair.secondary]}
+    for alone in pairing.alone[:1]:
+        found[CAMERAS[alone.camera]] = files[alone.name]
+    if len(found) < len(given) or pairing.ambiguous:
+        names = " and ".join(upload.name for _, upload in given)
+        raise StereocalError(
+            f"Which camera is which does not show in {names}: name both files alike but for the "
+            "camera, such as left.mp4 and right.mp4, or give one camera after the other."
+        )
+    return found
 
 
 def _find_targets(store: ProjectPhotographs) -> None:

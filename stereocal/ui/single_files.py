@@ -68,13 +68,18 @@ def take_camera(slot: Slot, upload: Upload | None) -> None:
 
 def _asked_archive(upload: Upload) -> bool:
     """Keep a file with both cameras or a whole data set until its questions are answered."""
-    try:
-        if not is_archive(upload.name, upload.getvalue()):
-            return False
-    except StereocalError:  # damaged: its reader reports what is wrong
+    if not holds_both(upload):
         return False
     _ask("archive", upload)
     return True
+
+
+def holds_both(upload: Upload) -> bool:
+    """Whether a file has both cameras, or a whole data set."""
+    try:
+        return is_archive(upload.name, upload.getvalue())
+    except StereocalError:  # damaged: its reader reports what is wrong
+        return False
 
 
 def _ask(asked: Asked, upload: Upload) -> None:

@@ -21,16 +21,14 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
 from stereocal.ui.fields import number, one_of, setting, yes_or_no
-from stereocal.ui.intake import Upload, check_uploads, clear_refusal, escape_markdown, refuse
-from stereocal.ui.pairs import ROUND, forget_base
+from stereocal.ui.holding import propose_held
+from stereocal.ui.intake import Upload, escape_markdown
 from stereocal.ui.project import project_to_write
-from stereocal.ui.uploads import free_memory
 
 CHOICES: dict[Choice, str] = {
-    "still": "The sharpest still frame of each second",
+    "still": "The sharpest still frame of each second; of short videos 30",
     "every": "Every n-th frame",
 }
-KINDS = [suffix.removeprefix(".") for suffix in SUFFIXES]
 REPORT = "video_report"
 FRAMES_MISSING = "video_frames_missing"
 MISSING = (
@@ -39,34 +37,19 @@ MISSING = (
 )
 
 
-def videos_in(project: Project | None) -> None:
-    """The uploaders, which frames to take, and the progress."""
-    if find_spec("av") is None:
-        st.info(MISSING)
-        return
-    key = f"upload_videos_{st.session_state.setdefault(ROUND, 0)}"
-    uploads = [
-        column.file_uploader(f"Video of the {which} camera", type=KINDS, key=f"{key}_{which}")
-        for which, column in zip(CAMERAS, st.columns(2), strict=True)
-    ]
-    settings = _settings(project)
-    running = project is not None and jobs.is_running(project, "video")
-    st.button(
-        "Take the frames",
-        key="take_frames",
-        type="primary",
-        disabled=running or None in uploads,
-        on_click=_start,
-        args=(uploads, settings),
-        help="The frames become photographs of the project; the videos are not stored.",
-    )
-    if project is None:
-        return
+def show_frames_taken(project: Project) -> None:
+    """The progress of the job that takes frames, and what it found."""
     jobs.show_job(project, "video", "Cancelled. No frame was taken.", None)
     said = project.settings.get(REPORT)
-    if isinstance(said, list) and not running:
+    if isinstance(said, list) and not jobs.is_running(project, "video"):
         show = st.warning if project.settings.get(FRAMES_MISSING) else st.success
         show(" ".join(escape_markdown(str(sentence)) for sentence in said))
+
+
+def video_settings(project: Project | None) -> VideoSettings:
+    """Which frames to take, folded: the defaults serve most videos."""
+    with st.expander("Frames of videos"):
+        return _settings(project)
 
 
 def _settings(project: Project | None) -> VideoSettings:
@@ -99,21 +82,25 @@ def _settings(project: Project | None) -> VideoSettings:
         )
     coloured = st.toggle(
         "Keep the colours",
-        help="For balls that differ by colour. Otherwise the frames are grey, a third of the size.",
-        **setting(project, "video_coloured", False, yes_or_no).widget(),
+        help="Balls are told apart by them. Without, the frames are grey, a third of the size.",
+        **setting(project, "video_coloured", True, yes_or_no).widget(),
     )
     return VideoSettings(choice, n, later, coloured)
 
 
-def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
-    """Begin the job (a callback); the videos are temporary files while it runs."""
-    clear_refusal()
+def take_videos(uploads: Sequence[Upload], settings: VideoSettings) -> None:
+    """Begin the job; the videos, the primary's first, are temporary files while it runs.
+
+    Raises:
+        StereocalError: they cannot be read on this server, or not be stored.
+    """
+    if find_spec("av") is None:
+        raise StereocalError(MISSING)
     folder = None
     try:
-        check_uploads(uploads)
         project = project_to_write()
         if jobs.is_running(project, "video"):
-            return
+            raise StereocalError("The frames of other videos are being taken: wait, or cancel.")
         folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
         paths = []
         for which, upload in zip(CAMERAS, uploads, strict=True):
@@ -125,8 +112,7 @@ def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
         text = str(error) if isinstance(error, StereocalError) else f"{error.strerror or error}."
-        refuse(StereocalError(text))
-        return
+        raise StereocalError(text) from error
     about: dict[str, Any] = {
         "videos": [[upload.name, upload.size] for upload in uploads],
         "settings": [settings.choice, settings.n, settings.later_s, settings.coloured],
@@ -143,10 +129,6 @@ def _start(uploads: Sequence[Upload], settings: VideoSettings) -> None:
     job = jobs.job_of(project, "video")
     if job is None or job.state == "failed":  # it may not have been started
         shutil.rmtree(folder, ignore_errors=True)
-    # A new key empties the uploaders, which otherwise keep the videos in memory.
-    free_memory(uploads)
-    forget_base()
-    st.session_state[ROUND] += 1
 
 
 def _take(
@@ -164,5 +146,6 @@ def _take(
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     store.add(found)
+    propose_held(store)
     project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})
     return True

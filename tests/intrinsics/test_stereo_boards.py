@@ -18,6 +18,7 @@ from stereocal.formats.recording_files import pack_recording
 from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
 from stereocal.intrinsics.calibrate_lens import LensSettings
+from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.stereo_boards import (
     Seen,
     StereoBoards,
@@ -26,7 +27,6 @@ from stereocal.intrinsics.stereo_boards import (
     lenses_of_boards,
     orders_of,
     recording_of,
-    size_in,
     stereo_boards,
 )
 from stereocal.refined.refine import refine
@@ -224,7 +224,7 @@ class TestOpencvsSample:
     """13 pairs of 640x480 px, a board of 9x6 inner corners."""
 
     def test_the_size_is_found(self, files: dict[str, Path]) -> None:
-        assert size_in(files) == "9x6"
+        assert proposed_board(files) == ProposedBoard(9, 6)
 
     def test_all_boards_serve(self, files: dict[str, Path]) -> None:
         boards = find_stereo_boards(files, BoardPattern(9, 6, 0.03), AtOnce())
@@ -251,3 +251,32 @@ def test_sizes_of_lens_files_and_photographs() -> None:
     found = found_boards(boards)
     with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
         recording_of(found, (replace(SMALL, image_size=(800, 600)), SMALL), "x")
+
+
+@pytest.mark.parametrize(
+    ("squares", "dictionary", "marker"),
+    [((9, 7), "DICT_4X4_50", 0.73), ((10, 7), "DICT_5X5_50", 0.75), ((6, 8), "DICT_6X6_50", 0.8)],
+)
+def test_a_charuco_board_is_proposed(
+    squares: tuple[int, int], dictionary: str, marker: float, tmp_path: Path
+) -> None:
+    """Columns, rows, dictionary and the markers' side, from photographs one of which is cut."""
+    printed = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    board = cv2.aruco.CharucoBoard(squares, 0.03, 0.03 * marker, printed)
+    drawn = board.generateImage((80 * squares[0], 80 * squares[1]), marginSize=20)
+    h, w = drawn.shape
+    seen = np.array([[30, 10], [w - 60, 40], [w - 10, h - 30], [10, h - 60]], np.float32)
+    whole = np.array([[0, 0], [w, 0], [w, h], [0, h]], np.float32)
+    image = cv2.warpPerspective(
+        drawn, cv2.getPerspectiveTransform(whole, seen), (w, h), borderValue=150.0
+    )
+    files = {}
+    for name, image_of in (("a", image), ("b", image), ("c", image[: 3 * h // 4])):
+        files[name] = tmp_path / f"{name}.png"
+        cv2.imwrite(str(files[name]), image_of)
+    found = proposed_board(files)
+    assert found is not None
+    assert (found.columns, found.rows) == (squares[0] - 1, squares[1] - 1)
+    assert found.dictionary == dictionary
+    # To 2 px of 80 a square: the corners of markers lie on their outermost pixels.
+    assert found.marker == pytest.approx(marker, abs=0.03)

@@ -11,34 +11,41 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
-from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import calibrate
+from tests.lens import SMALL, png
 from tests.pages.stored_projects import messages
 from tests.pages.test_pages import zipped
+from tests.pages.test_photographs import upload
 from tests.pages.waiting import ended
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, WAND, recorded
 
 
 def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
-    project, rig = Project.create(home), stereo(np.pi / 2)
-    store = ProjectPhotographs(project)
+    rig = stereo(np.pi / 2)
     files = photographs(rig, 9, 6)
-    store.add({name: store.keep(name, content) for name, content in files.items()})
-    app.query_params["project"] = project.id
+    blank = np.full((SMALL.image_size[1], SMALL.image_size[0]), 110, np.uint8)
+    files |= {f"{side}99.png": png(blank) for side in ("left", "right")}
     app.switch_page("pages/data.py").run()
-    app.segmented_control(key="held").set_value("board").run()
+    upload(app, files)
+    project = Project.open(home, app.session_state["project_id"])
     # As the first photographs show, without a click.
+    assert app.segmented_control(key="held").value == "board"
     sizes = [app.number_input(key=f"board_{way}").value for way in ("columns", "rows")]
     assert sizes == [8, 6]
+    # All lengths follow from the squares: none is assumed.
+    assert app.button(key="find_boards").disabled
+    app.number_input(key="board_square_mm").set_value(30.0).run()
     app.button(key="find_boards").click().run()
     ended(project, "photographs")
     app.run()
     assert "9 boards of 8x6 inner corners are in photographs of both" in messages(app)
     assert not app.exception
+    badges = [item.value for item in app.markdown if "badge" in item.value]
+    assert len(badges) == 10 and "refused" in badges[0] and "Frame 99" in badges[0]
     dataset = project.dataset
     assert dataset is not None
     assert dataset.baseline_is_free

@@ -46,7 +46,7 @@ class VideoSettings:
     """Which frames to take."""
 
     choice: Choice = "still"
-    """`every` n-th frame, or in each second the sharpest of the still ones."""
+    """`every` n-th frame, or in each second the sharpest of the still ones (`stillest`)."""
     n: int = 30
     later_s: float | None = None
     """As for `pair_times`."""

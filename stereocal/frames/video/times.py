@@ -18,6 +18,8 @@ NEIGHBOURS = 11
 """Steps whose median is the frame period at a place: a variable rate is no gap."""
 NEAREST = 0.5
 """Most frame periods between the frames of a pair."""
+FEWEST = 30
+"""Parts of a short video of which one pair each is taken, as many as frames serve well."""
 Choice = Literal["every", "still"]
 
 
@@ -106,7 +108,8 @@ def every(pairs: VideoPairs, n: int) -> IntArray:
 def stillest(
     pairs: VideoPairs, seconds: FloatArray, sharpness: FloatArray, motion: FloatArray
 ) -> IntArray:
-    """In each second, the sharpest pair of the still half.
+    """In each second, the sharpest pair of the still half; of short videos in each
+    `FEWEST`-th part.
 
     Motion and sharpness are relative to the median of each camera, and added over the cameras.
 
@@ -121,7 +124,8 @@ def stillest(
 
     still, sharp = relative(motion), relative(sharpness)
     times = seconds[pairs.frames[:, 0]]
-    bins = np.floor(times - times[0] + 1e-9).astype(np.int64)
+    part_s = min(1.0, (times[-1] - times[0]) / FEWEST) if len(times) > 1 else 1.0
+    bins = np.floor((times - times[0]) / part_s + 1e-9).astype(np.int64)
     chosen = []
     for second in np.unique(bins):
         own = np.flatnonzero(bins == second)

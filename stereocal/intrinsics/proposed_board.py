@@ -1,0 +1,133 @@
+"""What is printed on the board in the first photographs, for the user to accept."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import StereocalError
+from stereocal.intrinsics.board_corners import LARGE_PX, eight_bits
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph_files import Photographs
+
+LOOKED_AT = 6
+FEWEST_MARKERS = 6
+"""Of a ChArUco board; fewer may be tags, or none."""
+MOST_SQUARES = 20
+FITTING = 0.15
+"""Largest RMS distance of markers from where a board has them, in squares."""
+
+
+@dataclass(frozen=True)
+class ProposedBoard:
+    """Inner corners of a board, and the markers of a ChArUco board."""
+
+    columns: int
+    rows: int
+    dictionary: str | None = None
+    marker: float = 0.0
+    """Side of a marker over that of a square."""
+
+    def __str__(self) -> str:
+        return f"{self.columns}x{self.rows}"
+
+
+def proposed_board(photographs: Photographs, least: float = 0.0) -> ProposedBoard | None:
+    """The board that most of the first photographs show.
+
+    Args:
+        least: part of the photographs that must show it.
+
+    Returns:
+        None if they show none, or do not agree.
+    """
+    names = sorted(photographs)
+    chosen = names[:: max(len(names) // LOOKED_AT, 1)][:LOOKED_AT]
+    found: Counter[ProposedBoard] = Counter()
+    for name in chosen:
+        try:
+            grey = eight_bits(read_photograph(photographs[name]))
+        except StereocalError:  # reported by the search
+            continue
+        board = _charuco(grey) or _chessboard(grey)
+        found.update([board] if board else [])
+    best = found.most_common(2)
+    if not best or (len(best) > 1 and best[0][1] == best[1][1]):
+        return None
+    board, count = best[0]
+    return board if count >= least * len(chosen) else None
+
+
+def _chessboard(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
+    """At least as many columns as rows."""
+    if max(grey.shape) > LARGE_PX:
+        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        grey = np.asarray(half, dtype=np.uint8)
+    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
+    return ProposedBoard(max(meta.shape), min(meta.shape)) if found else None
+
+
+def _charuco(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
+    """A ChArUco board in view whole, by the places of its numbered markers."""
+    seen = {bits: _markers(grey, bits) for bits in ("4X4", "5X5", "6X6", "7X7")}
+    bits = max(seen, key=lambda own: len(seen[own][0]))
+    ids, corners = seen[bits]
+    fits = [
+        fit
+        for columns in range(4, MOST_SQUARES + 1)
+        for first in (0, 1)
+        if len(ids) >= FEWEST_MARKERS and (fit := _fit(columns, first, ids, corners))
+    ]
+    misfit, columns, rows, marker = min(fits, default=(np.inf, 0, 0, 0.0))
+    if misfit > FITTING or rows < 4:
+        return None
+    most = columns * rows // 2
+    names = (f"DICT_{bits}_{size}" for size in (50, 100, 250, 1000) if size >= most)
+    return ProposedBoard(columns - 1, rows - 1, next(names), round(marker, 2))
+
+
+def _markers(grey: npt.NDArray[np.uint8], bits: str) -> tuple[IntArray, FloatArray]:
+    """Numbers (n,) and corners (n, 4, 2) of the markers; dictionaries are parts of the largest."""
+    name = getattr(cv2.aruco, f"DICT_{bits}_1000")
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(name))
+    corners, ids, _ = detector.detectMarkers(grey)
+    numbers = np.array([] if ids is None else ids, dtype=np.int64).ravel()
+    return numbers, np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
+
+
+def _fit(
+    columns: int, first: int, ids: IntArray, corners: FloatArray
+) -> tuple[float, int, int, float] | None:
+    """How well markers (n, 4, 2) fit a board with so many squares a row.
+
+    Args:
+        first: 1 if the first square of the board has a marker, as before OpenCV 4.6.
+
+    Returns:
+        RMS distance in squares, columns, rows, and the side of a marker in squares; None if the
+        markers are not spread over the board.
+    """
+    squares = np.arange(2 * (ids.max() + columns))
+    row, column = np.divmod(squares, columns)
+    cells = np.column_stack([column, row])[(row + column) % 2 != first][ids] + 0.5
+    if np.ptp(cells, axis=0).min() < 2:
+        return None
+    seen = corners.mean(axis=1)
+    H, _ = cv2.findHomography(seen, cells)
+    if H is None:
+        return None
+    there = cv2.perspectiveTransform(corners.reshape(-1, 1, 2), H).reshape(-1, 4, 2)
+    side = np.linalg.norm(there - np.roll(there, 1, axis=1), axis=2)
+    misfit = np.linalg.norm(there.mean(axis=1) - cells, axis=1)
+    return (
+        float(np.sqrt((misfit**2).mean())),
+        columns,
+        int(cells[:, 1].max() + 0.5),
+        float(np.median(side)),
+    )

@@ -1,0 +1,138 @@
+"""From Start to both parameter files, in few acts: a board, and a video of two balls.
+
+An act is a click, a choice of files, or a number typed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereocal.detection.target import Balls
+from stereocal.formats.camera_file import write_camera
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
+from stereocal.system.photograph import GreyImage, decode_colours
+from stereocal.ui.holding import held_target
+from tests.ball_bars import BAR_M, CAMERA, RIG, ball_bars
+from tests.browser.conftest import LONGEST_MS, ROOT
+from tests.videos import write_video
+
+pytestmark = pytest.mark.browser
+FRAMES = 12
+MOST_ACTS = 8
+BOARDS = ROOT / "sample_data" / "boards"
+
+
+@dataclass
+class User:
+    """A person at the page, whose acts are counted."""
+
+    page: Page
+    settled: Callable[[Page], None]
+    acts: int = 0
+
+    def press(self, name: str) -> None:
+        """Press a button of a page that no longer draws: a click between two runs is lost."""
+        self._wait()
+        button = self.page.get_by_role("button", name=name)
+        expect(button).to_be_enabled(timeout=LONGEST_MS)
+        button.click()
+
+    def give(self, files: Sequence[Path]) -> None:
+        """Choose files in the one uploader for photographs, videos and cameras."""
+        self._wait()
+        uploader = self.page.locator("[class*=st-key-upload_photographs_] input[type=file]")
+        uploader.set_input_files(list(files))
+
+    def enter(self, key: str, value: float) -> None:
+        """Type a number."""
+        self._wait()
+        field = self.page.locator(f".st-key-{key} input")
+        field.fill(str(value))
+        field.press("Enter")
+
+    def download_both(self) -> None:
+        """Save the files of the paper's two sets."""
+        for method in ("2d", "3d"):
+            self._wait()
+            button = self.page.locator(f".st-key-download_{method} button")
+            expect(button).to_be_visible(timeout=LONGEST_MS)
+            with self.page.expect_download() as saved:
+                button.click()
+            assert saved.value.suggested_filename == f"parameters_{method}.json"
+
+    def _wait(self) -> None:
+        self.acts += 1
+        self.page.wait_for_timeout(700)
+        self.settled(self.page)
+
+
+def project_of(page: Page, home: Path) -> Project:
+    return Project.open(home, page.url.split("project=")[1][:32])
+
+
+def test_board_photographs_to_both_files(
+    page: Page, app_url: str, home: Path, settled: Callable[[Page], None]
+) -> None:
+    page.goto(app_url)
+    user = User(page, settled)
+    user.press("Start with my own data")
+    user.give(sorted(BOARDS.glob("*.jpg")))
+    expect(page.get_by_text("Corners of this board are dots").first).to_be_visible(timeout=LONGEST_MS)
+    user.enter("board_square_mm", 25)
+    user.press("Find the boards")
+    expect(page.get_by_text("13 boards of 9x6 inner corners").first).to_be_visible(timeout=LONGEST_MS)
+    user.press("Next: Calibrate")
+    user.download_both()
+    assert user.acts <= MOST_ACTS
+    dataset = project_of(page, home).dataset
+    assert dataset is not None and len(dataset.correspondences.frames) == 13
+
+
+def filmed(which: str, folder: Path) -> Path:
+    """The video of one camera."""
+    files, _ = ball_bars(FRAMES)
+
+    def draw(number: int) -> GreyImage:
+        name = f"{which}/{number + 1:04}.png"
+        return np.array(decode_colours(files[name], name)[:, :, ::-1], np.uint8)
+
+    seconds = [k / 25 for k in range(FRAMES)]
+    return write_video(folder / f"{which}.mp4", seconds, draw=draw)
+
+
+def test_videos_of_two_balls_to_both_files(
+    page: Page, app_url: str, home: Path, settled: Callable[[Page], None], tmp_path: Path
+) -> None:
+    pytest.importorskip("av")
+    given = [filmed(which, tmp_path) for which in CAMERAS]
+    for which in CAMERAS:
+        given.append(tmp_path / f"{which}.json")
+        given[-1].write_bytes(write_camera(CAMERA))
+    page.goto(app_url)
+    user = User(page, settled)
+    user.press("Start with my own data")
+    user.give(given)
+    expect(page.get_by_text(f"{FRAMES} pairs by name").first).to_be_visible(timeout=LONGEST_MS)
+    # The colours are proposed from the frames; the photograph shows the balls that they find.
+    expect(page.get_by_text("Both balls are found here").first).to_be_visible(timeout=LONGEST_MS)
+    user.enter("baseline_m_value", round(float(np.linalg.norm(RIG.pose.T)), 6))
+    user.enter("target_distance_m_value", BAR_M)
+    user.press("Find the targets")
+    expect(page.get_by_text(f"{FRAMES} frames:").first).to_be_visible(timeout=LONGEST_MS)
+    project = project_of(page, home)
+    frames = ProjectPhotographs(project).frames
+    assert isinstance(held_target(project), Balls)
+    assert frames is not None and sum(frame.use for frame in frames) >= 9
+    # The photograph is folded away once the targets are found.
+    expect(page.get_by_text("Pick the colours again").first).to_be_visible()
+    user.press("Next: Calibrate")
+    user.download_both()
+    assert user.acts <= MOST_ACTS
