@@ -15,6 +15,7 @@ from stereocal.figures.tables import contents_table
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
+from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import SEVERAL, escape_markdown, show_refusal, take_dataset
 from stereocal.ui.lengths import ask_if_measured, length_field, object_in_words, show_rig
 from stereocal.ui.messages import end_here
@@ -68,7 +69,9 @@ with left:
     length_field(project, "baseline_m", "Baseline: distance between the cameras")
     length_uncertainty(project, "baseline_m", "± 1 %")
 with right:
-    if about := object_in_words(project):
+    if project is not None and has_photographs(project) and holds_board(project):
+        st.markdown("The squares of the board are the measured lengths.")
+    elif about := object_in_words(project):
         st.markdown(about)
     else:
         length_field(project, "target_distance_m", "Distance between targets A and B")

@@ -158,7 +158,8 @@ def _camera_files(project: Project) -> None:
     for slot, column in zip(CAMERAS, st.columns(2), strict=True):
         with column:
             in_use(project, slot)
-    with st.expander("Camera files", expanded=not all(readable(lambda: project.cameras) or ())):
+    lacking = not all(readable(lambda: project.cameras) or ()) and not holds_board(project)
+    with st.expander("Camera files", expanded=lacking):
         for slot, column in zip(CAMERAS, st.columns(2), strict=True):
             key = f"upload_{slot}"
             with column:

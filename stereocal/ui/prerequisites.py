@@ -9,6 +9,7 @@ from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.dataset import Dataset
+from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import end_here
@@ -19,6 +20,8 @@ from stereocal.ui.project import current_project
 def missing_of(project: Project) -> str:
     """What a project still lacks for a calibration, in Markdown."""
     instead = {}
+    if has_photographs(project) and holds_board(project):
+        return "the boards in the photographs (press *Find the boards*)"
     if has_photographs(project):
         instead["the table of points"] = "the targets in the photographs (press *Find the targets*)"
     return ", ".join(instead.get(words, words) for words in project.inputs.missing)
