@@ -68,6 +68,10 @@ class User:
                 button.click()
             assert saved.value.suggested_filename == f"parameters_{method}.json"
 
+    def sees(self, text: str) -> None:
+        """The page shows a text, perhaps twice while it is drawn anew."""
+        expect(self.page.get_by_text(text).first).to_be_visible(timeout=LONGEST_MS)
+
     def _wait(self) -> None:
         self.acts += 1
         self.page.wait_for_timeout(700)
@@ -85,10 +89,10 @@ def test_board_photographs_to_both_files(
     user = User(page, settled)
     user.press("Start with my own data")
     user.give(sorted(BOARDS.glob("*.jpg")))
-    expect(page.get_by_text("Corners of this board are dots").first).to_be_visible(timeout=LONGEST_MS)
+    user.sees("Corners of this board are dots")
     user.enter("board_square_mm", 25)
     user.press("Find the boards")
-    expect(page.get_by_text("13 boards of 9x6 inner corners").first).to_be_visible(timeout=LONGEST_MS)
+    user.sees("13 boards of 9x6 inner corners")
     user.press("Next: Calibrate")
     user.download_both()
     assert user.acts <= MOST_ACTS
@@ -120,19 +124,19 @@ def test_videos_of_two_balls_to_both_files(
     user = User(page, settled)
     user.press("Start with my own data")
     user.give(given)
-    expect(page.get_by_text(f"{FRAMES} pairs by name").first).to_be_visible(timeout=LONGEST_MS)
+    user.sees(f"{FRAMES} pairs by name")
     # The colours are proposed from the frames; the photograph shows the balls that they find.
-    expect(page.get_by_text("Both balls are found here").first).to_be_visible(timeout=LONGEST_MS)
+    user.sees("Both balls are found here")
     user.enter("baseline_m_value", round(float(np.linalg.norm(RIG.pose.T)), 6))
     user.enter("target_distance_m_value", BAR_M)
     user.press("Find the targets")
-    expect(page.get_by_text(f"{FRAMES} frames:").first).to_be_visible(timeout=LONGEST_MS)
+    user.sees(f"{FRAMES} frames:")
     project = project_of(page, home)
     frames = ProjectPhotographs(project).frames
     assert isinstance(held_target(project), Balls)
     assert frames is not None and sum(frame.use for frame in frames) >= 9
     # The photograph is folded away once the targets are found.
-    expect(page.get_by_text("Pick the colours again").first).to_be_visible()
+    user.sees("Pick the colours again")
     user.press("Next: Calibrate")
     user.download_both()
     assert user.acts <= MOST_ACTS
