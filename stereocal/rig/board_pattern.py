@@ -16,7 +16,8 @@ DICTIONARIES = tuple(
     for bits in ("4X4", "5X5", "6X6", "7X7")
     for count in (50, 100, 250, 1000)
 )
-LARGEST_SQUARE_M = 1.0
+LARGEST_BOARD_M = 5.0
+"""Boards are carried about; a square entered in centimetres gives more."""
 _SIZE = re.compile(r"\s*(\d{1,3})\s*[xX×*,]\s*(\d{1,3})\s*")
 
 
@@ -45,11 +46,12 @@ class BoardPattern:
             )
         if not (np.isfinite(self.square_m) and self.square_m > 0):
             raise StereocalError(f"The side of a square must be above 0, not {self.square_m:g} m.")
-        if self.square_m > LARGEST_SQUARE_M:
+        widest = self.square_m * (max(self.columns, self.rows) + 1)
+        if widest > LARGEST_BOARD_M:
             raise StereocalError(
-                f"The side of a square is {self.square_m:g} m: this looks like centimetres or "
-                f"millimetres. Give it in metres ({self.square_m / 100:g} or "
-                f"{self.square_m / 1000:g})."
+                f"The side of a square is {self.square_m:g} m, and the board {widest:.3g} m wide: "
+                "this looks like centimetres or millimetres. Give it in metres "
+                f"({self.square_m / 100:g} or {self.square_m / 1000:g})."
             )
         if self.dictionary is None:
             return

@@ -33,7 +33,7 @@ from stereocal.ui.texts import escape_markdown
 KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "Tags"}
 BOARD = "board"
 FOUND = "held_found"
-USUAL_TAGS = "4X4_50:0,1"
+USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
 
 
 def _kind(project: Project) -> Field:
@@ -45,8 +45,14 @@ def _colours(project: Project) -> Field:
     return setting(project, "held_balls", "", _text)
 
 
-def _tags(project: Project) -> Field:
-    return setting(project, "held_tags", USUAL_TAGS, _text)
+def held_tags(project: Project | None, key: str = "held_tags") -> Field:
+    """Dictionary and numbers of the tags, in a widget with this key."""
+    return setting(project, key, USUAL_TAGS, _text, name="held_tags")
+
+
+def held_kind(project: Project | None) -> str:
+    """What is held, one of `KINDS`."""
+    return str(_kind(project).value()) if project else next(iter(KINDS))
 
 
 def _text(value: Any) -> str:
@@ -58,13 +64,13 @@ def _text(value: Any) -> str:
 def held_text(project: Project) -> str:
     """The target as `parse_target` reads it."""
     kind: str = _kind(project).value()
-    rest = {"balls": _colours, "tags": _tags}.get(kind)
+    rest = {"balls": _colours, "tags": held_tags}.get(kind)
     return kind if rest is None else f"{kind}:{rest(project).value()}"
 
 
 def holds_board(project: Project) -> bool:
     """Whether a board is held."""
-    return bool(_kind(project).value() == BOARD)
+    return held_kind(project) == BOARD
 
 
 def first_pairs(pairs: Sequence[Pair]) -> list[Pair]:
@@ -132,9 +138,9 @@ def ask_what_is_held(store: ProjectPhotographs, pair: Pair | None, fold: bool) -
         return BAR
     if kind == "tags":
         st.text_input(
-            "Dictionary, and the numbers of A and B",
+            TAGS_TITLE,
             help="As `4X4_50:3,7`, or `APRILTAG_36h11:0,1`; the names are OpenCV's.",
-            **_tags(project).widget(),
+            **held_tags(project).widget(),
         )
     else:
         _ask_colours(store, pair, fold)

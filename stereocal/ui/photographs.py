@@ -53,7 +53,7 @@ from stereocal.ui.intake import (
 )
 from stereocal.ui.messages import readable
 from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
-from stereocal.ui.print_downloads import targets_to_print
+from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
 from stereocal.ui.single_files import holds_both, take_camera
@@ -126,7 +126,7 @@ def photographs_in(project: Project | None) -> None:
         given = [("", upload) for upload in uploads]
     settings = video_settings(project)
     _take(given, settings)
-    targets_to_print(project, _focal_px(project) if project else None)
+    print_what_is_held(project, _focal_px(project) if project else None)
     if project is None:
         return
     show_frames_taken(project)

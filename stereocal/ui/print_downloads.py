@@ -1,4 +1,4 @@
-"""Downloads to print: the board for the lenses, the targets of the bar, and the field sheet."""
+"""Downloads to print: the board, the targets or tags of the bar, and the field sheet."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 import streamlit as st
 
+from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.field.planning.plan import Plan
 from stereocal.field.printing.bar_places import bar_places
 from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
 from stereocal.field.printing.print_board import fitted, print_board
+from stereocal.field.printing.print_tags import print_tags
 from stereocal.field.printing.print_target import (
     DETECTED_PX,
     GOOD_PX,
@@ -22,59 +24,102 @@ from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, held_kind, held_tags
+from stereocal.ui.texts import escape_markdown
 
 AT_TRUE_SCALE = 'Print at 100 % ("actual size"): the sheet has a scale of 100 mm to check it by.'
-CORNERS, SIDE_MM, USUAL_SIDE_MM = (3, 100), (5.0, 1000.0), 180.0
+CORNERS, SIDE_MM, USUAL_SIDE_MM, USUAL_TAG_MM = (3, 100), (5.0, 1000.0), 180.0, 80.0
 
 
 def board_to_print(project: Project | None) -> None:
     """A fold with a chessboard as large as the paper allows."""
     with st.expander("Print a chessboard"):
-        paper, *places = st.columns(3)
-        named = _paper(project, paper, "board")
-        columns, rows = (
-            place.number_input(
-                f"Inner corners, {way} way",
-                *CORNERS,
-                step=1,
-                **setting(project, f"print_{name}", usual, number(*CORNERS)).widget(),
-            )
-            for place, way, name, usual in zip(
-                places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
-            )
-        )
-        try:
-            board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
-        except StereocalError as error:
-            st.info(str(error))
-            return
-        st.markdown(
-            f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
-            "should fill half of the image or more at the distance of your recordings: take "
-            f"larger paper where it does not. {AT_TRUE_SCALE}"
-        )
-        _downloads(lambda: print_board(board, paper_named(named)), "board")
+        _board(project)
 
 
-def targets_to_print(project: Project | None, focal_px: float | None) -> None:
-    """A fold with the two targets of the bar, of any size.
+def print_what_is_held(project: Project | None, focal_px: float | None) -> None:
+    """A fold with the targets of the bar, a board, or tags.
 
     Args:
         focal_px: the smaller focal length of the two cameras; None if it is not known.
     """
-    with st.expander("Print the targets"):
-        left, right = st.columns(2)
-        named = _paper(project, left, "targets")
-        side_mm = right.number_input(
-            "Side of a target (mm)",
-            *SIDE_MM,
-            step=5.0,
-            format="%.10g",
-            **setting(project, "print_side_mm", USUAL_SIDE_MM, number(*SIDE_MM)).widget(),
+    with st.expander("Print"):
+        kinds = [kind for kind in KINDS if kind != "balls"]
+        held = held_kind(project)
+        usual = held if held in kinds else kinds[0]
+        what = setting(project, "print_what", usual, one_of(kinds), tabs_own=True)
+        kind = st.segmented_control(
+            "What", kinds, format_func=KINDS.__getitem__, required=True, **what.widget()
         )
-        seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
-        _targets(1e-3 * side_mm, named, seen)
+        if kind == BOARD:
+            _board(project)
+        elif kind == "tags":
+            _tags(project)
+        else:
+            _bar(project, focal_px)
+
+
+def _board(project: Project | None) -> None:
+    paper, *places = st.columns(3)
+    named = _paper(project, paper, "board")
+    columns, rows = (
+        place.number_input(
+            f"Inner corners, {way} way",
+            *CORNERS,
+            step=1,
+            **setting(project, f"print_{name}", usual, number(*CORNERS)).widget(),
+        )
+        for place, way, name, usual in zip(
+            places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
+        )
+    )
+    try:
+        board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
+    except StereocalError as error:
+        st.info(str(error))
+        return
+    seen = (
+        f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board should "
+        "fill half of the image or more at the distance of your recordings: take larger paper "
+        "where it does not."
+    )
+    _offer(lambda: print_board(board, paper_named(named)), "board", seen)
+
+
+def _bar(project: Project | None, focal_px: float | None) -> None:
+    left, right = st.columns(2)
+    named = _paper(project, left, "targets")
+    side_mm = _side(
+        right,
+        "Side of a target (mm)",
+        setting(project, "print_side_mm", USUAL_SIDE_MM, number(*SIDE_MM)),
+    )
+    seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
+    _offer(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
+
+
+def _tags(project: Project | None) -> None:
+    paper, side, tags = st.columns(3)
+    named = _paper(project, paper, "tags")
+    side_mm = _side(
+        side,
+        "Side of a black square (mm)",
+        setting(project, "print_tag_mm", USUAL_TAG_MM, number(*SIDE_MM)),
+    )
+    text = tags.text_input(TAGS_TITLE, **held_tags(project, "print_tags").widget())
+
+    def sheet() -> Sheet:
+        target = parse_target(f"tags:{text}")
+        assert isinstance(target, Tags)
+        return print_tags(target, 1e-3 * side_mm, paper_named(named))
+
+    _offer(sheet, "tags")
+
+
+def _side(place: st.delta_generator.DeltaGenerator, title: str, field: Field) -> float:
+    side: float = place.number_input(title, *SIDE_MM, step=5.0, format="%.10g", **field.widget())
+    return side
 
 
 def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
@@ -91,17 +136,18 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
             **setting(project, "print_px", GOOD_PX, number(*DETECTED_PX)).widget(),
         )
         size = planned_target(plan, least_px)
-        _targets(size.side_m, named, size.sentence)
+        _offer(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 
 
-def _targets(side_m: float, paper: str, seen: str) -> None:
+def _offer(make: Callable[[], Sheet], what: str, seen: str = "") -> None:
+    """The sheet, or why it cannot be printed."""
     try:
-        sheet = print_targets(side_m, paper_named(paper))
+        sheet = make()
     except StereocalError as error:
-        st.info(f"{seen} {error}")
+        st.info(escape_markdown(f"{seen} {error}".strip()))
         return
     st.markdown(f"{seen} {AT_TRUE_SCALE}")
-    _downloads(lambda: sheet, "target")
+    _downloads(lambda: sheet, what)
 
 
 def field_sheet_to_print(plan: Plan) -> None:

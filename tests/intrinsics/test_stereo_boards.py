@@ -190,6 +190,7 @@ def test_a_table_with_the_lenses_of_the_data_set(tmp_path: Path) -> None:
     ("text", "says"),
     [
         ("board:9x6:3", "this looks like centimetres"),
+        ("board:9x6:1", "the board 10 m wide: this looks like centimetres"),
         ("board:9x6", '"9x6" is not a length'),
         ("board:9:0.03", "write the numbers of inner corners like 18x12"),
         ("board:9x6:0.03:7", "is no board: write"),

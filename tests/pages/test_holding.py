@@ -63,3 +63,13 @@ def test_tags_are_stated(app: AppTest, balls: Project) -> None:
     app.text_input(key="held_tags").set_value("4X4_50:3,7").run()
     assert held_target(balls) == Tags("4X4_50", (3, 7))
     assert not app.button(key="find_targets").disabled
+
+
+def test_tags_are_printed_before_there_is_a_project(app: AppTest) -> None:
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="print_what").set_value("tags").run()
+    assert any("Print at 100 %" in item.value for item in app.markdown)
+    app.number_input(key="print_tag_mm").set_value(300.0).run()
+    assert "do not fit on A4" in messages(app)
+    app.text_input(key="print_tags").set_value("4X4_50:3").run()
+    assert "tags:4X4_50:3,7" in messages(app)
