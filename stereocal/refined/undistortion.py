@@ -23,7 +23,7 @@ def undistort_rays(
 
     Args:
         q: (25,), the shared unknowns of `bar_fit`; the distortion is that of `lenses`.
-        lenses: (2, 23), as in `bar_fit`.
+        lenses: (2, 23), as in `views.fill_residuals`.
         pixels: (n, 4): u, v of the primary and of the secondary.
         rays: (4, n), updated; the initial values are used as the start.
         inverse_jacobians: (n, 2, 4), written: of each camera's distortion, xx, xy, yx, yy.

@@ -104,7 +104,7 @@ def judge(
 
     Args:
         sets: (s, 25): the shared unknowns of `bar_fit` of each set.
-        stated_lenses: (2, 23), as in `bar_fit`.
+        stated_lenses: (2, 23), as in `views.fill_residuals`.
         scale: `distortion.empty_pixel_scale` of them, written.
         pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.
         start: (4, n): initial rays for the undistortion.
