@@ -115,6 +115,12 @@ def test_a_wrong_length_in_one_file_is_named(truth: SimulatedRig, tmp_path: Path
     assert warning in rig_notes(fused)
 
 
+def test_wrong_lengths_in_two_files_cannot_be_told(truth: SimulatedRig, tmp_path: Path) -> None:
+    wrong = {("c1", "c3"): 1.02, ("c1", "c2"): 0.97}
+    (warning,) = fuse_files(files_of(truth.recording, tmp_path, wrong)).about["warnings"]
+    assert "cannot be told which is wrong" in warning
+
+
 def test_files_that_do_not_connect(truth: SimulatedRig, tmp_path: Path) -> None:
     other = simulated_rig(np.random.default_rng(21), 2, 60)
     cameras = {f"d{number}": own for number, own in enumerate(other.recording.cameras.values())}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.unknowns import RigSettings
 from stereocal.rig.recording import Recording
 from stereocal.simulation.several import IMAGE_SIZE, SimulatedRig, simulated_rig
@@ -55,6 +55,13 @@ def test_a_bumped_camera_is_named(degrees: float) -> None:
     assert "camera c2 seems to have moved at about frame" in warning
     when = int(warning.split("frame ")[1].split(",")[0])
     assert abs(when - 80) < 15
+
+
+def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
+    recording = bumped(simulated(1), "c2", 0.2, 80)
+    (warning,) = calibrate_rig(of_cameras(recording, ["c1", "c2"])).warnings
+    assert "moved at about frame" in warning
+    assert "cannot be told which" in warning
 
 
 def test_a_camera_that_was_turned_away_agrees_with_no_other() -> None:
