@@ -13,6 +13,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import refine, robust_start
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import word_of
 from stereocal.system.numbers import rounded
 
 FEWEST_BARS = 5
@@ -56,10 +57,11 @@ def note_on_free_baseline(dataset: Dataset) -> str:
     """What a free baseline means for the methods; empty if it was measured."""
     if not dataset.baseline_is_free:
         return ""
+    held = word_of(dataset)
     return (
         "The baseline was not measured: the refined method found "
-        f"{rounded(dataset.baseline_m, 4)} m from the lengths of the bars, which alone give the "
-        "scale. "
+        f"{rounded(dataset.baseline_m, 4)} m from the lengths of the {held}s, which alone give "
+        "the scale. "
         "The essential, 2D and 3D methods cannot solve for a baseline; they hold this value, and "
-        "an error of the bar's stated length scales all results."
+        f"an error of the {held}'s stated length scales all results."
     )

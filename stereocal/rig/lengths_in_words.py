@@ -36,13 +36,21 @@ def rig_in_words(dataset: Dataset, pose: Pose | None) -> str:
     Args:
         pose: of any calibration; without one, the depths are left out.
     """
-    found = ", found from the bars" if dataset.baseline_is_free else ""
+    held = word_of(dataset)
+    found = f", found from the {held}s" if dataset.baseline_is_free else ""
     apart = f"The cameras are {_metres(dataset.baseline_m)} m apart{found}"
     bar, depths = _metres(_bar_m(dataset)), _depths_m(dataset, pose)
     if depths is None:
-        return f"{apart}; the bar is {bar} m long."
+        return f"{apart}; the {held} is {bar} m long."
     near, far = map(_metres, depths)
-    return f"{apart}; a bar of {bar} m was seen from {near} to {far} m away."
+    article = "an" if held == "object" else "a"
+    return f"{apart}; {article} {held} of {bar} m was seen from {near} to {far} m away."
+
+
+def word_of(dataset: Dataset) -> str:
+    """What was moved before the cameras: a bar, a board or another object."""
+    own = dataset.correspondences.rigid_object
+    return "bar" if own is None else own.word
 
 
 def question_about_units(dataset: Dataset, pose: Pose | None) -> str:

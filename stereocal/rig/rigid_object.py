@@ -65,6 +65,13 @@ class RigidObject:
         """The inner corners of a board."""
         return cls(tuple(map(str, range(len(board.points)))), board.points, sigma_m, board)
 
+    @property
+    def word(self) -> str:
+        """What it is called in messages."""
+        if self.board is not None:
+            return "board"
+        return "bar" if len(self.names) == 2 else "object"
+
     @cached_property
     def distances(self) -> FloatArray:
         """(k, k): distances between the points, in metres."""

@@ -16,6 +16,7 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import word_of
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.downloads import on_demand
@@ -77,13 +78,14 @@ def show_tiles(answer: Answer) -> None:
     """Wrong pairs let in, length error, and threshold: forecast and held out."""
     found = answer.recommendation
     wrong, lengths, threshold = st.columns(3)
+    held = word_of(answer.calibration.dataset)
     match = found.match
     counted = f" of {match.wrong_pairs:,} wrong pairs"
     none = "none" + counted
     with wrong:
-        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, counted, none)
+        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, held, counted, none)
     with lengths:
-        _tile(TILES[1], found.measure.length_median, found.forecast_holds)
+        _tile(TILES[1], found.measure.length_median, found.forecast_holds, held)
     with threshold, st.container(border=True):
         value = match.threshold_px
         st.metric(TILES[2], "unknown" if value is None else f"{digits(value, 2)} px")
@@ -106,7 +108,7 @@ def _hold_places() -> None:
 
 
 def _tile(
-    title: str, figure: Figure, forecast_holds: bool, counted: str = "", none: str = ""
+    title: str, figure: Figure, forecast_holds: bool, held: str, counted: str = "", none: str = ""
 ) -> None:
     """One figure, the forecast first if it holds, and beneath it the other."""
     ahead, held_out = figure.forecast, figure.held_out
@@ -116,7 +118,7 @@ def _tile(
     with st.container(border=True):
         if ahead is not None and (forecast_holds or held_out is None):
             st.metric(title, f"{percent(ahead.value)} %")
-            st.caption(f"expected for similar bars ({interval(ahead)} %)  \nheld out: {tested}")
+            st.caption(f"expected for similar {held}s ({interval(ahead)} %)  \nheld out: {tested}")
         elif held_out is not None:
             st.metric(title, f"{percent(held_out)} %")
             doubted = (

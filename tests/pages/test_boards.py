@@ -57,6 +57,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     # The bar's own controls are gone, and nothing is missing.
     assert not [item for item in app.number_input if item.key == "target_distance_m_value"]
     assert "Complete" in messages(app)
+    assert any("a board of" in item.value for item in app.markdown)
     assert "have changed" not in messages(app)
     app.number_input(key="board_square_mm").set_value(60.0).run()
     assert "have changed since the boards were found" in messages(app)
