@@ -10,7 +10,7 @@ from functools import partial
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures import describe_coverage, plot_coverage
+from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame

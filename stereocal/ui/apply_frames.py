@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import pandas as pd
 import streamlit as st
 
-from stereocal.figures import describe_matches, describe_points, plot_matches, plot_points
-from stereocal.figures.measured import TITLES, Colour
+from stereocal.figures.matches import describe_matches, plot_matches
+from stereocal.figures.measured import TITLES, Colour, describe_points, plot_points
 from stereocal.figures.photograph import Photograph
 from stereocal.figures.space import VIEWS
 from stereocal.matching.application import Outcome

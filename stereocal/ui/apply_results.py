@@ -13,8 +13,8 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures import describe_lengths, plot_lengths
 from stereocal.figures.headings import HEADINGS, IN_WORLD
+from stereocal.figures.measured import describe_lengths, plot_lengths
 from stereocal.matching.application import (
     PAIRS,
     POINTS,

@@ -19,7 +19,7 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.residuals import Residuals, residuals_of
-from stereocal.figures import describe_check, plot_check
+from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.inputs import images_in
 from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration

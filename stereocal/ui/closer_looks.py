@@ -9,21 +9,20 @@ import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
-from stereocal.figures import (
-    describe_frame_errors,
-    describe_gap,
-    describe_image,
-    describe_traces,
-    describe_two_sets,
-    plot_frame_errors,
-    plot_gap,
-    plot_image,
-    plot_traces,
-)
 from stereocal.figures.forecast_table import forecast_table
+from stereocal.figures.frame_errors import plot_frame_errors
+from stereocal.figures.frame_panels import describe_frame_errors
 from stereocal.figures.frame_view import FrameView, views_of
 from stereocal.figures.photograph import Photograph
 from stereocal.figures.tables import angles_table, errors_table
+from stereocal.figures.traces import describe_traces, plot_traces
+from stereocal.figures.two_sets import (
+    describe_gap,
+    describe_image,
+    describe_two_sets,
+    plot_gap,
+    plot_image,
+)
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration

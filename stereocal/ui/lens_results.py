@@ -7,14 +7,13 @@ from contextlib import suppress
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures import (
+from stereocal.figures.lens import (
     describe_draws,
-    describe_residual_field,
     describe_view_errors,
     plot_draws,
-    plot_residual_field,
     plot_view_errors,
 )
+from stereocal.figures.residual_field import describe_residual_field, plot_residual_field
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.intrinsics.calibrate_lens import LensCalibration, digest_of
 from stereocal.intrinsics.files import about

@@ -11,20 +11,16 @@ import streamlit as st
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
-from stereocal.figures import (
-    describe_accuracy,
+from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
+from stereocal.figures.disagreement import (
     describe_disagreement,
-    describe_misfit,
-    describe_trade_off,
-    plot_accuracy,
+    disagreement_table,
     plot_disagreement,
-    plot_misfit,
-    plot_trade_off,
 )
-from stereocal.figures.accuracy import Quantity
-from stereocal.figures.disagreement import disagreement_table
+from stereocal.figures.residual_field import describe_misfit, plot_misfit
 from stereocal.figures.style import count
 from stereocal.figures.tables import parameters_table, refined_table
+from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult

@@ -13,7 +13,8 @@ from stereocal.errors import StereocalError
 from stereocal.field.planning.forecast import PlanForecast, forecast
 from stereocal.field.planning.in_words import answer, points_per_frame
 from stereocal.field.planning.plan import Plan
-from stereocal.figures import (
+from stereocal.figures.forecast_table import plan_table
+from stereocal.figures.plan_errors import (
     describe_plan_baselines,
     describe_plan_depths,
     describe_plan_map,
@@ -21,7 +22,6 @@ from stereocal.figures import (
     plot_plan_depths,
     plot_plan_map,
 )
-from stereocal.figures.forecast_table import plan_table
 from stereocal.figures.plan_report import how_computed, plan_report
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.plan_file import parse_plan, write_plan

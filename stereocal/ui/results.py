@@ -7,10 +7,7 @@ from functools import partial
 import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.figures import (
-    describe_rig,
-    plot_rig,
-)
+from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.space import VIEWS
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project

@@ -10,14 +10,11 @@ import streamlit as st
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import MethodSummary, summarise_all
-from stereocal.figures import (
-    describe_comparison,
-    describe_validation,
-    plot_comparison,
-    plot_validation,
-)
+from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer, validation_table
+from stereocal.figures.validation import plot_validation
+from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -43,7 +46,15 @@ from tests.figures.test_apply_figures import (
 from tests.known_rig import BAR_M
 from tests.lens import search
 
-PLOTS = [name.removeprefix("plot_") for name in figures.__all__ if name.startswith("plot_")]
+OF_RIGS = {"plot_cameras", "plot_rig_graph"}
+"""Drawn from a rig file, into the report of `stereocal rig`."""
+DRAWS = {
+    name: function
+    for module in pkgutil.iter_modules(figures.__path__, "stereocal.figures.")
+    for name, function in vars(importlib.import_module(module.name)).items()
+    if name.startswith(("plot_", "describe_")) and name not in OF_RIGS
+}
+PLOTS = sorted(name.removeprefix("plot_") for name in DRAWS if name.startswith("plot_"))
 ROOT = Path(__file__).parents[2]
 FIELD, STORY = ROOT / "sample_data" / "field", ROOT / "assets" / "story.json"
 
@@ -95,7 +106,7 @@ def every_figure() -> dict[str, Drawn]:
         for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))
     ]
     planned = plans[0]
-    f = figures
+    f = SimpleNamespace(**DRAWS)
     return {
         name: Drawn(figure, words)
         for name, figure, words in (

@@ -7,12 +7,8 @@ import pandas as pd
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.figures import (
-    describe_matches,
-    describe_points,
-    plot_matches,
-    plot_points,
-)
+from stereocal.figures.matches import describe_matches, plot_matches
+from stereocal.figures.measured import describe_points, plot_points
 from stereocal.figures.space import VIEWS
 from stereocal.matching.nearest import nearest_errors
 from stereocal.matching.pairs import match, pixels_of

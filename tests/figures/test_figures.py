@@ -9,18 +9,12 @@ import pytest
 
 from stereocal.calibration.methods import METHODS
 from stereocal.calibration.montecarlo import Trace
-from stereocal.figures import (
-    METHOD_COLOURS,
-    METHOD_NAMES,
-    METHOD_SYMBOLS,
-    TARGET_COLOURS,
-    describe_frame_errors,
-    plot_coverage,
-    plot_frame_errors,
-    plot_rig,
-    plot_traces,
-)
-from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves
+from stereocal.figures.coverage import plot_coverage
+from stereocal.figures.frame_errors import plot_frame_errors
+from stereocal.figures.frame_panels import describe_frame_errors
+from stereocal.figures.rig import plot_rig
+from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, TARGET_COLOURS
+from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves, plot_traces
 from stereocal.refined.outliers import frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.geometry import triangulate_rays

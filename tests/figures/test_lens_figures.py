@@ -8,13 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from stereocal.figures import (
-    describe_draws,
+from stereocal.figures.lens import describe_draws, plot_draws
+from stereocal.figures.residual_field import (
+    arrow_scale,
     describe_residual_field,
-    plot_draws,
     plot_residual_field,
 )
-from stereocal.figures.residual_field import arrow_scale
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.preview import preview
 from stereocal.intrinsics.quality import lens_residuals, typical_and_noise_px

@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import Method
-from stereocal.figures import (
-    describe_accuracy,
+from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
+from stereocal.figures.disagreement import (
     describe_disagreement,
-    describe_trade_off,
-    plot_accuracy,
+    disagreement_table,
     plot_disagreement,
-    plot_trade_off,
 )
-from stereocal.figures.accuracy import Quantity
-from stereocal.figures.disagreement import disagreement_table
+from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
 from stereocal.refined.refine import RefinedResult, refine

@@ -12,15 +12,11 @@ import pytest
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
-from stereocal.figures import (
-    METHOD_COLOURS,
-    METHOD_NAMES,
-    describe_comparison,
-    describe_validation,
-    plot_comparison,
-    plot_validation,
-)
+from stereocal.figures.comparison import describe_comparison, plot_comparison
+from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES
 from stereocal.figures.tables import validation_answer, validation_table
+from stereocal.figures.validation import plot_validation
+from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.verdict.in_words import percent
 
