@@ -57,10 +57,9 @@ def main() -> None:
             off, sigma = plain_errors(radius, side)
             z = off / sigma
             print(
-                f"{'side' if side else 'even'} light, radius {radius:.0f} px: error "
-                f"{rms(off):.3f} px rms, at most {np.abs(off).max():.2f}, stated "
-                f"{np.median(sigma):.3f}, z {rms(z):.2f} rms, {np.median(np.abs(z)) / 0.674:.2f} "
-                "by the median"
+                f"{'side' if side else 'even'} light, radius {radius:.0f} px: error {rms(off):.3f} "
+                f"px rms, at most {np.abs(off).max():.2f}, stated {np.median(sigma):.3f}, z "
+                f"{rms(z):.2f} rms, {np.median(np.abs(z)) / 0.674:.2f} by the median"
             )
     cluttered(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
 

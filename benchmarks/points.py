@@ -135,10 +135,9 @@ def _row(points: int, noise: float, sets: str, found: list[Outcome]) -> str:
     z = np.sqrt(np.mean([np.mean(each.z**2, axis=0) for each in found], axis=0))
     return (
         f"| {points} | {noise:g} | {sets} | {np.mean(sigmas):.3g} ({np.std(sigmas):.2g}) | "
-        f"{np.mean(thresholds):.3g} | {100 * np.mean([e.found for e in found]):.1f} % "
-        f"(least {100 * min(e.found for e in found):.1f}) | "
-        f"{100 * np.mean([e.wrong for e in found]):.2f} % | {100 * np.mean(stated_wrong):.2f} % | "
-        f"{', '.join(f'{each:.2f}' for each in z)} |"
+        f"{np.mean(thresholds):.3g} | {100 * np.mean([e.found for e in found]):.1f} % (least "
+        f"{100 * min(e.found for e in found):.1f}) | {100 * np.mean([e.wrong for e in found]):.2f} "
+        f"% | {100 * np.mean(stated_wrong):.2f} % | {', '.join(f'{each:.2f}' for each in z)} |"
     )
 
 

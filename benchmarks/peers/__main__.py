@@ -68,11 +68,10 @@ def _simulated(peers: Sequence[Peer], tasks: Sequence[Task]) -> None:
         found = [measure(peer, task) for task in tasks]
         good = [one for one in found if isinstance(one, Measured)]
         print(
-            f"| {peer.name} | {_spread(each(good, 'epipolar_px'))} "
-            f"| {_spread(100 * each(good, 'length'))} "
-            f"| {_spread(1000 * each(good, 'rotation_rad'))} "
-            f"| {_spread(1000 * each(good, 'cpu_s'))} | {_spread(1000 * each(good, 'wall_s'))} "
-            f"| {_failures(found)} |",
+            f"| {peer.name} | {_spread(each(good, 'epipolar_px'))} | "
+            f"{_spread(100 * each(good, 'length'))} | {_spread(1000 * each(good, 'rotation_rad'))} "
+            f"| {_spread(1000 * each(good, 'cpu_s'))} | {_spread(1000 * each(good, 'wall_s'))} | "
+            f"{_failures(found)} |",
             flush=True,
         )
     print(_load())

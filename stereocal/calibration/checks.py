@@ -33,9 +33,8 @@ def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
     count = len(table) if rows is None else int(np.count_nonzero(rows))
     if count < MINIMUM_PAIRS:
         raise StereocalError(
-            f"There {'is 1 pair' if count == 1 else f'are {count} pairs'} of points; at "
-            f"least {MINIMUM_PAIRS} are needed, and 40 or more (20 frames of the bar) are "
-            "recommended."
+            f"There {'is 1 pair' if count == 1 else f'are {count} pairs'} of points; at least "
+            f"{MINIMUM_PAIRS} are needed, and 40 or more (20 frames of the bar) are recommended."
         )
     for which, points, camera in (
         ("primary", table.primary, dataset.primary),

@@ -68,8 +68,7 @@ def check_inputs(dataset: Dataset) -> list[str]:
     best = max(possible, key=lambda case: case.gain)
     return [
         f"{best.claim}: the points would then fit {rounded(max(best.gains))} times better, which "
-        "is "
-        "not enough to be certain. Check it."
+        "is not enough to be certain. Check it."
     ]
 
 
@@ -124,8 +123,7 @@ def _message(tested: Sequence[_Tested]) -> str:
     )[:MOST_ALTERNATIVES]
     fits = (
         f"the points would then fit {rounded(best.gains[0])} times better in the images and the "
-        "bar "
-        f"lengths {rounded(best.gains[1])} times"
+        f"bar lengths {rounded(best.gains[1])} times"
         if np.isfinite(best.gain)
         else "the points would then fit, and otherwise do not"
     )
@@ -233,9 +231,8 @@ def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
             width, height = camera.image_size
             scaled = _scaled(camera, 1.0 / factor)
             yield _Hypothesis(
-                f"The {which} camera's matrix K seems to be that of an image "
-                f"{rounded(factor, 3)} times "
-                f"as large as {width}x{height} px",
+                f"The {which} camera's matrix K seems to be that of an image {rounded(factor, 3)} "
+                f"times as large as {width}x{height} px",
                 "Provide K for the size of the images in which the points were measured.",
                 scaled if which == "primary" else one,
                 scaled if which == "secondary" else two,

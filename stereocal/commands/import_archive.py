@@ -121,9 +121,8 @@ def notes_on(found: Archive, dataset: Dataset) -> list[str]:
     if found.baseline_m is not None and dataset.baseline_m == found.baseline_m:
         notes.append(
             f"The baseline of {rounded(dataset.baseline_m, 4)} m is the other program's result, "
-            "not a "
-            "measurement. If you have measured it, give --baseline B; else --baseline free lets "
-            "the lengths alone give the scale."
+            "not a measurement. If you have measured it, give --baseline B; else --baseline free "
+            "lets the lengths alone give the scale."
         )
     if dataset.baseline_is_free:
         notes.append(

@@ -220,9 +220,8 @@ def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distanc
     return (
         f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]}, one standard "
         f"error, is {rounded(middle)}{unit} (median) where both cameras see, from {rounded(low)} "
-        "to "
-        f"{rounded(high)}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead and "
-        f"{abs(across):.1f} m {towards} the primary camera. Points: the targets of the bar."
+        f"to {rounded(high)}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead "
+        f"and {abs(across):.1f} m {towards} the primary camera. Points: the targets of the bar."
     )
 
 

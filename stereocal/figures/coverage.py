@@ -56,8 +56,7 @@ def describe_coverage(dataset: Dataset) -> str:
     return (
         f"Image points of {count(int(marks[0][1].sum()), 'target')} "
         f"{' and '.join([marks[0][0], *(f'{of.sum()} {name}' for name, of, *_ in marks[1:])])} in "
-        f"{count(len(rows.frames), 'frame')}: "
-        f"{' and '.join(parts)}."
+        f"{count(len(rows.frames), 'frame')}: {' and '.join(parts)}."
     )
 
 

@@ -143,9 +143,8 @@ def describe_frame_errors(calibration: Calibration) -> str:
         f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
     ]
     return (
-        f"Errors of {count(len(frames), 'frame')}, {left} of them held out"
-        f"{f' and {without} left out' if without else ''}: "
-        f"{'; '.join([*parts, *ending])}."
+        f"Errors of {count(len(frames), 'frame')}, {left} of them held "
+        f"out{f' and {without} left out' if without else ''}: {'; '.join([*parts, *ending])}."
     )
 
 

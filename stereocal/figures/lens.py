@@ -93,11 +93,10 @@ def describe_draws(lens: LensCalibration) -> str:
         if settings.free[at]
     ]
     return (
-        f"{settings.repeats} calibrations, each with {lens.per_draw} of "
-        f"{len(lens.search.views)} photographs; the focal lengths spread by {100 * widest:.3f} %. "
-        f"Median and standard error: {', '.join(found)}. "
-        "The line is the median, the band one standard error, which differs from the spread of "
-        "the results because they share photographs."
+        f"{settings.repeats} calibrations, each with {lens.per_draw} of {len(lens.search.views)} "
+        f"photographs; the focal lengths spread by {100 * widest:.3f} %. Median and standard "
+        f"error: {', '.join(found)}. The line is the median, the band one standard error, which "
+        "differs from the spread of the results because they share photographs."
     )
 
 

@@ -157,9 +157,8 @@ def _add_points(
             },
             customdata=about[some],
             hovertemplate=(
-                "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>"
-                f"x %{{customdata[2]:.3f}} m{x}, y %{{customdata[3]:.3f}} m{y}, "
-                f"z %{{customdata[4]:.3f}} m{z}<extra></extra>"
+                "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{customdata[2]:.3f} "
+                f"m{x}, y %{{customdata[3]:.3f}} m{y}, z %{{customdata[4]:.3f}} m{z}<extra></extra>"
             ),
             name=f"{name} (n = {len(some)})",
         )
@@ -276,7 +275,6 @@ def describe_lengths(check: LengthCheck) -> str:
     errors = 100 * check.errors
     return (
         f"Error of a known length of {rounded(check.known_m, 4)} m in "
-        f"{count(len(errors), 'frame')}: from "
-        f"{errors.min():z.2f} to {errors.max():z.2f} %, median {np.median(errors):z.2f} %; the "
-        "dashed line is no error."
+        f"{count(len(errors), 'frame')}: from {errors.min():z.2f} to {errors.max():z.2f} %, median "
+        f"{np.median(errors):z.2f} %; the dashed line is no error."
     )

@@ -71,8 +71,7 @@ def describe_pair_errors(
     return (
         f"Of {count(len(nearest), 'point')} of the primary camera in "
         f"{count(nearest.frames, 'frame')}, {best} have a partner within "
-        f"{rounded(threshold_px, 3)} px, "
-        f"and {second} have a second one. {_advice(nearest, choice)}"
+        f"{rounded(threshold_px, 3)} px, and {second} have a second one. {_advice(nearest, choice)}"
     )
 
 

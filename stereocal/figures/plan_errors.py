@@ -120,12 +120,11 @@ def describe_plan_baselines(found: PlanForecast) -> str:
         return NO_BASELINE
     best = known[int(np.argmin(advice.baseline_errors[known]))]
     return (
-        f"Mean length error against the baseline, the cameras aimed at the same place: "
-        f"{percent(advice.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as "
-        "planned, least "
-        f"with {rounded(advice.baselines_m[best], 3)} m, {percent(advice.baseline_errors[best])} "
-        "%. A "
-        "baseline is not tried where less than 60 % of the common view would be left."
+        "Mean length error against the baseline, the cameras aimed at the same place: "
+        f"{percent(advice.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as planned, "
+        f"least with {rounded(advice.baselines_m[best], 3)} m, "
+        f"{percent(advice.baseline_errors[best])} %. A baseline is not tried where less than 60 % "
+        "of the common view would be left."
     )
 
 

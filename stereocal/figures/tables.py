@@ -229,9 +229,8 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
         refined = summaries["refined"]
         answer += (
             f" The one refined set does both: at {digits(refined.reprojection.threshold, 2)} px "
-            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs are accepted, and 95 "
-            "% of bars "
-            f"are within {percent(refined.reconstruction.p95)} %."
+            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs are accepted, and 95 % "
+            f"of bars are within {percent(refined.reconstruction.p95)} %."
         )
     return answer
 

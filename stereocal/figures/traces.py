@@ -60,9 +60,8 @@ def describe_traces(calibration: Calibration) -> str:
         return "The course of the searches was not recorded."
     parts = [
         f"the {method.upper()} cost falls from {rounded(trace.cost[0], 4)} to "
-        f"{rounded(trace.cost[-1], 4)} "
-        f"{COST_UNITS[method]} in {len(trace.cost)} moves while the step shrinks from "
-        f"{rounded(trace.delta[0])} to {rounded(trace.delta[-1])} rad"
+        f"{rounded(trace.cost[-1], 4)} {COST_UNITS[method]} in {len(trace.cost)} moves while the "
+        f"step shrinks from {rounded(trace.delta[0])} to {rounded(trace.delta[-1])} rad"
         for method, trace in traces.items()
     ]
     return f"Course of the searches: {'; '.join(parts)}."

@@ -109,9 +109,8 @@ class ThresholdChoice:
         if self.shares is None:
             return f"{text}."
         return (
-            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; at "
-            "most about "
-            f"{_percent(self.shares.wrong)} of the pairs found will be wrong."
+            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; at most "
+            f"about {_percent(self.shares.wrong)} of the pairs found will be wrong."
         )
 
     @property

@@ -215,12 +215,11 @@ def _validation(answer: Answer) -> Iterator[str]:
     )
     yield (
         "Each point of the primary camera was paired with its own and with other points of the "
-        "secondary camera (correct and wrong pairs). The false correspondence "
-        "probability (FCP) is the overlap of the probability densities of the logarithm of the "
-        "reprojection error of correct and of wrong pairs; the matching threshold is where they "
-        "cross. The 3D error is |D − Dᴿ| / D, with the measured length D of the bar and the "
-        f"reconstructed length Dᴿ. Intervals are 95 % bootstrap intervals over the runs "
-        f"({BOOTSTRAPS} resamplings)."
+        "secondary camera (correct and wrong pairs). The false correspondence probability (FCP) is "
+        "the overlap of the probability densities of the logarithm of the reprojection error of "
+        "correct and of wrong pairs; the matching threshold is where they cross. The 3D error is "
+        "|D − Dᴿ| / D, with the measured length D of the bar and the reconstructed length Dᴿ. "
+        f"Intervals are 95 % bootstrap intervals over the runs ({BOOTSTRAPS} resamplings)."
     )
 
 

@@ -47,9 +47,8 @@ def geometry_warning(fit: RefinedResult) -> str:
     if flat:
         return (
             f"All bars lie close to one plane ({rounded(np.median(points[:, 2]), 3)} m away): "
-            f"{known}, "
-            "because two poses of the cameras give the same images of a plane. Record the bar at "
-            "other depths too."
+            f"{known}, because two poses of the cameras give the same images of a plane. Record "
+            "the bar at other depths too."
         )
     directions = ends[:, 1] - ends[:, 0]
     directions = directions[np.isfinite(directions).all(axis=1)]

@@ -541,9 +541,8 @@ def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
     if sigma < SMALLEST_UNCERTAINTY * length:
         raise StereocalError(
             f"The uncertainty of the {what} is {sigma:g} m, for a length of {length:g} m: no such "
-            f"length is known to better than {rounded(SMALLEST_UNCERTAINTY * length, 1)} m. "
-            "State it in "
-            "metres, as 0.002 for 2 mm."
+            f"length is known to better than {rounded(SMALLEST_UNCERTAINTY * length, 1)} m. State "
+            "it in metres, as 0.002 for 2 mm."
         )
 
 

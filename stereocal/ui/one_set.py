@@ -126,8 +126,7 @@ def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
     st.warning(
         f"Left out of the refined set, because they do not fit: {count(len(named), 'frame')} of "
         f"{len(result.frames)}, in brackets their share of chi-square: "
-        f"{', '.join(named[:MOST_NAMED])}{more}. Look at "
-        "them on the Data page."
+        f"{', '.join(named[:MOST_NAMED])}{more}. Look at them on the Data page."
     )
 
 

@@ -260,9 +260,8 @@ def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
     cause = cause_of_scatter(model, bars)
     if cause:
         found.append(
-            f"The lengths of the bar vary by {rounded(1000 * model.scatter_m.value)} mm more "
-            "than the "
-            f"noise of the images explains: {cause}."
+            f"The lengths of the bar vary by {rounded(1000 * model.scatter_m.value)} mm more than "
+            f"the noise of the images explains: {cause}."
         )
     table, rows = model.dataset.correspondences, model.used_rows
     sigmas = np.concatenate([table.sigma_primary_px[rows], table.sigma_secondary_px[rows]])
@@ -271,7 +270,6 @@ def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
         found.append(
             f"The points scatter by {rounded(model.sigma_px.value)} px, detection states "
             f"{rounded(stated)} px: the rest is what the model lacks (distortion, vibration, "
-            "cameras "
-            "out of step)."
+            "cameras out of step)."
         )
     return found

@@ -131,8 +131,7 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     assert (found.match.method, found.measure.method) == ("2d", "3d")
     assert found.sentences[0] == (
         "Match with the 2D set below 0.40 px, where 0.40 % of wrong pairs are accepted, and "
-        "measure with "
-        "the 3D set: 95 % of lengths are within 0.60 % (on held-out frames)."
+        "measure with the 3D set: 95 % of lengths are within 0.60 % (on held-out frames)."
     )
     assert found.sentences[1] == NO_FORECAST
     nothing = recommend(replace(calibration, refined=None), None)

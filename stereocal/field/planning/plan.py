@@ -247,9 +247,8 @@ class Plan:
         if self.bar_m >= largest:
             raise StereocalError(
                 f"The bar of {self.bar_m:g} m is larger than what both cameras see from "
-                f"{self.near_m:g} to {self.far_m:g} m (about {rounded(largest)} m): take a "
-                "shorter bar, "
-                "or go farther away."
+                f"{self.near_m:g} to {self.far_m:g} m (about {rounded(largest)} m): take a shorter "
+                "bar, or go farther away."
             )
 
 

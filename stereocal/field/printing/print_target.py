@@ -91,8 +91,7 @@ class TargetSize:
         if self.bar_m is not None and self.bar_m < SEPARATION * self.side_m:
             found.append(
                 f"On a bar of {rounded(self.bar_m, 4)} m they hide each other: take a bar of at "
-                "least "
-                f"{rounded(SEPARATION * self.side_m)} m, or smaller targets."
+                f"least {rounded(SEPARATION * self.side_m)} m, or smaller targets."
             )
         return found
 
@@ -132,10 +131,8 @@ def describe_target(side_m: float, focal_px: float) -> str:
     near, good, far = (focal_px * side_m / px for px in (most, GOOD_PX, least))
     return (
         f"With these lenses a target of {rounded(1e3 * side_m, 4)} mm is found from "
-        f"{rounded(near, 3)} m (there "
-        f"{most:.0f} px across) to {rounded(far, 3)} m ({least:.0f} px), and found well up to "
-        f"{rounded(good, 3)} m "
-        f"({GOOD_PX:.0f} px)."
+        f"{rounded(near, 3)} m (there {most:.0f} px across) to {rounded(far, 3)} m ({least:.0f} "
+        f"px), and found well up to {rounded(good, 3)} m ({GOOD_PX:.0f} px)."
     )
 
 

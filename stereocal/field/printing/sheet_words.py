@@ -145,9 +145,8 @@ def _timed(plan: Plan) -> str:
     return (
         "One trigger for both cameras; without it hold the bar at rest. Carried at "
         f"{HAND_SPEED_M_S:g} m/s at {rounded(plan.near_m, 4)} m it moves {rounded(px_per_ms)} px "
-        "per ms: expose "
-        f"for at most <b>{rounded(BLUR_PX / px_per_ms)} ms</b>, with both cameras in step to "
-        f"<b>{rounded(plan.noise_px / px_per_ms)} ms</b>."
+        f"per ms: expose for at most <b>{rounded(BLUR_PX / px_per_ms)} ms</b>, with both cameras "
+        f"in step to <b>{rounded(plan.noise_px / px_per_ms)} ms</b>."
     )
 
 

@@ -240,9 +240,8 @@ def _refuse_contradiction(fit: RigidFit, survey: Survey) -> None:
         else "cannot tell which: check the names, the coordinates and the image points"
     )
     raise StereocalError(
-        f"The surveyed and the measured points contradict each other by "
-        f"{rounded(_rms(fit.residuals_m), 3)} m "
-        f"(root mean square): {where}."
+        "The surveyed and the measured points contradict each other by "
+        f"{rounded(_rms(fit.residuals_m), 3)} m (root mean square): {where}."
     )
 
 
@@ -292,9 +291,8 @@ def _found(
     sentence = (
         f"World frame of {len(residuals)} surveyed points: residuals {rounded(rms)} m (root mean "
         f"square), largest {rounded(sizes[worst])} m at {worst}; axes within {degrees(tilt)}, "
-        "position "
-        f"within {rounded(position)} m (95 %). The primary stands at x {x:.2f}, y {y:.2f}, z "
-        f"{z:.2f} m."
+        f"position within {rounded(position)} m (95 %). The primary stands at x {x:.2f}, y "
+        f"{y:.2f}, z {z:.2f} m."
     )
     return WorldFrame(
         pose,
@@ -327,11 +325,9 @@ def _notes(
     if abs(off) > half and abs(off) > 0.001:
         low, high = sorted(100 * abs(np.expm1(off + each)) for each in (-half, half))
         notes.append(
-            f"Distances of the survey are {rounded(100 * abs(np.expm1(off)))} % "
-            f"({rounded(low)} to {rounded(high)}) {'longer' if off > 0 else 'shorter'} than "
-            "measured: the "
-            "survey, or the scale of the parameters (bar, baseline), is wrong. The scale was not "
-            "changed."
+            f"Distances of the survey are {rounded(100 * abs(np.expm1(off)))} % ({rounded(low)} to "
+            f"{rounded(high)}) {'longer' if off > 0 else 'shorter'} than measured: the survey, or "
+            "the scale of the parameters (bar, baseline), is wrong. The scale was not changed."
         )
     if fit.solution.degrees and fit.solution.widening > 2:
         why = (
@@ -342,8 +338,7 @@ def _notes(
         notes.append(
             f"The residuals are {fit.solution.widening:.1f} times as large as "
             f"{rounded(fit.noise.sigma_px)} px and {rounded(1000 * fit.sigma_m)} mm of survey "
-            "explain; the "
-            f"errors stated are larger by that factor. {why}"
+            f"explain; the errors stated are larger by that factor. {why}"
         )
     if not hand_is_known:
         notes.append(

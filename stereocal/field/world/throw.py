@@ -279,10 +279,9 @@ def _refuse_contradiction(fit: FlightFit, noise: Noise) -> None:
     widening = fit.solution.widening * fit.noise.sigma_px / noise.sigma_px
     if widening > CONTRADICTION or (widening > 3 and not fit.bound < LARGEST_TILT):
         raise StereocalError(
-            f"The points are {widening:.0f} times the image noise of {rounded(noise.sigma_px)} "
-            "px off "
-            "the path of a free flight. Leave out frames in which the object was held, caught or "
-            "bounced, and make sure that both cameras number the frames alike."
+            f"The points are {widening:.0f} times the image noise of {rounded(noise.sigma_px)} px "
+            "off the path of a free flight. Leave out frames in which the object was held, caught "
+            "or bounced, and make sure that both cameras number the frames alike."
         )
 
 

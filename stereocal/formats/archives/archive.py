@@ -129,8 +129,7 @@ def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
     )
     words = (
         f"f {rounded(K[0, 0], 5)} px, centre ({rounded(K[0, 2], 5)}, {rounded(K[1, 2], 5)}), "
-        f"{width}x{height} px, "
-        f"{distortion}"
+        f"{width}x{height} px, {distortion}"
     )
     return Taken(f"{which} lens", words, origin)
 

@@ -260,9 +260,8 @@ def export_notes(rig: Rig, name: str) -> list[str]:
         if count is not None and not camera.is_fisheye and camera.distortion[count:].any():
             notes.append(
                 f"The format has {count} distortion coefficients: those of the {which} camera were "
-                "refitted, which moves pixels by "
-                f"{rounded(fewer_coefficients(camera, count)[1])} px at "
-                "most."
+                f"refitted, which moves pixels by {rounded(fewer_coefficients(camera, count)[1])} "
+                "px at most."
             )
     return notes
 
