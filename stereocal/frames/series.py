@@ -16,13 +16,8 @@ from stereocal.detection.tags import find_tags
 from stereocal.detection.target import Balls, Tags
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.system.photograph_files import Photographs
-from stereocal.system.photograph_tasks import (
-    PhotographFile,
-    for_worker,
-    read_colours_for_worker,
-    read_for_worker,
-)
+from stereocal.system.photograph import PhotographFile, read_colours, read_photograph
+from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 T = TypeVar("T")
@@ -78,7 +73,7 @@ def detect_in_file(photograph: PhotographFile, name: str) -> Detection:
     """The 2x2 targets of one photograph: the task of an executor."""
     cv2.setNumThreads(1)  # the executor already uses all cores
     try:
-        return detect_targets(read_for_worker(photograph, name))
+        return detect_targets(read_photograph(photograph, name))
     except StereocalError as error:
         return refusal((0, 0), "unreadable", str(error))
 
@@ -90,7 +85,7 @@ def sight_in_file(
     cv2.setNumThreads(1)
     try:
         if isinstance(target, Tags):
-            return find_tags(read_for_worker(photograph, name), target, camera)
-        return find_balls(read_colours_for_worker(photograph, name), target, camera)
+            return find_tags(read_photograph(photograph, name), target, camera)
+        return find_balls(read_colours(photograph, name), target, camera)
     except StereocalError as error:
         return Sighting((None, None), str(error), unreadable=True)

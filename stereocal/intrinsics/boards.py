@@ -28,9 +28,13 @@ from stereocal.intrinsics.board_corners import (
 )
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.system.photograph import FileContent, GreyImage, read_photograph
-from stereocal.system.photograph_files import Photographs
-from stereocal.system.photograph_tasks import PhotographFile, for_worker, read_for_worker
+from stereocal.system.photograph import (
+    FileContent,
+    GreyImage,
+    PhotographFile,
+    read_photograph,
+)
+from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 MINIMUM_SPACING_PX = 5.0
@@ -190,7 +194,7 @@ def find_board_in_file(
 ) -> BoardView | Refused:
     """The board in the photograph of a file: the task of an executor."""
     try:
-        image = read_for_worker(photograph, name)
+        image = read_photograph(photograph, name)
     except StereocalError as error:
         return Refused(name, error.reason.rstrip("."))
     return find_board(image, pattern, name)

@@ -54,7 +54,11 @@ class FileContent(Protocol):
     def __hash__(self) -> int: ...
 
 
-def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
+PhotographFile = FileContent | bytes
+"""A file, or its content."""
+
+
+def read_photograph(file: PhotographFile, name: str | None = None) -> GreyImage:
     """The photograph in a file: PNG, JPEG, TIFF, BMP or PGM, by content, not by name.
 
     Args:
@@ -64,13 +68,7 @@ def read_photograph(path: FileContent, name: str | None = None) -> GreyImage:
         (h, w), uint8 or uint16: raw values, not rescaled for 10 or 12 bits in 16. Colours are
         converted to grey (ITU-R BT.601), transparency is dropped, EXIF orientation is ignored.
     """
-    name = name or path.name
-    return decode_photograph(_content_of(path, name), name)
-
-
-def decode_photograph(content: bytes, name: str) -> GreyImage:
-    """As `read_photograph`, for a file's content; `name` is its name in messages."""
-    image = _decoded(content, name)
+    image = _decoded(file, name)
     if image.ndim == 3 and image.shape[2] == 2:
         image = image[:, :, 0]
     elif image.ndim == 3:
@@ -78,23 +76,18 @@ def decode_photograph(content: bytes, name: str) -> GreyImage:
     return np.ascontiguousarray(image)
 
 
-def read_colours(path: FileContent, name: str | None = None) -> GreyImage:
+def read_colours(file: PhotographFile, name: str | None = None) -> GreyImage:
     """As `read_photograph`, but (h, w, 3): blue, green, red, which are equal in a grey one."""
-    name = name or path.name
-    return decode_colours(_content_of(path, name), name)
-
-
-def decode_colours(content: bytes, name: str) -> GreyImage:
-    """As `decode_photograph`, but (h, w, 3): blue, green, red, which are equal in a grey one."""
-    image = _decoded(content, name)
+    image = _decoded(file, name)
     if image.ndim == 2 or image.shape[2] == 2:
         grey = image if image.ndim == 2 else image[:, :, 0]
         image = cv2.cvtColor(np.ascontiguousarray(grey), cv2.COLOR_GRAY2BGR)
     return np.ascontiguousarray(image[:, :, :3])
 
 
-def _decoded(content: bytes, name: str) -> npt.NDArray[Any]:
+def _decoded(file: PhotographFile, name: str | None) -> npt.NDArray[Any]:
     """The photograph as stored."""
+    content, name = _content_of(file, name)
     form, size = _header(content, name)
     if form == "PNG":
         content = _without_metadata(content)
@@ -113,10 +106,9 @@ def _decoded(content: bytes, name: str) -> npt.NDArray[Any]:
     return image
 
 
-def photograph_size(path: FileContent, name: str | None = None) -> tuple[int, int]:
+def photograph_size(file: PhotographFile, name: str | None = None) -> tuple[int, int]:
     """(width, height) in pixels of the photograph in a file, without decoding it."""
-    name = name or path.name
-    return _header(_content_of(path, name), name)[1]
+    return _header(*_content_of(file, name))[1]
 
 
 def _header(content: bytes, name: str) -> tuple[str, tuple[int, int]]:
@@ -174,11 +166,15 @@ def _tiff_problem(image: Any) -> str:
     return ""
 
 
-def _content_of(path: FileContent, name: str) -> bytes:
+def _content_of(file: PhotographFile, name: str | None) -> tuple[bytes, str]:
+    """The content, and the name in messages."""
+    if isinstance(file, bytes):
+        return file, name or "the photograph"
+    name = name or file.name
     with disk_errors(f"{name} cannot be read"):
-        if isinstance(path, Path):
-            Limits.from_environment().check_size(path.stat().st_size, name)
-        return path.read_bytes()
+        if isinstance(file, Path):
+            Limits.from_environment().check_size(file.stat().st_size, name)
+        return file.read_bytes(), name
 
 
 def _without_metadata(content: bytes) -> bytes:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from stereocal.errors import StereocalError, disk_errors
+from stereocal.system.executors import Cluster
 from stereocal.system.limits import Limits
-from stereocal.system.photograph import SUFFIXES, FileContent
+from stereocal.system.photograph import SUFFIXES, FileContent, PhotographFile
 from stereocal.system.tasks import Progress
 from stereocal.system.zip_files import open_zip
 
@@ -93,3 +95,13 @@ def _keep(content: bytes, name: str, store: Path) -> Path:
         store.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
     return path
+
+
+def for_worker(path: FileContent, executor: Executor) -> PhotographFile:
+    """The photograph as an argument of a task: by path if the worker can read this disk."""
+    if not isinstance(executor, Cluster):
+        return path
+    try:
+        return path.read_bytes()
+    except OSError:  # the worker will report it
+        return path

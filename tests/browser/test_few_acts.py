@@ -18,7 +18,7 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.photograph import GreyImage, decode_colours
+from stereocal.system.photograph import GreyImage, read_colours
 from stereocal.ui.holding import held_target
 from tests.ball_bars import BAR_M, CAMERA, RIG, ball_bars
 from tests.browser.conftest import LONGEST_MS, ROOT
@@ -106,7 +106,7 @@ def filmed(which: str, folder: Path) -> Path:
 
     def draw(number: int) -> GreyImage:
         name = f"{which}/{number + 1:04}.png"
-        return np.array(decode_colours(files[name], name)[:, :, ::-1], np.uint8)
+        return np.array(read_colours(files[name], name)[:, :, ::-1], np.uint8)
 
     seconds = [k / 25 for k in range(FRAMES)]
     return write_video(folder / f"{which}.mp4", seconds, draw=draw)

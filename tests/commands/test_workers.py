@@ -104,7 +104,7 @@ def test_a_cluster(
 
 def test_photographs_need_no_shared_disk(scheduler: str, tmp_path: Path) -> None:
     """A worker gets the content: the path names nothing on its computer."""
-    from stereocal.system.photograph_tasks import for_worker
+    from stereocal.system.photograph_files import for_worker
 
     path = tmp_path / "a.png"
     path.write_bytes(b"content")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stereocal.detection.proposed_colours import proposed_colours
-from stereocal.system.photograph import decode_colours
+from stereocal.system.photograph import read_colours
 from tests.ball_bars import COLOURS, ball_bars
 from tests.bar_photographs import bar_set
 
@@ -17,7 +17,7 @@ def test_moving_balls_before_clutter(seed: int) -> None:
     first = [f"{number:04}.png" for number in (1, 6, 12)]
     found = proposed_colours(
         [
-            [decode_colours(files[f"{which}/{name}"], name) for name in first]
+            [read_colours(files[f"{which}/{name}"], name) for name in first]
             for which in ("primary", "secondary")
         ]
     )
@@ -33,7 +33,7 @@ def test_no_balls_are_proposed_for_other_bars() -> None:
     files = bar_set(7).files()
     names = sorted(files)
     images = [
-        [decode_colours(files[name], name) for name in names if which in name][:3]
+        [read_colours(files[name], name) for name in names if which in name][:3]
         for which in ("left", "right")
     ]
     assert proposed_colours(images) is None

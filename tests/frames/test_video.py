@@ -11,7 +11,7 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
-from stereocal.system.photograph import GreyImage, decode_colours, decode_photograph
+from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from tests.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
@@ -29,7 +29,7 @@ def taken(
     found: dict[str, GreyImage] = {}
 
     def keep(name: str, content: bytes) -> None:
-        found[name] = decode_photograph(content, name)
+        found[name] = read_photograph(content, name)
 
     report = extract(videos, settings, keep)
     assert report is not None
@@ -67,7 +67,7 @@ def test_frames_keep_their_colours_when_asked(tmp_path: Path) -> None:
         frames: dict[str, bytes] = {}
         extract(videos, VideoSettings("every", 5, coloured=coloured), frames.__setitem__)
         for name, content in frames.items():
-            blue, _, reds = (part.astype(int) for part in cv2.split(decode_colours(content, name)))
+            blue, _, reds = (part.astype(int) for part in cv2.split(read_colours(content, name)))
             assert (float((reds - blue).mean()) > 15.0) == coloured
 
 

@@ -13,7 +13,6 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.system.photograph import (
-    decode_photograph,
     photograph_size,
     read_photograph,
 )
@@ -110,7 +109,7 @@ def test_grey_of_8_bits_comes_back_bit_for_bit(suffix: str, tmp_path: Path) -> N
 @pytest.mark.parametrize("suffix", [".png", ".tiff", ".pgm"])
 def test_10_12_and_16_bits_stay_raw(suffix: str, highest: int) -> None:
     image = picture(np.uint16, highest=highest)
-    read = decode_photograph(encoded(image, suffix), "a")
+    read = read_photograph(encoded(image, suffix), "a")
     assert read.dtype == np.uint16
     assert np.array_equal(read, image)
 
@@ -119,7 +118,7 @@ def test_10_12_and_16_bits_stay_raw(suffix: str, highest: int) -> None:
 @pytest.mark.parametrize(("suffix", "channels"), [(".png", 3), (".png", 4), (".tiff", 3)])
 def test_colours_become_grey_by_weights(dtype: type, suffix: str, channels: int) -> None:
     image = picture(dtype, channels, int(np.iinfo(dtype).max))
-    read = decode_photograph(encoded(image, suffix), "a")
+    read = read_photograph(encoded(image, suffix), "a")
     assert read.dtype == dtype
     expected = image[:, :, :3] @ np.array([0.114, 0.587, 0.299])
     # Half a unit of rounding; OpenCV's weights have 14 bits, which is 0.8 of 65535. Measured 1.4.
@@ -129,17 +128,17 @@ def test_colours_become_grey_by_weights(dtype: type, suffix: str, channels: int)
 def test_jpeg_is_near_what_went_in() -> None:
     flat = np.full((HEIGHT, WIDTH), 100, np.uint8)
     for image in (flat, np.dstack([flat] * 3)):
-        assert np.abs(decode_photograph(encoded(image, ".jpg"), "a").astype(int) - 100).max() <= 1
+        assert np.abs(read_photograph(encoded(image, ".jpg"), "a").astype(int) - 100).max() <= 1
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_orientation_is_never_applied(orientation: int) -> None:
     plain = encoded(picture(), ".jpg")
-    turned = decode_photograph(with_orientation(plain, orientation), "a")
-    assert np.array_equal(turned, decode_photograph(plain, "a"))
+    turned = read_photograph(with_orientation(plain, orientation), "a")
+    assert np.array_equal(turned, read_photograph(plain, "a"))
     chunks = chunks_of(encoded(picture(), ".png"))
     png = png_of([chunks[0], (b"eXIf", exif(orientation)), *chunks[1:]])
-    assert np.array_equal(decode_photograph(png, "a"), picture())
+    assert np.array_equal(read_photograph(png, "a"), picture())
 
 
 def test_a_jpeg_with_a_preview_after_it_is_read_and_a_preview_does_not_hide_a_cut() -> None:
@@ -147,9 +146,9 @@ def test_a_jpeg_with_a_preview_after_it_is_read_and_a_preview_does_not_hide_a_cu
     plain = encoded(picture(), ".jpg")
     thumbnail = b"\xff\xe1" + struct.pack(">H", len(JPEG) + 8) + b"Exif\0\0" + JPEG
     whole = plain[:2] + thumbnail + plain[2:] + JPEG
-    assert np.array_equal(decode_photograph(whole, "a"), decode_photograph(plain, "a"))
+    assert np.array_equal(read_photograph(whole, "a"), read_photograph(plain, "a"))
     with pytest.raises(StereocalError, match="the JPEG is cut off"):
-        decode_photograph(plain[:2] + thumbnail + plain[2:-200], "a")
+        read_photograph(plain[:2] + thumbnail + plain[2:-200], "a")
 
 
 PNG, JPEG = encoded(picture(), ".png"), encoded(picture(), ".jpg")
@@ -192,6 +191,6 @@ FRAME = JPEG.index(b"\xff\xc0")
 )
 def test_what_cannot_be_used_is_said(content: bytes, sentence: str) -> None:
     with pytest.raises(StereocalError) as raised:
-        decode_photograph(content, "left 7.png")
+        read_photograph(content, "left 7.png")
     assert str(raised.value).startswith("left 7.png: ")
     assert sentence in str(raised.value)
