@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,11 +16,26 @@ from stereocal.formats.camera_file import CAMERA_FORMAT, read_camera, write_came
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.json_text import read_json
+from stereocal.system.records import of_plain
 
+T = TypeVar("T")
 PLAN_FORMAT = "stereocal-plan/1"
 LARGEST_BYTES = 4_000_000
 LONGEST_NAME = 200
 LENS = "a camera file, or an object with focal_mm, sensor_mm [w, h] and image_size [w, h]"
+
+
+@dataclass(frozen=True)
+class _Volume:
+    near_m: float
+    far_m: float
+
+
+@dataclass(frozen=True)
+class _Recording:
+    bar_m: float
+    frames: int
+    noise_px: float
 
 
 def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
@@ -59,35 +75,26 @@ def parse_plan(
     data = read_json(content, source)
     if not isinstance(data, dict) or data.get("format") != PLAN_FORMAT:
         raise StereocalError(f'{source}: a plan is a JSON object with "format": "{PLAN_FORMAT}".')
-    cameras = _object(data, "cameras", source)
-    volume = _object(data, "volume", source)
-    stated = _object(data, "uncertainty", source)
-
-    def camera(which: str) -> Camera | SensorLens:
-        return _camera(cameras, which, source, file_beside, lens_model)
-
-    frames = _number(data, "frames", source)
-    if frames != int(frames):
-        raise StereocalError(f"{source}: frames is {frames:g}; it must be a whole number.")
-    primary, secondary, pose = camera("primary"), camera("secondary"), _pose(data, source)
-    near_m, far_m = (_number(volume, key, f"{source}: volume") for key in ("near_m", "far_m"))
-    bar_m, noise_px = (_number(data, key, source) for key in ("bar_m", "noise_px"))
-    errors = {
-        key: _number(stated, key, f"{source}: uncertainty")
-        for key in ("focal", "centre_px", "baseline_m", "bar_m")
-    }
+    cameras = data.get("cameras")
+    if not isinstance(cameras, dict):
+        raise StereocalError(f'{source}: "cameras" must name the primary and the secondary.')
+    primary, secondary = (
+        _camera(cameras.get(which), f"{source}: {which}", file_beside, lens_model)
+        for which in CAMERAS
+    )
+    pose = _pose(data, source)
+    volume = _part(data.get("volume"), _Volume, f"{source}: volume")
+    uncertainty = _part(data.get("uncertainty"), Uncertainty, f"{source}: uncertainty")
+    recording = _part(data, _Recording, source)
     with naming(source):
         return Plan(
-            name=str(data.get("name") or Path(source).stem)[:LONGEST_NAME],
-            stated_primary=primary,
-            stated_secondary=secondary,
-            stated_pose=pose,
-            near_m=near_m,
-            far_m=far_m,
-            bar_m=bar_m,
-            frames=int(frames),
-            noise_px=noise_px,
-            uncertainty=Uncertainty(**errors),
+            str(data.get("name") or Path(source).stem)[:LONGEST_NAME],
+            primary,
+            secondary,
+            pose,
+            **vars(volume),
+            **vars(recording),
+            uncertainty=uncertainty,
         )
 
 
@@ -106,7 +113,7 @@ def write_plan(plan: Plan) -> bytes:
             "secondary": _camera_entry(plan.stated_secondary),
         },
         **(
-            {"pose": _named(pose, "baseline_m", "toe_in_deg", "height_difference_m")}
+            {"pose": asdict(pose)}
             if isinstance(pose, AimedPose)
             else {"R": pose.R.tolist(), "T": pose.T.tolist()}
         ),
@@ -114,52 +121,32 @@ def write_plan(plan: Plan) -> bytes:
         "bar_m": plan.bar_m,
         "frames": plan.frames,
         "noise_px": plan.noise_px,
-        "uncertainty": _named(plan.uncertainty, "focal", "centre_px", "baseline_m", "bar_m"),
+        "uncertainty": asdict(plan.uncertainty),
     }
     return (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def _named(of: object, *names: str) -> dict[str, Any]:
-    """Some attributes of an object, by name."""
-    return {name: getattr(of, name) for name in names}
-
-
 def _camera_entry(stated: Camera | SensorLens) -> dict[str, Any]:
     if isinstance(stated, SensorLens):
-        return {
-            "focal_mm": stated.focal_mm,
-            "sensor_mm": list(stated.sensor_mm),
-            "image_size": list(stated.image_size),
-            **({"model": stated.model} if stated.model != "brown" else {}),
-        }
+        usual = {"model"} if stated.model == "brown" else set()
+        return {name: value for name, value in asdict(stated).items() if name not in usual}
     entry: dict[str, Any] = json.loads(write_camera(stated))
     return entry
 
 
 def _camera(
-    cameras: Mapping[str, Any],
-    which: str,
-    source: str,
+    entry: Any,
+    where: str,
     file_beside: Callable[[str], bytes],
     lens_model: LensModel | None,
 ) -> Camera | SensorLens:
-    if which not in CAMERAS or which not in cameras:
-        raise StereocalError(f'{source}: "cameras" has no "{which}"; state {LENS}.')
-    entry, where = cameras[which], f"{source}: {which}"
     if isinstance(entry, str):
-        return read_camera(file_beside(entry), f"{source}: {entry}", lens_model)
-    if not isinstance(entry, dict):
-        raise StereocalError(f"{where}: this is not a camera; state {LENS}.")
+        return read_camera(file_beside(entry), f"{where}: {entry}", lens_model)
+    if not isinstance(entry, dict) or entry.get("format", CAMERA_FORMAT) != CAMERA_FORMAT:
+        raise StereocalError(f'{where}: this is not a camera; state {LENS}, or "{CAMERA_FORMAT}".')
     if "format" in entry:
-        if entry["format"] != CAMERA_FORMAT:
-            raise StereocalError(f'{where}: this version reads "{CAMERA_FORMAT}" only.')
         return Camera.from_json(entry, where)
-    width, height = _two(entry, "image_size", where)
-    if width != int(width) or height != int(height):
-        raise StereocalError(f"{where}: image_size must be two whole numbers of pixels.")
-    sensor, focal = _two(entry, "sensor_mm", where), _number(entry, "focal_mm", where)
-    with naming(where):
-        return SensorLens(focal, sensor, (int(width), int(height)), entry.get("model", "brown"))
+    return _part(entry, SensorLens, where, ("model",))
 
 
 def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:
@@ -169,11 +156,7 @@ def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:
             "height_difference_m."
         )
     if "pose" in data:
-        stated, where = _object(data, "pose", source), f"{source}: pose"
-        baseline, toe_in = (_number(stated, key, where) for key in ("baseline_m", "toe_in_deg"))
-        height = _number(stated, "height_difference_m", where) if len(stated) > 2 else 0.0
-        with naming(source):
-            return AimedPose(baseline, toe_in, height)
+        return _part(data["pose"], AimedPose, f"{source}: pose", ("height_difference_m",))
     try:
         R, T = (np.array(data[key], dtype=np.float64) for key in ("R", "T"))
     except (KeyError, TypeError, ValueError) as error:
@@ -184,32 +167,24 @@ def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:
         return Pose(R, T)
 
 
-def _object(data: Mapping[str, Any], key: str, source: str) -> Mapping[str, Any]:
-    value = data.get(key)
-    if not isinstance(value, dict):
-        what = "is missing" if key not in data else "is not an object"
-        raise StereocalError(f'{source}: "{key}" {what}.')
-    return value
-
-
-def _number(data: Mapping[str, Any], key: str, where: str) -> float:
-    """A finite number."""
-    if key not in data:
-        raise StereocalError(f"{where}: {key} is missing.")
-    value = data[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-        raise StereocalError(f"{where}: {key} is {value!r}; it must be a number.")
-    return float(value)
-
-
-def _two(data: Mapping[str, Any], key: str, where: str) -> tuple[float, float]:
-    value = data.get(key)
-    if not isinstance(value, list) or len(value) != 2:
-        what = "is missing" if key not in data else "is not two numbers"
-        raise StereocalError(f"{where}: {key} {what}; write [width, height].")
-    pair = dict(enumerate(value))
-    first, second = (_number({key: pair[i]}, key, where) for i in (0, 1))
-    return first, second
+def _part(entry: Any, kind: type[T], where: str, optional: tuple[str, ...] = ()) -> T:
+    """An object with all fields of a dataclass but the optional ones."""
+    if not isinstance(entry, dict):
+        raise StereocalError(f"{where}: it is missing, or not an object.")
+    names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+    if missing := [name for name in names if name not in entry and name not in optional]:
+        raise StereocalError(f"{where}: {missing[0]} is missing.")
+    whole = {
+        name: int(value) if isinstance(value, float) and value.is_integer() else value
+        for name, value in entry.items()
+    }
+    with naming(where):
+        try:
+            return of_plain(whole, kind)
+        except StereocalError:
+            raise
+        except ValueError as error:
+            raise StereocalError(f"{error}.") from error
 
 
 def _content(path: Path) -> bytes:
