@@ -66,9 +66,6 @@ def calibrate(
         refined: settings of the refined method, except whether a time offset is solved for, which
             `settings` says; None: without this method. If it fails, the result has the other
             methods and a warning with the reason.
-
-    Raises:
-        StereocalError: the data do not determine the pose; the message says why and what to do.
     """
     settings = settings or CalibrationSettings()
     if refined is not None:
@@ -153,9 +150,6 @@ def _essential(
 
     If the 8-point estimate fails, as with all bars in one plane, the constrained solver is started
     again from the pose of the robust fit.
-
-    Raises:
-        StereocalError: no plausible pose; the message gives the likely cause.
     """
     fit = screening.fit
     starts = [None, fit.pose] if fit is not None and settings.essential == "constrained" else [None]
@@ -174,11 +168,7 @@ def _essential(
 
 
 def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:
-    """`count` random frames of those that passed the screening; all of them if fewer are left.
-
-    Raises:
-        StereocalError: the data set has fewer than `count` frames.
-    """
+    """`count` random frames of those that passed the screening; all of them if fewer are left."""
     total = len(screening.full_dataset.correspondences.frames)
     frames = screening.dataset.correspondences.frames
     if count is not None and count > total:

@@ -134,11 +134,7 @@ class FrameView:
 
 
 def views_of(calibration: Calibration, frame: int) -> dict[Method, FrameView]:
-    """A frame with each set.
-
-    Raises:
-        StereocalError: there is no such frame.
-    """
+    """A frame with each set."""
     dataset = calibration.dataset
     if frame not in dataset.correspondences.frames:
         raise StereocalError(f"There is no frame {frame}.")

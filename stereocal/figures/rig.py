@@ -93,9 +93,6 @@ def plot_rig(
     Args:
         view: one of `VIEWS`.
         narrow: for a screen of 420 px.
-
-    Raises:
-        StereocalError: an unknown method, or there is no refined set.
     """
     chosen = _method(method)
     scene = scene_of(calibration, chosen)
@@ -142,11 +139,7 @@ def _method(name: str) -> Method:
 
 
 def scene_of(calibration: Calibration, method: Method) -> RigScene:
-    """The bars and the rig of one method.
-
-    Raises:
-        StereocalError: there is no refined set.
-    """
+    """The bars and the rig of one method."""
     dataset = calibration.dataset
     if method != "refined":
         rig = Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)

@@ -48,9 +48,6 @@ def plot_validation(
 
     Args:
         columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.
-
-    Raises:
-        StereocalError: an unknown column.
     """
     panels = panels_of(summaries, columns)
     rows = 1 + max(panel.row for panel in panels)

@@ -112,11 +112,7 @@ class Panel:
 
 
 def panels_of(summaries: Mapping[Method, MethodSummary], columns: Sequence[str]) -> list[Panel]:
-    """All panels, row by row.
-
-    Raises:
-        StereocalError: an unknown column.
-    """
+    """All panels, row by row."""
     for quantity in columns:
         if quantity not in COLUMNS:
             raise StereocalError(f'The column "{quantity}" is not known: {", ".join(COLUMNS)}.')

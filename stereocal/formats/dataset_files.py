@@ -54,11 +54,7 @@ class Survey:
     notes: str
 
     def with_points(self, correspondences: Correspondences) -> Dataset:
-        """The data set; a free baseline is found from the lengths of its bars.
-
-        Raises:
-            StereocalError: as `Dataset`, or as `with_baseline_found`.
-        """
+        """The data set; a free baseline is found from the lengths of its bars."""
         return with_baseline_found(Dataset(correspondences=correspondences, **vars(self)))
 
 
@@ -70,40 +66,25 @@ def read_dataset(
     Args:
         lens_model: meaning of four distortion coefficients if a camera file does not state it.
         pair: such as `left-right`, of a data set with more than two cameras.
-
-    Raises:
-        StereocalError: the data set or any of its rows is invalid.
     """
     files, photographs = read_texts(Path(path))
     return parse_dataset(files, str(path), photographs, lens_model, pair)
 
 
 def read_recording(path: str | Path, lens_model: LensModel | None = None) -> Recording:
-    """Read a data set of any number of cameras (format 2) from a folder or a zip.
-
-    Raises:
-        StereocalError: as `read_dataset`.
-    """
+    """Read a data set of any number of cameras (format 2) from a folder or a zip."""
     files, photographs = read_texts(Path(path))
     return parse_recording(files, str(path), photographs, lens_model)
 
 
 def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey:
-    """Read a data set without its points, which may still be missing.
-
-    Raises:
-        StereocalError: as `read_dataset`.
-    """
+    """Read a data set without its points, which may still be missing."""
     files, _ = read_texts(Path(path))
     return parse_survey(files, str(path), lens_model)
 
 
 def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recording:
-    """The cameras and lengths of a data set of either format, without its points.
-
-    Raises:
-        StereocalError: as `read_dataset`.
-    """
+    """The cameras and lengths of a data set of either format, without its points."""
     files, _ = read_texts(Path(path))
     if find_description(files, str(path))[1]["format"] == RECORDING_FORMAT:
         return parse_recording(files, str(path), False, lens_model, with_points=False)
@@ -114,11 +95,7 @@ def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recor
 
 
 def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
-    """The text files in a folder or a zip by name, and whether there are photographs too.
-
-    Raises:
-        StereocalError: there is no such folder or zip, or it cannot be read.
-    """
+    """The text files in a folder or a zip by name, and whether there are photographs too."""
     with disk_errors(f"{path} cannot be read"):
         if path.is_dir():
             known = _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
@@ -149,9 +126,6 @@ def parse_dataset(
     Args:
         photographs: whether there are photographs too, in which targets can be detected.
         pair: as for `read_dataset`.
-
-    Raises:
-        StereocalError: as `read_dataset`.
     """
     folder, description = find_description(files, source)
     if description["format"] == RECORDING_FORMAT:
@@ -192,11 +166,7 @@ def _pair_of(recording: Recording, pair: str | None, source: str) -> Dataset:
 
 
 def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:
-    """The data set in a zip's content; photographs are not unpacked.
-
-    Raises:
-        StereocalError: as `read_dataset`.
-    """
+    """The data set in a zip's content; photographs are not unpacked."""
     with open_zip(content, source) as opened:
         photographs = any(map(is_photograph, opened.names))
     files = unzip(content, source, lambda name: not is_photograph(name))
@@ -206,11 +176,7 @@ def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) 
 def parse_survey(
     files: Mapping[str, bytes], source: str, lens_model: LensModel | None = None
 ) -> Survey:
-    """The data set without its points, from files by name.
-
-    Raises:
-        StereocalError: as `read_dataset`; the values of the lengths are not checked here.
-    """
+    """The data set without its points, from files by name."""
     folder, description = find_description(files, source)
     where = f"{source}: {DESCRIPTION}"
     named = description.get("cameras")

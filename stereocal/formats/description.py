@@ -21,11 +21,7 @@ LARGEST_DESCRIPTION = 4_000_000
 
 
 def find_description(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, Any]]:
-    """The folder of `dataset.json` (with its slash, or empty), and its content.
-
-    Raises:
-        StereocalError: there is none or several, or it is invalid.
-    """
+    """The folder of `dataset.json` (with its slash, or empty), and its content."""
     found = [
         name
         for name in files

@@ -233,11 +233,7 @@ def reconstruct_rig(
 
 
 def read_tracks(rig: RigFile, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Frames (n,) and pixels (n, c, 2) of tracks.csv; NaN where a camera does not see a point.
-
-    Raises:
-        StereocalError: not such a table, or without the columns of two cameras.
-    """
+    """Frames (n,) and pixels (n, c, 2) of tracks.csv; NaN where a camera does not see a point."""
     with disk_errors(f"{path} cannot be read"):
         content = path.read_bytes()
     names = [f"{axis}_{name}".lower() for name in rig.names for axis in POINT]

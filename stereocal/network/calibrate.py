@@ -47,9 +47,6 @@ def calibrate_rig(
 
     Args:
         progress: called with the steps done, and those in all.
-
-    Raises:
-        StereocalError: no two cameras can be calibrated.
     """
     settings = settings or RigSettings()
     pairs = calibrate_pairs(recording, settings, progress)

@@ -31,12 +31,7 @@ EXPLAINED = 0.2
 
 
 def fuse_files(files: Sequence[Path]) -> RigFile:
-    """The rig of the pairs of some files.
-
-    Raises:
-        StereocalError: a file cannot be read, says not what its images tell, or names no cameras;
-            or the pairs do not connect all cameras.
-    """
+    """The rig of the pairs of some files."""
     sets = [RigParameters.load(file) for file in files]
     pairs = [_pair(own, str(file)) for own, file in zip(sets, files, strict=True)]
     names = list(dict.fromkeys(name for own in pairs for name in (own.first, own.second)))

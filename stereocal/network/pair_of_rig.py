@@ -34,11 +34,7 @@ def pair_dataset(rig: RigCalibration, pair: Pair) -> Dataset:
 
 
 def pair_parameters(rig: RigCalibration, pair: Pair) -> RigParameters:
-    """The refined file of a pair, from the rig.
-
-    Raises:
-        StereocalError: the five angles do not describe the pair.
-    """
+    """The refined file of a pair, from the rig."""
     dataset = pair_dataset(rig, pair)
     pose = rig.pose_of(pair)
     own = Rig(dataset.primary, dataset.secondary, pose)

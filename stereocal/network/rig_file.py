@@ -76,11 +76,7 @@ class RigFile:
         return np.array([pose.R for pose in self.poses.values()])
 
     def pair(self, first: str, second: str) -> RigParameters:
-        """The refined parameters of two cameras.
-
-        Raises:
-            StereocalError: the five angles do not describe the pair.
-        """
+        """The refined parameters of two cameras."""
         pose = self.poses[second] @ self.poses[first].inverse()
         own = Rig(self.cameras[first], self.cameras[second], pose)
         a, b = self.names.index(first), self.names.index(second)
@@ -155,11 +151,7 @@ class RigFile:
 
     @classmethod
     def load(cls, path: str | Path) -> RigFile:
-        """Read a file.
-
-        Raises:
-            StereocalError: it cannot be read or is not a valid rig.
-        """
+        """Read a file."""
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:

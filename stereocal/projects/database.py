@@ -78,11 +78,7 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """A transaction; inside another one of the same thread, a savepoint of that.
-
-        Raises:
-            StereocalError: the project was removed, is damaged, or the disk is full.
-        """
+        """A transaction; inside another one of the same thread, a savepoint of that."""
         outer = _OPEN.writing.get(self.path)
         if outer is not None:
             with _savepoint(outer):

@@ -39,11 +39,7 @@ OF_TABLE = ("exchanged", "put_back", "left_out")
 
 
 class Project:
-    """A project. Every change is on disk when its method returns.
-
-    Raises:
-        StereocalError: on `open`, an invalid id, or no such project.
-    """
+    """A project. Every change is on disk when its method returns."""
 
     def __init__(self, database: Store) -> None:
         self.database = database

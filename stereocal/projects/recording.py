@@ -129,9 +129,6 @@ class ProjectRecording:
 
         Its points, lenses and baseline are given when it is first opened, and when the rig has
         changed since; its settings and results stay, and what was said of its frames.
-
-        Raises:
-            StereocalError: there is no such pair, or its cameras see nothing together.
         """
         project = Project(self.database.of_pair(name))
         rig = self.database.file(RIG_FILES, RIG)

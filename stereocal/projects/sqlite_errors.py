@@ -29,11 +29,7 @@ class DiskFullError(StereocalError):
 
 @contextmanager
 def translated_errors() -> Iterator[None]:
-    """Turn SQLite's errors into a StereocalError.
-
-    Raises:
-        StereocalError: what is wrong and what to do.
-    """
+    """Turn SQLite's errors into a StereocalError."""
     try:
         yield
     except sqlite3.Error as error:

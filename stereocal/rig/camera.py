@@ -42,9 +42,6 @@ class LensUncertainty:
         fx, fy, cx, cy: in pixels.
         distortion: one for each coefficient of the camera.
         correlation: (8, 8), of the errors of `LENS_UNKNOWNS`; None if unknown.
-
-    Raises:
-        StereocalError: a number is negative or not finite, or the correlation is not one.
     """
 
     fx: float
@@ -82,11 +79,7 @@ class LensUncertainty:
 
     @classmethod
     def from_json(cls, data: Any, source: str) -> LensUncertainty:
-        """The uncertainty that `to_json` describes; other keys are ignored.
-
-        Raises:
-            StereocalError: a key is missing or its value cannot be read.
-        """
+        """The uncertainty that `to_json` describes; other keys are ignored."""
         try:
             fx, fy, cx, cy = (float(data[name]) for name in ("fx", "fy", "cx", "cy"))
             distortion = np.array(data["distortion"], dtype=np.float64)
@@ -127,10 +120,6 @@ class Camera:
         image_size: (width, height) in pixels.
         uncertainty: standard errors of fx, fy, cx, cy and the coefficients; None if unknown.
         model: of the lens.
-
-    Raises:
-        StereocalError: K is not a camera matrix, a number is not finite, or the number of
-            distortion coefficients is wrong.
     """
 
     K: FloatArray
@@ -311,11 +300,7 @@ class Camera:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], source: str) -> Camera:
-        """The camera that `to_json` describes, with its `uncertainty` if there is one.
-
-        Raises:
-            StereocalError: a key is missing or its value cannot be read.
-        """
+        """The camera that `to_json` describes, with its `uncertainty` if there is one."""
         missing = [key for key in ("K", "distortion", "image_size") if key not in data]
         if missing:
             raise StereocalError(f"{source}: the camera has no {', '.join(missing)}.")
@@ -381,11 +366,7 @@ def pixel_scales(cameras: Sequence[Camera]) -> FloatArray:
 
 
 def _coefficients(distortion: FloatArray, model: LensModel) -> FloatArray:
-    """The coefficients of a lens, of a fisheye four.
-
-    Raises:
-        StereocalError: an unknown model, or a number of coefficients that it does not have.
-    """
+    """The coefficients of a lens, of a fisheye four."""
     if model not in LENS_MODELS:
         raise StereocalError(
             f'The lens model "{model}" is not known; use {" or ".join(LENS_MODELS)}.'

@@ -37,9 +37,6 @@ class Correspondences:
     """Image points of the targets in both cameras, one row per frame and target.
 
     All arrays have n rows. Pixels are raw (distorted); (0, 0) is the centre of the top-left pixel.
-
-    Raises:
-        StereocalError: arrays of different lengths, NaN, or the same target twice in a frame.
     """
 
     frame: IntArray
@@ -144,9 +141,6 @@ class Correspondences:
         Args:
             target: "A" or "B", or a name of the object.
             source: a word of `SOURCES`, or "" if unknown.
-
-        Raises:
-            StereocalError: as for the class, or an unknown source.
         """
         frames = np.array(frame, dtype=np.int64)
         n, names = len(frames), TARGETS if rigid_object is None else rigid_object.names
@@ -295,12 +289,7 @@ class Correspondences:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Correspondences with the two cameras and the two measured lengths.
-
-    Raises:
-        StereocalError: an impossible length, a point outside its image, or a point where the lens
-            model cannot be inverted.
-    """
+    """Correspondences with the two cameras and the two measured lengths."""
 
     name: str
     primary: Camera
@@ -492,11 +481,7 @@ def _numbers_of(camera: Camera) -> dict[str, Any]:
 
 
 def source_code(word: str) -> int:
-    """The index of `word` in `SOURCES`; -1 if it is empty.
-
-    Raises:
-        StereocalError: an unknown word.
-    """
+    """The index of `word` in `SOURCES`; -1 if it is empty."""
     if not word:
         return UNKNOWN_SOURCE
     if word not in SOURCES:
@@ -507,11 +492,7 @@ def source_code(word: str) -> int:
 
 
 def check_length(what: str, value: float) -> None:
-    """Check a measured length in metres.
-
-    Raises:
-        StereocalError: zero, negative, not finite, or so long that it must be in millimetres.
-    """
+    """Check a measured length in metres."""
     if not np.isfinite(value) or value <= 0:
         raise StereocalError(f"The {what} is {value:g} m: it must be a length above 0.")
     if value > LONGEST_PLAUSIBLE_M:
@@ -522,11 +503,7 @@ def check_length(what: str, value: float) -> None:
 
 
 def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
-    """Check the stated standard error of a measured length, both in metres.
-
-    Raises:
-        StereocalError: it is not above 0, or impossible for this length.
-    """
+    """Check the stated standard error of a measured length, both in metres."""
     if sigma is None:
         return
     if not (np.isfinite(sigma) and sigma > 0):

@@ -45,11 +45,7 @@ class Angles(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """`b_from_a`: `x_b = R @ x_a + T`. R is a (3, 3) rotation, T has shape (3,), in metres.
-
-    Raises:
-        StereocalError: R is not a rotation, or a number is not finite.
-    """
+    """`b_from_a`: `x_b = R @ x_a + T`. R is a (3, 3) rotation, T has shape (3,), in metres."""
 
     R: FloatArray
     T: FloatArray
@@ -93,12 +89,7 @@ class Pose:
 
     @property
     def angles(self) -> Angles:
-        """The five angles, in radians.
-
-        Raises:
-            StereocalError: the angles are undefined: a pitch of +-90 degrees, or a baseline along
-                the primary's z axis.
-        """
+        """The five angles, in radians."""
         R, T = contiguous(self.R), contiguous(self.T)
         if is_degenerate(R, T):
             raise StereocalError(

@@ -63,9 +63,6 @@ class RigParameters(Rig):
     """One parameter set: a rig, the method and settings that produced it, and its purpose.
 
     The file is self-describing JSON, format `stereocal-parameters/1`.
-
-    Raises:
-        StereocalError: on construction and `load`: an unknown format, a non-rotation, NaN.
     """
 
     method: str
@@ -170,11 +167,7 @@ class RigParameters(Rig):
 
     @classmethod
     def load(cls, path: str | Path) -> RigParameters:
-        """Read a parameter file.
-
-        Raises:
-            StereocalError: the file cannot be read or is not a valid parameter set.
-        """
+        """Read a parameter file."""
         path = Path(path)
         try:
             _check_size(path.stat().st_size, str(path))
@@ -281,11 +274,7 @@ def _number_or_none(value: Any) -> float | None:
 
 
 def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:
-    """An entry of the file that is kept unchanged.
-
-    Raises:
-        StereocalError: not an object, or with a number that JSON cannot represent.
-    """
+    """An entry of the file that is kept unchanged."""
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: {name} is not an object.")
     try:

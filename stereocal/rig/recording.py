@@ -70,11 +70,7 @@ class Recording:
         return list(combinations(self.cameras, 2))
 
     def pair_named(self, text: str) -> Pair:
-        """The pair of a name such as `left-right`, in its order.
-
-        Raises:
-            StereocalError: there is no such pair; the message lists those there are.
-        """
+        """The pair of a name such as `left-right`, in its order."""
         for first, second in self.pairs:
             for found in ((first, second), (second, first)):
                 if text == "-".join(found):
@@ -98,9 +94,6 @@ class Recording:
         """The data set of two cameras, of the points that both see.
 
         A baseline that was not measured is free, and 1 m until it is found.
-
-        Raises:
-            StereocalError: the two see nothing in common.
         """
         a, b = self._common(first, second)
         if not len(a):

@@ -26,11 +26,7 @@ ALIKE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RigidObject:
-    """Points that move together, in the object's own frame.
-
-    Raises:
-        StereocalError: fewer than two points, two with the same name or the same place.
-    """
+    """Points that move together, in the object's own frame."""
 
     names: tuple[str, ...]
     points: FloatArray

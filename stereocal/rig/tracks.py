@@ -72,11 +72,7 @@ class MeasuredOffset(TimeOffset):
 
     @classmethod
     def from_json(cls, data: Any, source: str) -> MeasuredOffset | None:
-        """The inverse of `to_json`; None if there is no offset.
-
-        Raises:
-            StereocalError: the entries are damaged.
-        """
+        """The inverse of `to_json`; None if there is no offset."""
         if data.get("time_offset_frames") is None:
             return None
         try:

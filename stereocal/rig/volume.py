@@ -44,9 +44,6 @@ class Volume:
         average. The ends of one bar lie close together, so n is the number of bars, not of ends.
         Of the ends of further bars in the same place, 25 simulated bars left 14 % outside one or
         more of the three plain ranges, 9 % with the number of ends as n, and 6 % as here.
-
-        Raises:
-            StereocalError: no point is in front of the camera.
         """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0)]
@@ -96,11 +93,7 @@ class Volume:
 
     @classmethod
     def from_json(cls, data: Any, source: str) -> Volume:
-        """The inverse of `to_json`.
-
-        Raises:
-            StereocalError: not three ranges of two finite numbers, low <= high.
-        """
+        """The inverse of `to_json`."""
         try:
             x, y, z = ((float(low), float(high)) for low, high in (data[name] for name in RANGES))
             return cls(x, y, z)

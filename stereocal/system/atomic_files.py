@@ -55,11 +55,7 @@ def flush_file(path: Path) -> None:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to `path` atomically.
-
-    Raises:
-        StereocalError: the folder cannot be written to, or the disk is full.
-    """
+    """Write `content` to `path` atomically."""
     write_all({path: content})
 
 

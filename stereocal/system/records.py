@@ -52,11 +52,7 @@ def unpack(content: bytes, kind: type[T]) -> T:
 
 
 def settings_of(data: Mapping[str, Any], kind: type[T]) -> T:
-    """As `of_plain`, for settings that a person may have written.
-
-    Raises:
-        StereocalError: an unknown name, or a value of the wrong type or out of range.
-    """
+    """As `of_plain`, for settings that a person may have written."""
     names = {each.name for each in fields(cast(Any, kind))}
     try:
         if unknown := sorted(set(data) - names):

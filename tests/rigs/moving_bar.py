@@ -61,9 +61,6 @@ def move_bar(
     Args:
         depths_m: smallest and largest z of both ends, in the frames of both cameras.
         frames_between: frames from one position to the next.
-
-    Raises:
-        StereocalError: the views of the cameras hardly overlap in this range.
     """
     count = frames // frames_between + 4
     ends = place_bars(rig, rng, count, length_m, depths_m).ends_m

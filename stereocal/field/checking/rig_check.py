@@ -83,9 +83,6 @@ def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = No
 
     Args:
         recording: new images, of cameras with the same names; at least two of them.
-
-    Raises:
-        StereocalError: no two cameras of the rig see enough in common.
     """
     names = tuple(name for name in rig.names if name in recording.cameras)
     pairs: dict[Pair, Recheck] = {}

@@ -35,11 +35,7 @@ def holds_bars(content: bytes, source: str) -> bool:
 
 
 def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heights) -> Bars:
-    """The bars in a file.
-
-    Raises:
-        StereocalError: no such table, or something must be stated or chosen.
-    """
+    """The bars in a file."""
     layout = propose_layout(content, source, options.layout)
     if len(layout.points) < 2:
         raise StereocalError(

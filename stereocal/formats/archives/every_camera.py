@@ -56,9 +56,6 @@ def gather_all(
         files: one of every camera, or one of each in the order of the table, and the table.
         lengths: by target, its distance from the first along a straight bar, in metres. Other
             targets are not used; of another program's bar it may be missing if the files have it.
-
-    Raises:
-        StereocalError: the files name fewer than three cameras, or a part is missing.
     """
     tables = [each for each in files if each.lower().endswith(TABLES)]
     if len(tables) == 1 and _is_of_points(files[tables[0]], tables[0]):

@@ -144,11 +144,7 @@ RIG_WRITERS: Mapping[str, Callable[[Sequence[Posed], ExchangeOptions], dict[str,
 
 
 def format_of(name: str, content: bytes) -> str | None:
-    """The name in `READ` of a camera file's format, by its content; None if it is none.
-
-    Raises:
-        StereocalError: it looks like one, but is damaged.
-    """
+    """The name in `READ` of a camera file's format, by its content; None if it is none."""
     file = ForeignFile(name, content)
     found = (key for key, each in READ.items() if each.recognises and each.recognises(file))
     return next(found, None)
@@ -171,9 +167,6 @@ def read_camera_pair(files: Mapping[str, bytes], options: ExchangeOptions) -> Ca
     """Two cameras from the files of one program, which is recognised.
 
     A single file with one camera serves for both: a nominal lens.
-
-    Raises:
-        StereocalError: files of several programs, too many, or damaged.
     """
     found = {name: format_of(name, content) for name, content in files.items()}
     key = next(iter(found.values()))
@@ -195,11 +188,7 @@ def _read(
 
 
 def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) -> dict[str, bytes]:
-    """The files of a format by name.
-
-    Raises:
-        StereocalError: an unknown format, or one that cannot represent this rig.
-    """
+    """The files of a format by name."""
     return _format(name).write(rig, options or ExchangeOptions())
 
 
@@ -228,9 +217,6 @@ def export(
 
     Returns:
         The written files.
-
-    Raises:
-        StereocalError: as `export_files`, or the disk cannot be written to.
     """
     return _placed(export_files(rig, name, options), path)
 
@@ -272,11 +258,7 @@ def import_files(
     options: ExchangeOptions | None = None,
     source: str = "parameters",
 ) -> RigParameters:
-    """Parameters from the files of a format by name; the method is `imported`.
-
-    Raises:
-        StereocalError: an unknown format, or files of another format or damaged.
-    """
+    """Parameters from the files of a format by name; the method is `imported`."""
     if not files:
         raise StereocalError(f"{source}: there are no files.")
     known, options = _format(name), options or ExchangeOptions()
@@ -300,11 +282,7 @@ def import_files(
 def import_parameters(
     path: str | Path, name: str, options: ExchangeOptions | None = None
 ) -> RigParameters:
-    """Parameters from a file or a folder of a format.
-
-    Raises:
-        StereocalError: as `import_files`, or the path cannot be read.
-    """
+    """Parameters from a file or a folder of a format."""
     path = Path(path)
     with disk_errors(f"{path} cannot be read"):
         path.stat()

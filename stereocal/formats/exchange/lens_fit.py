@@ -21,9 +21,6 @@ def lens(camera: Camera, count: int, which: str, where: str) -> FloatArray:
 
     If the lens has more, and `count` is 4 or 5, coefficients are refitted, provided that no pixel
     moves by more than `NEGLIGIBLE_PX`.
-
-    Raises:
-        StereocalError: a fisheye, or a lens that so few coefficients do not describe.
     """
     if camera.is_fisheye:
         raise StereocalError(
