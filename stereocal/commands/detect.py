@@ -22,7 +22,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
-from stereocal.frames.pairing import Pairing, pair_names
+from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.system.atomic_files import write_atomically
@@ -90,7 +90,8 @@ def run(parsed: argparse.Namespace) -> None:
         photographs_of_bar = of_the_bar(photographs)
         pairing = pair_names(photographs_of_bar)
         say(f"{len(photographs_of_bar)} photographs. {pairing.sentence}")
-        _refuse_unclear(pairing, str(parsed.dataset))
+        if not pairing.pairs or pairing.ambiguous:
+            raise StereocalError(f"{parsed.dataset}: {pairing.sentence}")
         with workers_from(parsed, compile_detection) as executor, ExitStack() as stack:
             bars: list[ProgressBar] = []
             frames = detect_frames(
@@ -137,8 +138,3 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
     assert report is not None  # nobody cancels here
     for sentence in report.sentences:
         say(sentence)
-
-
-def _refuse_unclear(pairing: Pairing, source: str) -> None:
-    if not pairing.pairs or pairing.ambiguous:
-        raise StereocalError(f"{source}: {pairing.sentence}")

@@ -31,6 +31,7 @@ from stereocal.evaluation.compiled_run import (
 )
 from stereocal.evaluation.evaluate import Run
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.numbers import without_nan
 
 BOOTSTRAPS = 1000
 INTERVAL = (2.5, 97.5)
@@ -133,7 +134,7 @@ class MethodSummary:
             "angle_mean_rad": self.angle_means.tolist(),
             "angle_spread_rad": self.angle_spreads.tolist(),
         }
-        return {name: _plain(value) for name, value in figures.items()}
+        return {name: without_nan(value) for name, value in figures.items()}
 
 
 def summarise(
@@ -368,14 +369,3 @@ def _bootstrap_medians(ratios: Sequence[FloatArray], weights: IntArray) -> Float
         if running[-1]:
             medians.append(values[np.searchsorted(running, 0.5 * running[-1])])
     return np.array(medians)
-
-
-def _plain(value: Any) -> Any:
-    """The value with NaN replaced by None, since JSON has no NaN."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -49,7 +49,8 @@ def describe_coverage(dataset: Dataset) -> str:
     rows = dataset.correspondences
     marks = marks_of(rows)
     parts = [
-        f"in the {side.lower()} image they fall into {_covered_cells(points, camera)} of "
+        f"in the {side.lower()} image they fall into "
+        f"{len(np.unique(cells_of(points, camera.image_size, (GRID_CELLS, GRID_CELLS))))} of "
         f"{GRID_CELLS**2} equal parts of its {_size(camera)}"
         for side, camera, points in _sides(dataset)
     ]
@@ -158,8 +159,3 @@ def _set_axes(
         nticks=6,
         showgrid=False,
     )
-
-
-def _covered_cells(points: FloatArray, camera: Camera) -> int:
-    """Number of cells of a grid over the image that contain a point."""
-    return len(np.unique(cells_of(points, camera.image_size, (GRID_CELLS, GRID_CELLS))))

@@ -99,7 +99,11 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     with disk_errors(f"{path} cannot be read"):
         if path.is_dir():
             known = _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
-            found = [file for file in known if file.suffix.lower() in TEXTS or _is_small(file)]
+            found = [
+                file
+                for file in known
+                if file.suffix.lower() in TEXTS or file.stat().st_size <= LARGEST_DESCRIPTION
+            ]
             limits = Limits.from_environment()
             limits.check_count(len(found), str(path))
             limits.check_size(sum(file.stat().st_size for file in found), str(path))
@@ -226,10 +230,6 @@ def pack_pair(dataset: Dataset) -> dict[str, bytes]:
         "secondary.json": write_camera(dataset.secondary),
         TABLE: write_table(dataset.correspondences),
     }
-
-
-def _is_small(file: Path) -> bool:
-    return file.stat().st_size <= LARGEST_DESCRIPTION
 
 
 def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:

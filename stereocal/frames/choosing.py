@@ -171,7 +171,10 @@ def _choose(
     if expected is None:
         few = f": {sure} found, {MINIMUM_SURE} needed" if sure < MINIMUM_SURE else ""
         return Chosen(*both, f"The sure frames do not determine which boards are the targets{few}.")
-    ends = [_ends(cameras[i], pairs[i]) for i in range(2)]
+    ends = [
+        _undistorted(camera, np.array([_centres(pair) for pair in own]))
+        for camera, own in zip(cameras, pairs, strict=True)
+    ]
     choices = [
         (i, j, way)
         for i, j in itertools.product(range(len(pairs[0])), range(len(pairs[1])))
@@ -254,11 +257,6 @@ def _boards(both: tuple[Detection, Detection]) -> str:
         for name, one in zip(CAMERAS, both, strict=True)
         if one.alternatives
     )
-
-
-def _ends(camera: Camera, pairs: tuple[Detection, ...]) -> FloatArray:
-    """(p, 2, 2): normalised points of the two boards of each pair."""
-    return _undistorted(camera, np.array([_centres(pair) for pair in pairs]))
 
 
 def _undistorted(camera: Camera, pixels: FloatArray) -> FloatArray:

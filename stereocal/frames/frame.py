@@ -83,7 +83,8 @@ def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
     """The table of points: targets that both photographs of a used frame show."""
     frames = sorted(frames, key=lambda frame: frame.frame)
     seen = [
-        (frame.frame, target, first, second, _source_of(first, second))
+        # The source is the less automatic one of both.
+        (frame.frame, target, first, second, max(first.source, second.source, key=SOURCES.index))
         for frame in frames
         if frame.use
         for target in (0, 1)
@@ -145,11 +146,6 @@ def report_line(frame: Frame) -> str:
 def name_in(camera: int, frame: Frame) -> str:
     """A photograph's name and camera, for messages."""
     return f"{frame.files[camera]} ({CAMERAS[camera]})"
-
-
-def _source_of(first: Centre, second: Centre) -> str:
-    """The less automatic source of a row's two points."""
-    return max(first.source, second.source, key=SOURCES.index)
 
 
 def _or_nan(sigma: float | None) -> float:

@@ -84,7 +84,8 @@ def detect_frames(
     sound = [name for name in there if name not in problems]
     searched = {name: there[name] for name in sound}
     if not isinstance(target, Bar2x2):
-        camera_of = {name: cameras[i] for i in (1, 0) for name in _names(pairs, i)}
+        camera_of = {pair.secondary: cameras[1] for pair in pairs}
+        camera_of |= {pair.primary: cameras[0] for pair in pairs}
         spots = search_series(
             searched,
             lambda name: partial(sight_in_file, target, camera_of[name]),
@@ -102,10 +103,6 @@ def detect_frames(
         return None
     seen |= {name: refusal(UNREADABLE, "unreadable", why) for name, why in problems.items()}
     return _agree(pairs, seen, cameras)
-
-
-def _names(pairs: Sequence[Pair], camera: int) -> list[str]:
-    return [(pair.primary, pair.secondary)[camera] for pair in pairs]
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:

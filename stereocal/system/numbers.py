@@ -1,8 +1,10 @@
-"""Numbers in sentences and tables."""
+"""Numbers in sentences, tables and JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 
 def digits(value: float, significant: int = 3) -> str:
@@ -21,3 +23,12 @@ def rounded(value: float, significant: int = 2) -> str:
     mantissa, exponent, power = text.partition("e")
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
     return mantissa + exponent + power
+
+
+def without_nan(value: Any) -> Any:
+    """The value with NaN and infinity replaced by None, since JSON has neither."""
+    if isinstance(value, Mapping):
+        return {key: without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -181,8 +181,9 @@ def rows_below(
     longer = (further.apply(lambda column: column.str.strip()) != "").to_numpy()
     lines_of = raw.index.to_numpy()
     problems = [
-        RowProblem(int(lines_of[row]), f"{_cells(longer[row], width)} cells instead of {width}")
+        RowProblem(int(lines_of[row]), f"{width + 1 + last} cells instead of {width}")
         for row in np.flatnonzero(longer.any(axis=1))
+        for last in np.flatnonzero(longer[row])[-1:]
     ]
     return raw[~blank.to_numpy() & ~longer.any(axis=1)].iloc[:, :width], problems
 
@@ -279,10 +280,6 @@ def _line_ends(raw: pd.DataFrame) -> npt.NDArray[np.int64]:
     """The number of line ends in quoted cells of the rows before each row."""
     within = sum(raw[name].str.count("\n").fillna(0).to_numpy(dtype=np.int64) for name in raw)
     return np.asarray(np.cumsum(within) - within, dtype=np.int64)
-
-
-def _cells(further: npt.NDArray[np.bool_], width: int) -> int:
-    return width + 1 + int(np.flatnonzero(further)[-1])
 
 
 def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> str:

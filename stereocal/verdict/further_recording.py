@@ -14,6 +14,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
@@ -92,14 +94,14 @@ def further_recordings(
         errors = errors_of(seen, rig.pose)
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
         lengths = errors.length[bars]
-        in_images = half_width(px, _mean, length, rng)
+        in_images = half_width(px, partial(np.mean, axis=-1), length, rng)
         found[method] = Further(
             in_images,
             # Small overlaps show little of what changes the errors.
             max(_half_width_of_fcp(seen, rig.pose, used, at, length, rng), in_images),
-            half_width(lengths, _mean, length, rng),
-            half_width(lengths, _median, length, rng),
-            half_width(lengths, _p95, length, rng),
+            half_width(lengths, partial(np.mean, axis=-1), length, rng),
+            half_width(lengths, partial(np.median, axis=-1), length, rng),
+            half_width(lengths, partial(np.percentile, q=95, axis=-1), length, rng),
         )
     return found
 
@@ -123,7 +125,7 @@ def _runs(frames: int, length: int) -> int:
 
 def half_width(
     errors: FloatArray,
-    figure: Callable[[FloatArray], FloatArray],
+    figure: Callable[..., Any],
     length: int,
     rng: np.random.Generator,
 ) -> float:
@@ -193,15 +195,3 @@ def widened(estimate: Estimate, half: float) -> Estimate:
         low=value * math.exp(-math.hypot(down, half)),
         high=value * math.exp(math.hypot(math.log(estimate.high / value), half)),
     )
-
-
-def _mean(errors: FloatArray) -> FloatArray:
-    return np.asarray(errors.mean(axis=-1))
-
-
-def _median(errors: FloatArray) -> FloatArray:
-    return np.asarray(np.median(errors, axis=-1))
-
-
-def _p95(errors: FloatArray) -> FloatArray:
-    return np.asarray(np.percentile(errors, 95, axis=-1))

@@ -73,7 +73,10 @@ class Forecast:
 
     def to_json(self) -> dict[str, dict[str, float | None]]:
         """Each figure as `{"value", "low", "high"}`; errors are fractions."""
-        return {name: _plain(estimate) for name, estimate in vars(self).items()}
+        return {
+            name: {key: v if math.isfinite(v) else None for key, v in vars(estimate).items()}
+            for name, estimate in vars(self).items()
+        }
 
     def further(self, spread: Further) -> Forecast:
         """With the intervals widened to what a further recording may show."""
@@ -315,7 +318,3 @@ def partners_in_groups(
     wrong = first[:, None] + (np.arange(points)[:, None] - first[:, None] + steps) % group
     wrong = np.minimum(wrong, points - 1)
     return np.column_stack([np.arange(points), wrong]).astype(np.int64)
-
-
-def _plain(estimate: Estimate) -> dict[str, float | None]:
-    return {key: v if np.isfinite(v) else None for key, v in vars(estimate).items()}

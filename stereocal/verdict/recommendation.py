@@ -132,9 +132,10 @@ def recommend(
     found = None if outlook is None else outlook.verdict
     match = figures_of(found.match_with if found else "2d", outlook, validation)
     measure = figures_of(found.measure_with if found else "3d", outlook, validation)
+    no_forecast = NO_REFINED if calibration.refined is None else NO_FORECAST
     sentences = (
         _use(match, measure, _holds(found)),
-        _how_sure(found, outlook, validation) if found else _no_forecast(calibration),
+        _how_sure(found, outlook, validation) if found else no_forecast,
         left_out_line(calibration.screening),
         _frames_in_runs(outlook),
     )
@@ -240,7 +241,3 @@ def _how_sure(found: Verdict, outlook: Outlook | None, validation: Mapping[Any, 
         "One set or two is not decided: one does both jobs with a probability of "
         f"{100 * found.chance_of_one:.0f} %. {more}"
     )
-
-
-def _no_forecast(calibration: Calibration) -> str:
-    return NO_REFINED if calibration.refined is None else NO_FORECAST

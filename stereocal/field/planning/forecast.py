@@ -7,7 +7,6 @@ what one field day may give. They are not intervals of the mean.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from stereocal.field.planning.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import Plan
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import without_nan
 from stereocal.system.tasks import Progress, Task, run_tasks
 
 FORECAST_FORMAT = "stereocal-forecast/1"
@@ -117,7 +117,7 @@ class PlanForecast:
             "rigs_failed": self.failed,
             "seed": self.seed,
         }
-        return {key: _without_nan(value) for key, value in content.items()}
+        return {key: without_nan(value) for key, value in content.items()}
 
     def dumps(self) -> bytes:
         """The file; equal plans and seeds give equal bytes."""
@@ -172,12 +172,3 @@ def _over_rigs(values: FloatArray) -> Estimate:
     low, high = (float(v) for v in np.percentile(known, LEVEL))
     value = float(known.mean())
     return Estimate(value, min(low, value), max(high, value))
-
-
-def _without_nan(value: Any) -> Any:
-    """The value with NaN and infinity replaced by None, since JSON has neither."""
-    if isinstance(value, Mapping):
-        return {key: _without_nan(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(inner) for inner in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

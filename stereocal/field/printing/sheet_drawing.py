@@ -38,7 +38,8 @@ def draw_from_above(
     hull = cv2.convexHull(common.astype(np.float32))[:, 0].astype(np.float64)
     shapes = Group(_outline(to_mm(hull), COMMON_COLOUR))
     for camera, axis in zip(cameras, axes, strict=True):
-        ahead = camera + axis * _reach(camera, axis, common)
+        far = max(float(((common - camera) @ axis).max()), 0.0)  # end of the common view
+        ahead = camera + far * axis
         line = _line(to_mm(camera), to_mm(ahead), grey, 0.15)
         line.strokeDashArray = [2.0, 1.0]
         shapes.add(line)
@@ -70,11 +71,6 @@ class _Scale:
 
     def __call__(self, points_m: FloatArray) -> FloatArray:
         return np.asarray(self._centre + self._scale * (points_m - self._middle))
-
-
-def _reach(camera: FloatArray, axis: FloatArray, common: FloatArray) -> float:
-    """How far along its axis a camera's line is drawn: to the far end of the common view."""
-    return float(max(((common - camera) @ axis).max(), 0.0))
 
 
 def _draw_cameras(shapes: Group, places: FloatArray, axes: FloatArray, baseline: str) -> None:
