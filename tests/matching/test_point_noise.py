@@ -106,3 +106,21 @@ def test_standard_errors_are_of_these_points() -> None:
     ].to_numpy()
     # 1 expected; the noise is known to 2.5 %, 900 points. Measured: 0.98 to 1.03.
     np.testing.assert_allclose(np.sqrt(np.mean(z**2, axis=0)), 1.0, atol=0.1)
+
+
+@pytest.mark.parametrize("by_columns", [False, True])
+def test_a_stated_noise_is_taken_and_contradicted(by_columns: bool) -> None:
+    """0.5 px stated as 0.1 px is taken as stated, and what the errors show is said beside it."""
+    frames = sample(seen(0.5))
+    if by_columns:
+        frames = [
+            (np.pad(a, ((0, 0), (0, 1)), constant_values=0.1), np.insert(b, 2, 0.1, axis=1))
+            for a, b in frames
+        ]
+    chosen = choose_threshold(FILE, frames, sigma_px=None if by_columns else 0.1)
+    assert chosen.noise is not None and chosen.noise.sigma_px == pytest.approx(0.1)
+    assert chosen.noise.source == ("columns" if by_columns else "stated")
+    # 600 points know it to 3 %. Measured: 0.51 px.
+    assert chosen.noise.seen_px == pytest.approx(0.5, rel=0.12)
+    honest = choose_threshold(FILE, sample(seen(0.5)), sigma_px=0.5).noise
+    assert honest is not None and honest.seen_px is None
