@@ -63,7 +63,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     command.add_argument(
         "--known-points",
         action="store_true",
-        help="3D cost: known points (columns x_m, y_m, z_m) instead of distances",
+        help="3D cost: known points (columns x_m, y_m, z_m, or the corners of a board) instead of "
+        "distances",
     )
     command.add_argument(
         "--runs",
