@@ -44,7 +44,9 @@ def rig_in_words(dataset: Dataset, pose: Pose | None) -> str:
         return f"{apart}; the {held} is {bar} m long."
     near, far = map(_metres, depths)
     article = "an" if held == "object" else "a"
-    return f"{apart}; {article} {held} of {bar} m was seen from {near} to {far} m away."
+    seen = f"{apart}; {article} {held} of {bar} m was seen from {near} to {far} m away."
+    # Said once, so that all that is told of bars can be read.
+    return f"{seen} Each counts as two bars, its diagonals." if held == "board" else seen
 
 
 def word_of(dataset: Dataset) -> str:

@@ -10,6 +10,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import METRES_PER, question_about_units, rig_in_words
 from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
+from tests.rigs.objects import BOARD, recorded
 
 DATA = dataset(12)
 
@@ -28,6 +29,11 @@ def test_a_person_can_check_it() -> None:
     assert 5.5 < near < 8 < far < 11  # the bars lie 6 to 10.5 m away
     assert rig_in_words(DATA, None) == "The cameras are 2.37 m apart; the bar is 0.87 m long."
     assert question_about_units(DATA, RIG) == ""
+
+
+def test_a_board_says_what_counts_as_a_bar() -> None:
+    assert "two bars" in rig_in_words(recorded(BOARD, 4), RIG)
+    assert "two bars" not in rig_in_words(DATA, RIG)
 
 
 @pytest.mark.parametrize("unit", ["cm", "inches"])  # 2370 "m" is refused as millimetres
