@@ -22,8 +22,8 @@ try:
     recording = None if project is None else ProjectRecording(project).read()
     if project is None or recording is None:
         st.info(
-            "This page is for recordings of three cameras and more: give one on the Data page, as "
-            "a zip or a folder with dataset.json of format 2."
+            "This page is for recordings of three cameras and more: give their files on the "
+            "Data page, under *Three cameras and more*."
         )
         st.page_link("pages/data.py", label="Give it on the Data page")
         end_here()

@@ -138,10 +138,12 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
         f"{primary.K[0, 0]:.1f} px",
         "Secondary image": f"{secondary.image_size[0]} × {secondary.image_size[1]} px, focal "
         f"length {secondary.K[0, 0]:.1f} px",
-        "Baseline": f"{rounded(dataset.baseline_m, 4)} m, found from the lengths of the bars"
+        "Baseline": f"{rounded(dataset.baseline_m, 4)} m, found from the known lengths"
         if dataset.baseline_is_free
         else f"{dataset.baseline_m:g} m",
-        "Distance between the targets": _distances(dataset),
+        "Length of the known distances" if of_object else "Distance between the targets": (
+            _distances(dataset)
+        ),
     }
     return pd.DataFrame({"Read": lines}).rename_axis("What")
 

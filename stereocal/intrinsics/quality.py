@@ -130,7 +130,7 @@ def note_on_model(search: BoardSearch, settings: LensSettings) -> str:
     figures = ", ".join(f"{names[model]} {value:.3f} px" for model, value in px.items())
     if px[better] > (1 - LEVEL) * px[settings.model]:
         return f"Held-out boards: {figures}. The chosen model is as good as the other, or better."
-    return f"Held-out boards: {figures}. Use {names[better]}: --model {better}."
+    return f"Held-out boards: {figures}. Use the lens model {better}."
 
 
 def largest_shift_px(camera: Camera) -> float:

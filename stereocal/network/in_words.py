@@ -85,7 +85,7 @@ def loops_sentence(rig: RigFile) -> str:
     if thirds:
         most = max(thirds, key=lambda own: own["before"])
         text += (
-            f" Points of {'-'.join(most['pair'])} lie {rounded(most['before'])} px off in the "
+            f" Points of {'-'.join(most['pair'])} lie {rounded(most['before'])} px off in "
             f"camera {most['camera']} with the pairs, {rounded(most['after'])} px with the rig "
             "(median)."
         )

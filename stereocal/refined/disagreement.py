@@ -328,7 +328,10 @@ def _accused(
             ]
         ) + note_on_rivals(tuple(set(rivals) - LENGTHS))
     else:
-        advice = advice_on(item.key, item.stated, say, sigma) + note_on_rivals(rivals)
+        own = freed[item.key]
+        camera = own.secondary if item.key.startswith("secondary") else own.primary
+        advice = advice_on(item.key, item.stated, say, sigma, camera.lens_names[4:8])
+        advice += note_on_rivals(rivals)
     return replace(
         item, accused=True, others_say=say, others_sigma=sigma, rivals=rivals, advice=advice
     )

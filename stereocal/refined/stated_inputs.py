@@ -100,7 +100,13 @@ _ASKED = (
 )
 
 
-def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) -> str:
+def advice_on(
+    key: str,
+    stated: FloatArray,
+    say: FloatArray,
+    sigma: FloatArray,
+    coefficients: Sequence[str],
+) -> str:
     """The message for an accused input.
 
     Args:
@@ -108,6 +114,7 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
         stated: the stated value.
         say: the estimate from the other data.
         sigma: its standard error.
+        coefficients: names of the distortion coefficients of the accused camera.
     """
     given, found = in_digits(stated, sigma), f"{in_digits(say, sigma)} ± {in_digits(sigma, sigma)}"
     if key == "baseline":
@@ -123,10 +130,10 @@ def advice_on(key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray) 
     camera, part = key.split()
     if part == "distortion":
         return (
-            f"The {camera} camera's distortion (k1, k2, p1, p2; of a fisheye k1 to k4) is stated "
-            f"as {given}; images and lengths say {found}. Was the lens calibrated with another "
-            "focus, or with few points near the edges? Calibrate it again, or let this fit "
-            "estimate it (Estimate the distortion of, on One set or two; or --free-distortion)."
+            f"The {camera} camera's distortion ({', '.join(coefficients)}) is stated as {given}; "
+            f"images and lengths say {found}. Was the lens calibrated with another focus, or with "
+            "few points near the edges? Calibrate it again, or let this fit estimate it "
+            "(Estimate the distortion of, on One set or two; or --free-distortion)."
         )
     if part == "focal":
         return (

@@ -276,5 +276,5 @@ class TestFisheye:
         px = held_out_px(self.boards, LensSettings())
         # Measured: 0.138 and 0.274 px.
         assert px["fisheye"] < 0.6 * px["brown"]
-        assert "Use the fisheye" in note_on_model(self.boards, LensSettings())
+        assert "Use the lens model fisheye." in note_on_model(self.boards, LensSettings())
         assert "as good as the other" in note_on_model(search(24, 1), LensSettings())

@@ -125,7 +125,10 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     ("change", "named"),
     [
         (lambda files: files.pop("camera_2.yaml"), "points of a camera 2, and no camera file"),
-        (lambda files: files.pop("points.csv"), "table of points missing"),
+        (
+            lambda files: files.pop("points.csv"),
+            "Table of points missing, give the CSV of the bar's ends.",
+        ),
         (lambda files: files.update({"camera_4.yaml": files["camera_1.yaml"]}), "4 has no points"),
         (
             lambda files: files.update({"points.csv": files["points.csv"] + b"1,1,A,9999,5\n"}),

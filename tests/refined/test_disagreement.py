@@ -10,11 +10,12 @@ import pytest
 from stereocal.refined.bar_fit import DISTORTION
 from stereocal.refined.disagreement import compare_inputs, what_disagrees
 from stereocal.refined.refine import refine
-from stereocal.refined.stated_inputs import undetectable_errors
+from stereocal.refined.stated_inputs import advice_on, undetectable_errors
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from tests import known_rig as rig
+from tests.fisheye_rig import fisheye
 from tests.rigs.accuracy import accusations
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
@@ -135,3 +136,12 @@ def test_a_stated_distortion_moves_within_its_standard_error() -> None:
     result = refine(replace(data, primary=Camera(own.K, off, own.image_size, known)))
     found = result.primary.distortion[0] - own.distortion[0]
     assert abs(found) < 4 * np.sqrt(result.covariance[DISTORTION, DISTORTION]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("lens", "named"), [(rig.PRIMARY, "k1, k2, p1, p2"), (fisheye(120.0), "k1, k2, k3, k4")]
+)
+def test_coefficients_are_named_as_in_the_lens_model(lens: Camera, named: str) -> None:
+    own = lens.lens_values[4:8]
+    advice = advice_on("primary distortion", own, own, 0.01 * np.ones(4), lens.lens_names[4:8])
+    assert f"The primary camera's distortion ({named}) is stated as" in advice

@@ -98,7 +98,8 @@ def _of_pairs(
         distance_m = found.target_distance_m if distance_m is None else distance_m
         if found.primary is None or found.secondary is None or found.correspondences is None:
             lines = found.missing(1.0, distance_m or 1.0)
-            raise StereocalError("; ".join(f"{each.what} missing, {each.origin}" for each in lines))
+            text = "; ".join(f"{each.what} missing, {each.origin}" for each in lines)
+            raise StereocalError(f"{text[0].upper()}{text[1:]}.")
         cameras |= {chosen[0]: found.primary, chosen[1]: found.secondary}
         rows = found.correspondences
         times, targets = rows.time_frame.tolist(), rows.target.tolist()
