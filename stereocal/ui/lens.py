@@ -17,7 +17,7 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.camera import CAMERAS, LENS_MODELS, CameraName
 from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
 from stereocal.system.photograph import SUFFIXES
@@ -218,13 +218,16 @@ def board_form(
 def lens_form(project: Project) -> LensSettings:
     """The form of the calibration's settings, in an expander."""
     values: dict[str, Any] = {}
+    model = setting(project, "lens_model", LENS_MODELS[0], one_of(LENS_MODELS)).value()
     with st.expander("Settings of the calibration"):
         numbers, switches = st.columns(3), st.columns(2)
         for name, about in descriptions(LensSettings).items():
             if isinstance(about.default, bool):
                 own = setting(project, f"lens_{name}", about.default, yes_or_no)
                 place = switches[len(values) - len(numbers)]
-                values[name] = place.checkbox(about.title, help=about.help, **own.widget())
+                values[name] = place.checkbox(
+                    about.title, help=about.help, disabled=model == "fisheye", **own.widget()
+                )
             elif about.choices:
                 own = setting(project, f"lens_{name}", about.default, one_of(about.choices))
                 values[name] = st.radio(

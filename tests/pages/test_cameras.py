@@ -86,6 +86,14 @@ def test_photographs_to_the_projects_camera(
     assert again.number_input(key="board_columns").value == 8
 
 
+def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, bytes]) -> None:
+    upload(app, boards)
+    held = ("lens_fix_k3", "lens_zero_tangential")
+    assert not any(app.checkbox(key=key).disabled for key in held)
+    app.radio(key="lens_model").set_value("fisheye").run()
+    assert all(app.checkbox(key=key).disabled for key in held)
+
+
 def test_sample_photographs(app: AppTest, home: Path) -> None:
     app.button(key="sample_boards").click().run()
     for which in CAMERAS:
