@@ -27,7 +27,7 @@ from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
 
 @st.cache_data(show_spinner=False, max_entries=8)
-def _note_on_model(_: str, _lens: LensCalibration) -> str:
+def _note_on_model(digest: str, _lens: LensCalibration) -> str:  # noqa: ARG001 - the key
     return note_on_model(_lens.search, _lens.settings)
 
 

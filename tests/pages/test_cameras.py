@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -12,6 +14,7 @@ from streamlit.testing.v1 import AppTest
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.ui import lens_results
 from stereocal.ui.lens import job_kind
 from tests.lens import SMALL, write_boards
 from tests.pages.stored_projects import go, messages
@@ -92,6 +95,13 @@ def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, b
     assert not any(app.checkbox(key=key).disabled for key in held)
     app.radio(key="lens_model").set_value("fisheye").run()
     assert all(app.checkbox(key=key).disabled for key in held)
+
+
+def test_the_note_on_the_model_is_of_each_lens(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lens_results, "note_on_model", lambda search, _settings: str(search))
+    lenses = [cast(Any, SimpleNamespace(search=n, settings=n)) for n in (1, 2)]
+    notes = {lens_results._note_on_model(f"lens {each.search}", each) for each in lenses}
+    assert notes == {"1", "2"}
 
 
 def test_sample_photographs(app: AppTest, home: Path) -> None:
