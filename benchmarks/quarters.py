@@ -24,10 +24,10 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.bar_fit import BAR
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
+from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset

@@ -26,9 +26,9 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.refined.bar_fit import BAR, PRIMARY, SECONDARY
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import Solve
+from stereocal.refined.two_views import BAR, PRIMARY, SECONDARY
 from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, pose_of, unknowns_of
 from stereocal.refined.views import OWN
 from stereocal.rig.camera import Camera

@@ -12,9 +12,9 @@ from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES,
 from stereocal.calibration.results import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures.validation_panels import COLUMNS, Standing, standings
-from stereocal.refined.bar_fit import BAR
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
+from stereocal.refined.two_views import BAR
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose

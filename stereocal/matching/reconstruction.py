@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BASELINE, SHARED
 from stereocal.refined.parameter_file import covariance_names
 from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.two_views import BASELINE, SHARED
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -57,7 +57,7 @@ def reconstruct_points(
         sigma_px: standard deviation of one pixel coordinate, of all points or (n, 2) of each point
             in both cameras, for the standard errors; None: that of the file's targets.
         pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), or
-            (25, 25) of all shared unknowns of `bar_fit`, added to the effect of image noise; None:
+            (25, 25) of all shared unknowns of `two_views`, added to the effect of image noise; None:
             that of the file. Its part is common to all points: distances between points are more
             precise than their positions.
     """

@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.network.unknowns import lens_places, turned
 from stereocal.refined import views
-from stereocal.refined.bar_fit import (
+from stereocal.refined.refine import RefinedResult
+from stereocal.refined.two_views import (
     BAR,
     BASELINE,
     DISTORTION,
@@ -27,7 +28,6 @@ from stereocal.refined.bar_fit import (
     TIME,
     views_of,
 )
-from stereocal.refined.refine import RefinedResult
 from stereocal.refined.unknowns import Unknowns, pose_of, shared_unknowns
 from stereocal.refined.views import EACH, LENS
 from stereocal.rig.compiled import FloatArray
@@ -57,7 +57,7 @@ class PairFit:
     first: str
     second: str
     q: FloatArray
-    """(25,): the pair's shared unknowns, as of `bar_fit`."""
+    """(25,): the pair's shared unknowns, as of `two_views`."""
     information: FloatArray
     """(25, 25): of images and lengths, without priors."""
     gradient: FloatArray

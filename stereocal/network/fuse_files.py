@@ -14,7 +14,7 @@ from stereocal.network.fuse import LOCAL, Fused, PairFit, chained, difference, f
 from stereocal.network.pairs import reached
 from stereocal.network.rig_file import RigFile, fused_file
 from stereocal.network.unknowns import RigSettings, camera_at, lens_places, unknowns_of
-from stereocal.refined.bar_fit import BAR, SHARED
+from stereocal.refined.two_views import BAR, SHARED
 from stereocal.refined.unknowns import LensPrior, Unknowns, shared_unknowns
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters

@@ -11,11 +11,11 @@ from stereocal.errors import StereocalError
 from stereocal.network.fuse import PairFit
 from stereocal.network.placings import images_of
 from stereocal.network.unknowns import RigSettings
-from stereocal.refined.bar_fit import TIME
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import bring_into_step
+from stereocal.refined.two_views import TIME
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.recording import Pair, Recording
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.bar_fit import SHARED, fill_views
 from stereocal.refined.distortion import set_distortion
+from stereocal.refined.two_views import SHARED, fill_views
 from stereocal.refined.views import (
     DISTORTION,
     EACH,

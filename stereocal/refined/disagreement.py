@@ -30,9 +30,9 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
+from stereocal.refined.two_views import BAR, BASELINE, DISTORTION, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.unknowns import (
     LensPrior,
     RefineSettings,

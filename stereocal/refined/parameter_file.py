@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.refined.bar_fit import BAR, SHARED, TIME
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
+from stereocal.refined.two_views import BAR, SHARED, TIME
 from stereocal.refined.uncertainty import LENS, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray

@@ -20,10 +20,10 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR, DRIFT, TIME
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.robust import Noise
 from stereocal.refined.solve import Solve, lenses_of
+from stereocal.refined.two_views import BAR, DRIFT, TIME
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
@@ -93,7 +93,7 @@ class RefinedResult:
 
     @cached_property
     def q(self) -> FloatArray:
-        """(25,): the shared unknowns, as in `bar_fit`."""
+        """(25,): the shared unknowns, as in `two_views`."""
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
     @cached_property

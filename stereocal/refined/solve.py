@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.bar_fit import views_of
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.robust import (
     ASSUMED,
@@ -17,6 +16,7 @@ from stereocal.refined.robust import (
     RobustFit,
     limits_of,
 )
+from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import ANGLES, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray

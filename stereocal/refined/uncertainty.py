@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
 from stereocal.refined.views import EACH, fill_jacobians
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -175,7 +175,7 @@ def point_errors(
     of the points by the shared unknowns; NaN behind a camera.
 
     Args:
-        q: (25,): as of `bar_fit`; lenses: (2, 23): as in `views.fill_residuals`.
+        q: (25,): as of `two_views`; lenses: (2, 23): as in `views.fill_residuals`.
         sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
             both cameras.
         points_m: (n, 3), in the primary's frame.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.bar_fit import PRIMARY, SECONDARY
 from stereocal.refined.distortion import distort
+from stereocal.refined.two_views import PRIMARY, SECONDARY
 from stereocal.rig.compiled import FloatArray, compiled
 
 MAXIMUM_ITERATIONS = 20
@@ -22,7 +22,7 @@ def undistort_rays(
     """Undistort pixels with the lenses of q, by Newton's method.
 
     Args:
-        q: (25,), the shared unknowns of `bar_fit`; the distortion is that of `lenses`.
+        q: (25,), the shared unknowns of `two_views`; the distortion is that of `lenses`.
         lenses: (2, 23), as in `views.fill_residuals`.
         pixels: (n, 4): u, v of the primary and of the secondary.
         rays: (4, n), updated; the initial values are used as the start.

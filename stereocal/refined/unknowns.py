@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import (
+from stereocal.refined.two_views import (
     BAR,
     BASELINE,
     DISTORTION,
@@ -368,7 +368,7 @@ def with_lens(stated: Camera, lens: FloatArray) -> Camera:
 
 
 def shared_unknowns(rig: Rig) -> FloatArray:
-    """(25,): the shared unknowns of `bar_fit` of a rig, with a bar factor of 1."""
+    """(25,): the shared unknowns of `two_views` of a rig, with a bar factor of 1."""
     first, second = rig.primary.lens_values, rig.secondary.lens_values
     return np.concatenate(
         [

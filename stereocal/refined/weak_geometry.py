@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.bar_fit import EPSILON
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.two_views import EPSILON
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import BAR
 from stereocal.refined.disagreement import Comparison, compare_inputs
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
+from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns, unknowns_between
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import FileForecast

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.evaluation.compiled_run import count_pairs
-from stereocal.refined.bar_fit import BASELINE, DISTORTION, PRIMARY, SECONDARY
 from stereocal.refined.distortion import (
     FISHEYE,
     TILTED,
@@ -13,6 +12,7 @@ from stereocal.refined.distortion import (
     fill_pixel_scale,
     set_distortion,
 )
+from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY
 from stereocal.refined.undistortion import undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
 from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
@@ -103,7 +103,7 @@ def judge(
     """Count the errors of all pairs with each set, and measure the bars.
 
     Args:
-        sets: (s, 25): the shared unknowns of `bar_fit` of each set.
+        sets: (s, 25): the shared unknowns of `two_views` of each set.
         stated_lenses: (2, 23), as in `views.fill_residuals`.
         scale: `distortion.empty_pixel_scale` of them, written.
         pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.bar_fit import BASELINE, PRIMARY, SECONDARY
 from stereocal.refined.distortion import FISHEYE, TILTED, distort
+from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY
 from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
 from stereocal.rig.geometry import fill_pose, midpoint
 

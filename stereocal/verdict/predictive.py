@@ -29,10 +29,10 @@ from stereocal.evaluation.compiled_run import (
     UNDERFLOW,
 )
 from stereocal.evaluation.summary import Estimate, crossing
-from stereocal.refined.bar_fit import BAR
 from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.solve import lenses_of
+from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig

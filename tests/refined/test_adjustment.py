@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.refined import adjustment, distortion, views
 from stereocal.refined.adjustment import add_baselines
-from stereocal.refined.bar_fit import BAR, BASELINE, DRIFT, PRIMARY, SHARED, TIME, views_of
 from stereocal.refined.distortion import lens_terms
 from stereocal.refined.solve import Solve, lenses_of
+from stereocal.refined.two_views import BAR, BASELINE, DRIFT, PRIMARY, SHARED, TIME, views_of
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
 from stereocal.rig import decompositions

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.refined.bar_fit import DISTORTION
 from stereocal.refined.disagreement import compare_inputs, what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import advice_on, undetectable_errors
+from stereocal.refined.two_views import DISTORTION
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.dataset import Dataset

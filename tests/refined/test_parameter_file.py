@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereocal.refined.bar_fit import TIME
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.two_views import TIME
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.two_views import SHARED
 from stereocal.refined.uncertainty import (
     Plane,
     accuracy_map,

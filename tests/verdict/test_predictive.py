@@ -14,9 +14,9 @@ from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.matching.reconstruction import reconstruct_points
-from stereocal.refined.bar_fit import BASELINE
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
+from stereocal.refined.two_views import BASELINE
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray

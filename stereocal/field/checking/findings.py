@@ -27,7 +27,7 @@ from stereocal.field.checking.noise import Noise
 from stereocal.field.checking.power import Power, Smallest
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
-from stereocal.refined.bar_fit import BASELINE
+from stereocal.refined.two_views import BASELINE
 from stereocal.refined.unknowns import pose_of, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray

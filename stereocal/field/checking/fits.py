@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
-from stereocal.refined.bar_fit import BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.solve import Solve
+from stereocal.refined.two_views import BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_between
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose

@@ -10,8 +10,8 @@ import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.matching.reconstruction import POSE, noise_of_file
-from stereocal.refined.bar_fit import BAR
 from stereocal.refined.robust import ASSUMED, GIVEN
+from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, shared_unknowns
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -27,7 +27,7 @@ SMALLEST_EIGENVALUE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """The 25 shared unknowns of `bar_fit` by a parameter file: normal, q + root N(0, 1)."""
+    """The 25 shared unknowns of `two_views` by a parameter file: normal, q + root N(0, 1)."""
 
     rig: RigParameters
     q: FloatArray

@@ -6,9 +6,9 @@ import numpy as np
 
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Fit
-from stereocal.refined.bar_fit import BAR, BASELINE, DISTORTION
 from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
 from stereocal.refined.robust import ESTIMATED, GIVEN
+from stereocal.refined.two_views import BAR, BASELINE, DISTORTION
 from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
 from stereocal.rig.parameters import RigParameters
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.bar_fit import SHARED
 from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.two_views import SHARED
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray
@@ -37,7 +37,7 @@ class Noise:
     """Standard deviation of an image coordinate."""
     source: Literal["stated", "parameter file", "assumed", "residuals"]
     spread: FloatArray
-    """(25, r): of the shared unknowns of `bar_fit`; r = 0 if the file states no covariance."""
+    """(25, r): of the shared unknowns of `two_views`; r = 0 if the file states no covariance."""
 
     @property
     def of_cameras(self) -> str:
