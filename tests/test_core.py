@@ -54,7 +54,7 @@ def test_the_commands_of_the_core(tmp_path: Path) -> None:
         ("evaluate field --out out", "plotly"),
         ("plan plan.json --out out", "plotly"),
         ("print target --side 0.1 --out a.pdf", "reportlab"),
-        ("calibrate field --out out --kit", "plotly"),
+        ("calibrate field --out out --kit", "matplotlib"),
         ("serve", "streamlit"),
     ],
 )

@@ -14,7 +14,7 @@ import stereocal
 from tests.wheel import ROOT, installed_in
 
 BESIDE = ("pages", "assets", "sample_data")
-MOST_BYTES = 12_000_000
+MOST_BYTES = 13_000_000
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_it_has_every_file_of_the_program(environment: dict[str, str]) -> None:
 def test_it_is_small_and_has_the_documentation(environment: dict[str, str]) -> None:
     site = Path(environment["PYTHONPATH"])
     packed = sum(path.stat().st_size for path in site.parent.glob("*.whl"))
-    assert 0 < packed < MOST_BYTES  # measured: 11.1 MB, of which 10.8 are photographs
+    assert 0 < packed < MOST_BYTES  # measured: 12.0 MB, of which 11.2 are photographs
     found = run(environment, "-c", "from stereocal.ui.help import *; print(len(topics()), DOCS)")
     number, folder = found.split()
     assert int(number) > 25

@@ -57,9 +57,9 @@ def reconstruct_points(
         sigma_px: standard deviation of one pixel coordinate, of all points or (n, 2) of each point
             in both cameras, for the standard errors; None: that of the file's targets.
         pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), or
-            (25, 25) of all shared unknowns of `two_views`, added to the effect of image noise; None:
-            that of the file. Its part is common to all points: distances between points are more
-            precise than their positions.
+            (25, 25) of all shared unknowns of `two_views`, added to the effect of image noise;
+            None: that of the file. Its part is common to all points: distances between points are
+            more precise than their positions.
     """
     rays = stack_rays(rig.primary.undistort(primary_px), rig.secondary.undistort(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)

@@ -204,6 +204,10 @@ def test_a_table_of_ones_own_by_keyboard_alone(
     page.keyboard.press("Enter")
     expect(page).to_have_url(re.compile("/data"))
     settled(page)
+    tab_to(page, partial(has_key, "data_how"))
+    page.keyboard.press("ArrowRight")  # to single files
+    page.keyboard.press("Enter")
+    settled(page)
     for slot, (name, lacking) in FILES.items():
         open_chooser(page, slot).set_files(FIELD / name)
         taken(page, lacking, settled)

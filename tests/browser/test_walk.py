@@ -53,6 +53,8 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
 ) -> None:
     page.goto(f"{app_url}/data")
     settled(page)
+    page.get_by_text("Single files", exact=True).click()
+    settled(page)
     missing = page.get_by_text("Still missing").first
     for slot, name, lacking in (
         ("correspondences", "correspondences.csv", "the primary camera's file, the secondary"),

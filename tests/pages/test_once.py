@@ -74,6 +74,7 @@ def test_single_files_are_parsed_once(
     app: AppTest, home: Path, tables: list[object], cameras: list[object]
 ) -> None:
     app.switch_page("pages/data.py").run()
+    app.segmented_control(key="data_how").set_value("Single files").run()
     for slot, name in (("primary", "primary.json"), ("correspondences", "correspondences.csv")):
         content = (FIELD / name).read_bytes()
         app.file_uploader(key=f"upload_{slot}").upload(name, content).run()
