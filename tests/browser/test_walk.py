@@ -138,7 +138,7 @@ def test_sample_to_downloads_with_a_refresh_and_a_restart(
 def test_folder_upload(page: Page, app_url: str, settled: Settled) -> None:
     page.goto(f"{app_url}/data")
     settled(page)
-    page.get_by_text("A folder", exact=True).click()
+    page.get_by_role("radiogroup", name="I have").get_by_text("A folder").click()
     page.locator(".st-key-upload_folder input[type=file]").set_input_files(FIELD)
     expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
 
