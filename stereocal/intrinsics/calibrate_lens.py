@@ -96,7 +96,7 @@ class LensSettings:
     model: LensModel = described(
         "brown",
         "Lens model",
-        "brown: OpenCV's usual lens, k1 k2 p1 p2 k3. fisheye: k1 k2 k3 k4, for action cameras and "
+        "Brown: OpenCV's usual lens, k1 k2 p1 p2 k3. Fisheye: k1 k2 k3 k4, for action cameras and "
         "other wide lenses.",
         choices=LENS_MODELS,
     )

@@ -231,7 +231,12 @@ def lens_form(project: Project) -> LensSettings:
             elif about.choices:
                 own = setting(project, f"lens_{name}", about.default, one_of(about.choices))
                 values[name] = st.radio(
-                    about.title, about.choices, help=about.help, horizontal=True, **own.widget()
+                    about.title,
+                    about.choices,
+                    format_func=str.capitalize,
+                    help=about.help,
+                    horizontal=True,
+                    **own.widget(),
                 )
             else:
                 bounds = bounds_of(about)
