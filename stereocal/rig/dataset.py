@@ -17,6 +17,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.placing import placed
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.system.numbers import rounded
@@ -403,6 +404,18 @@ class Dataset:
             self.primary.undistort(self.correspondences.primary),
             self.secondary.undistort(self.correspondences.secondary),
         )
+
+    @cached_property
+    def known_points_m(self) -> FloatArray:
+        """Known points in the primary camera's frame, (n, 3); NaN where unknown.
+
+        Those of the table. Of an object in a plane, such as a board, where the image of the primary
+        camera alone places it (paper, footnote 4).
+        """
+        rows = self.correspondences
+        if rows.rigid_object is None or np.isfinite(rows.known_points_m).any():
+            return rows.known_points_m
+        return placed(rows.frame, rows.rigid_object.points[rows.target], self.rays[:2])
 
     @cached_property
     def pixel_scale(self) -> FloatArray:

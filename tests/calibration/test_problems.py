@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.problems import known_points_of, reconstruction_problem
+from stereocal.calibration.problems import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.workflow import calibrate
 from tests import known_rig
@@ -16,7 +16,7 @@ from tests.rigs.objects import BOARD, WAND, recorded
 def test_a_board_is_placed_by_the_primary_camera_alone() -> None:
     """Measured without noise: 9e-13 px, and a cost of 2e-14 m a corner at the true pose."""
     data = recorded(BOARD, noise_px=0.0)
-    found = known_points_of(data)
+    found = data.known_points_m
     assert np.isfinite(found).all()
     u, _ = known_rig.images(found)
     assert np.abs(u - data.correspondences.primary).max() < 1e-8
@@ -28,7 +28,7 @@ def test_corners_of_a_board_that_is_hardly_seen_are_unknown() -> None:
     seen = np.ones((24, len(BOARD.names)), dtype=np.bool_)
     seen[3, 3:] = False
     data = recorded(BOARD, seen=seen)
-    unknown = np.isnan(known_points_of(data)).all(axis=1)
+    unknown = np.isnan(data.known_points_m).all(axis=1)
     assert (unknown == (data.correspondences.frame == 4)).all()
 
 
