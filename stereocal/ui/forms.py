@@ -119,17 +119,15 @@ def _numbers(project: Project, without: Collection[str] = ()) -> None:
     columns = st.columns(3)
     for at, name in enumerate(name for name in NUMBERS if name not in without):
         number_input(columns[at % 3], NUMBERS[name], _bounds(name), fields[name])
-    solver = OTHERS["essential"]
-    st.segmented_control(
-        solver.title,
-        solver.choices,
-        required=True,
-        help=solver.help,
-        **fields["essential"].widget(),
-    )
-    for name in ("all_frames", "time_offset", "time_drift"):
-        if name != "time_drift" or fields["time_offset"].value():
-            st.toggle(OTHERS[name].title, help=OTHERS[name].help, **fields[name].widget())
+    for name, about in OTHERS.items():
+        if name == "time_drift" and not fields["time_offset"].value():
+            continue
+        if about.choices:
+            st.segmented_control(
+                about.title, about.choices, required=True, help=about.help, **fields[name].widget()
+            )
+        elif isinstance(about.default, bool):
+            st.toggle(about.title, help=about.help, **fields[name].widget())
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:
