@@ -8,6 +8,7 @@ every rejection would shrink the step; `minimum_moves=1` follows the paper liter
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,6 +74,23 @@ class SearchSettings:
             )
         if self.maximum_moves < 1:
             raise StereocalError(f"maximum_moves is {self.maximum_moves}: it must be at least 1.")
+
+
+    @property
+    def steps(self) -> Steps:
+        """The settings for the compiled search."""
+        return Steps(*(getattr(self, name) for name in Steps._fields))
+
+
+class Steps(NamedTuple):
+    """The settings of the compiled search, see `SearchSettings`."""
+
+    delta: float
+    delta_min: float
+    acceptance: float
+    shrink: float
+    minimum_moves: int
+    maximum_moves: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,12 +195,7 @@ def _run(
         problem.reference,
         problem.pixel_scale,
         np.random.Generator(np.random.PCG64(sequence)),
-        settings.delta,
-        settings.delta_min,
-        settings.acceptance,
-        settings.shrink,
-        settings.minimum_moves,
-        settings.maximum_moves,
+        settings.steps,
         history,
     )
     return cost, evaluations, stopped, history
@@ -197,12 +210,7 @@ def search(
     reference: FloatArray,
     pixel_scale: FloatArray,
     rng: np.random.Generator,
-    delta: float,
-    delta_min: float,
-    acceptance: float,
-    shrink: float,
-    minimum_moves: int,
-    maximum_moves: int,
+    steps: Steps,
     history: FloatArray,
 ) -> tuple[float, int, bool]:
     """The search, in place on `angles`.
@@ -212,8 +220,8 @@ def search(
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(angles, baseline, R, T)
     best = costs.cost(kind, R, T, rays, reference, pixel_scale)
-    tried = accepted = moves = 0
-    while delta >= delta_min and moves < maximum_moves:
+    delta, tried, accepted, moves = steps.delta, 0, 0, 0
+    while delta >= steps.delta_min and moves < steps.maximum_moves:
         draw = rng.integers(0, 10)  # Steps 1 and 2: one of five angles, one of two signs
         chosen = draw >> 1
         before = angles[chosen]
@@ -231,7 +239,7 @@ def search(
             history[1, moves] = delta
             history[2, moves] = accepted / tried
         moves += 1
-        if tried >= minimum_moves and accepted < acceptance * tried:  # Step 6
+        if tried >= steps.minimum_moves and accepted < steps.acceptance * tried:  # Step 6
             tried = accepted = 0
-            delta *= shrink
-    return best, moves + 1, delta < delta_min
+            delta *= steps.shrink
+    return best, moves + 1, delta < steps.delta_min

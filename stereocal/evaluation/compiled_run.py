@@ -10,7 +10,7 @@ import numpy as np
 
 from stereocal.calibration import costs
 from stereocal.calibration.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
-from stereocal.calibration.montecarlo import search
+from stereocal.calibration.montecarlo import Steps, search
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
 from stereocal.rig.geometry import (
     angles_of,
@@ -42,8 +42,7 @@ def calibrate_rays(
     reference: FloatArray,
     of_2d: np.random.Generator,
     of_3d: np.random.Generator,
-    steps: tuple[float, float, float, float],
-    moves: tuple[int, int],
+    steps: Steps,
 ) -> bool:
     """Calibrate with the three methods.
 
@@ -54,8 +53,7 @@ def calibrate_rays(
         rays: (4, n), for essential and 2D.
         kind: the 3D cost of `costs`, with its `measured_rays` and `reference`.
         of_2d, of_3d: random generators of the two searches.
-        steps: delta, delta_min, acceptance, shrink of the search.
-        moves: minimum_moves, maximum_moves of the search.
+        steps: settings of the searches.
 
     Returns:
         False for fewer than 8 pairs, or points that do not determine the pose.
@@ -87,12 +85,7 @@ def calibrate_rays(
                 reference,
                 pixel_scale,
                 of_2d if method == 1 else of_3d,
-                steps[0],
-                steps[1],
-                steps[2],
-                steps[3],
-                moves[0],
-                moves[1],
+                steps,
                 no_trace,
             )
             if not np.isfinite(cost):

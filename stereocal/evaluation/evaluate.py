@@ -219,8 +219,7 @@ def paper_angles(
         measuring.reference,
         np.random.Generator(np.random.PCG64(of_2d)),
         np.random.Generator(np.random.PCG64(of_3d)),
-        (search.delta, search.delta_min, search.acceptance, search.shrink),
-        (search.minimum_moves, search.maximum_moves),
+        search.steps,
     ):
         return angles
     # Fewer than 8 pairs, or a failure: the functions that raise errors with the reason.
