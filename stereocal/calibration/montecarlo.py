@@ -57,12 +57,6 @@ class SearchSettings:
         "Moves at one step before the ratio is looked at. Paper: 1, to the letter; 20 is steadier.",
         between=(1, 100_000),
     )
-    restarts: int = described(
-        0,
-        "Restarts",
-        "How often the search begins again at its end, with the first step. Paper: 0.",
-        between=(0, 100),
-    )
     maximum_moves: int = 2_000_000
     """Limit of the number of trials (paper: none)."""
     seed: int = described(
@@ -97,7 +91,6 @@ class Steps(NamedTuple):
     shrink: float
     minimum_moves: int
     maximum_moves: int
-    restarts: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +220,7 @@ def search(
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(angles, baseline, R, T)
     best = costs.cost(kind, R, T, rays, reference, pixel_scale)
-    delta, tried, accepted, moves, again = steps.delta, 0, 0, 0, steps.restarts
+    delta, tried, accepted, moves = steps.delta, 0, 0, 0
     while delta >= steps.delta_min and moves < steps.maximum_moves:
         draw = rng.integers(0, 10)  # Steps 1 and 2: one of five angles, one of two signs
         chosen = draw >> 1
@@ -249,6 +242,4 @@ def search(
         if tried >= steps.minimum_moves and accepted < steps.acceptance * tried:  # Step 6
             tried = accepted = 0
             delta *= steps.shrink
-            if delta < steps.delta_min and again > 0:
-                again, delta = again - 1, steps.delta
     return best, moves + 1, delta < steps.delta_min
