@@ -48,7 +48,6 @@ RICHEST = {
     "aniposelib": FULL,
     "caliscope": FULL,
     "colmap": NO_SKEW,
-    "mrcal": NO_SKEW,
     "dlt": FULL,
 }
 """The rig with all that the format holds."""

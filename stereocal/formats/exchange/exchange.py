@@ -32,7 +32,6 @@ from stereocal.formats.exchange.kalibr import (
 )
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.matlab import is_matlab_file, read_matlab, write_matlab
-from stereocal.formats.exchange.mrcal import is_mrcal, read_mrcal, write_mrcal
 from stereocal.formats.exchange.opencv_stereo import is_opencv, read_opencv, write_opencv
 from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions, Posed
 from stereocal.formats.exchange.reading import LARGEST_BYTES, CameraPair, Files, ForeignFile
@@ -122,9 +121,6 @@ FORMATS: Mapping[str, ExchangeFormat] = {
         write=write_caliscope,
         ignores_skew=True,
         coefficients=5,
-    ),
-    "mrcal": ExchangeFormat(
-        "mrcal (two camera models)", read_mrcal, is_mrcal, one_camera=True, write=write_mrcal
     ),
     "colmap": ExchangeFormat("COLMAP (rig)", read_colmap, write=write_colmap),
     "dlt": ExchangeFormat(
