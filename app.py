@@ -6,7 +6,7 @@ from pathlib import Path
 def main() -> None:
     """Draw the frame and run the chosen page.
 
-    The imports stand here because a child process that tries files imports this module.
+    The imports stand here because a child process that reads a file imports this module.
     """
     import streamlit as st
 
@@ -18,11 +18,9 @@ def main() -> None:
     with title_shown(page):
         from stereocal.ui.navigation import check_settings, run_page
         from stereocal.ui.project import keep_address
-        from stereocal.ui.uploads import watch_uploads
         from stereocal.ui.warm_up import warm_up
     check_settings()
     warm_up()
-    watch_uploads()
     keep_address()
     run_page(page)
 

@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.blocks import TableBlock
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import POINT
@@ -31,7 +30,6 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import rounded
-from stereocal.system.tasks import Pieces
 
 PAIRS, POINTS = "pairs.csv", "points.csv"
 STAGES = ("frames matched", "pairs measured")
@@ -145,14 +143,12 @@ def apply_sets(
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
-    pieces: Pieces[TableBlock] | None = None,
 ) -> Outcome | None:
     """Write `pairs.csv` and `points.csv` into a folder; None if cancelled.
 
     Args:
         tables: the primary's and the secondary's points.
         executor: computes blocks of both tables; None: the calling thread.
-        pieces: checkpoint of finished blocks of the same input.
     """
     refuse_different_rigs(work.matching, work.measuring)
     if begin is not None:
@@ -171,7 +167,6 @@ def apply_sets(
         progress=progress,
         cancelled=cancelled,
         executor=executor,
-        pieces=pieces,
         sigma_px=work.sigma_px,
     )
     if matched is None:
@@ -193,7 +188,6 @@ def apply_sets(
         progress=progress,
         cancelled=cancelled,
         executor=executor,
-        pieces=pieces,
     )
     if measured is None:
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.blocks import TableBlock
 from stereocal.matching.in_step import bring_into_step
 from stereocal.matching.matching import (
     ANY_DEPTH,
@@ -36,7 +35,7 @@ from stereocal.matching.threshold import ThresholdChoice, choose_threshold, samp
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
-from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 OTHER_IMAGES = 0.2
@@ -82,7 +81,6 @@ def match_tables(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
-    pieces: Pieces[TableBlock] | None = None,
     sigma_px: float | None = None,
 ) -> MatchReport | None:
     """Match two tables (`frame,u,v` and further columns) and write the pairs; None if cancelled.
@@ -93,7 +91,6 @@ def match_tables(
         unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
         progress: called with the number of frames done and the total.
         executor: matches blocks of frames; None: the calling thread.
-        pieces: checkpoint of finished blocks of the same input; CSV only, without `unmatched`.
     """
     secondary, timing = bring_into_step(secondary, POINT, rig)
     contents = [
@@ -111,17 +108,16 @@ def match_tables(
     total = len(np.union1d(contents[0].frames, contents[1].frames))
     columns = [*PAIR_COLUMNS, *sigma_columns(chosen.noise), *names.columns]
 
-    lines_of = None if pieces is None else columns
     tasks = (
         Task(
             f"matched {block[0][0]} to {block[-1][0]}",
             _match_block,
-            (rig, block, chosen.threshold_px, depths_m, names, chosen.noise, lines_of),
+            (rig, block, chosen.threshold_px, depths_m, names, chosen.noise),
             len(block),
         )
         for block in _blocks(_side_by_side(primary, secondary))
     )
-    matched = run_tasks(tasks, executor, total, progress, cancelled, pieces, AHEAD)
+    matched = run_tasks(tasks, executor, total, progress, cancelled, ahead=AHEAD)
     counts = np.zeros(4, dtype=np.int64)
     try:
         with ExitStack() as stack:
@@ -130,11 +126,11 @@ def match_tables(
             if unmatched is not None:
                 further = dict.fromkeys([*primary.further, *secondary.further])
                 lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
-            for _, found in stack.enter_context(closing(matched)):
-                pairs.add(found.rows)
-                if lost is not None and found.others is not None:
-                    lost.add(found.others)
-                counts += found.numbers.astype(np.int64)
+            for _, (found, numbers, lonely) in stack.enter_context(closing(matched)):
+                pairs.add(found)
+                if lost is not None:
+                    lost.add(lonely)
+                counts += numbers
     except StoppedError:
         return None
     count, ambiguous, left_primary, left_secondary = counts.tolist()
@@ -220,12 +216,9 @@ def _match_block(
     depths_m: tuple[float, float],
     names: FurtherNames,
     noise: PointNoise | None,
-    lines_of: Sequence[str] | None,
-) -> TableBlock:
-    """The pairs of a block; numbers: pairs, ambiguous pairs, unmatched points of each camera.
-
-    Args:
-        lines_of: columns to return as lines of CSV; None: a table.
+) -> tuple[pd.DataFrame, list[int], pd.DataFrame]:
+    """The pairs of a block; numbers of pairs, ambiguous pairs, and unmatched points of each camera;
+    the unmatched points.
     """
     found, lonely = zip(
         *(match_frame(rig, *frame, threshold, depths_m, names, noise) for frame in block),
@@ -240,12 +233,11 @@ def _match_block(
     ]
     filled = [table for table in found if len(table)]
     left = [table for table in lonely if len(table)]
-    matched = TableBlock(
+    return (
         pd.concat(filled) if filled else found[0],
-        np.array(numbers, dtype=np.float64),
+        numbers,
         pd.concat(left) if left else lonely[0],
     )
-    return matched if lines_of is None else matched.as_lines(lines_of)
 
 
 def _side_by_side(

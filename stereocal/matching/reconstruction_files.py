@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.blocks import TableBlock
 from stereocal.matching.in_step import bring_into_step, shift_pixels
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
@@ -32,7 +32,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.numbers import rounded
-from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
@@ -192,14 +192,12 @@ def reconstruct_table(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
-    pieces: Pieces[TableBlock] | None = None,
 ) -> ReconstructionReport | None:
     """Reconstruct a table of pairs on disk, a block at a time, and write the points.
 
     Args:
         progress: called with the number of pairs done and the total.
         executor: measures blocks; None: the calling thread.
-        pieces: checkpoint of finished blocks of the same input; CSV only.
 
     Returns:
         The report; None if cancelled, then no file is written.
@@ -218,24 +216,23 @@ def reconstruct_table(
     columns += [] if world is None else [COORDINATES]
     columns += list(_passed_on((*pairs.numbers, *pairs.further)).values())
 
-    lines_of = None if pieces is None else columns
     tasks = (
         Task(
             f"measured {block.index[0]} to {block.index[-1]}",
             _measure_block,
-            (rig, block, world, noise, lines_of),
+            (rig, block, world, noise),
             len(block),
         )
         for block in pairs.blocks()
     )
-    measured = run_tasks(tasks, executor, contents.rows, progress, cancelled, pieces, AHEAD)
+    measured = run_tasks(tasks, executor, contents.rows, progress, cancelled, ahead=AHEAD)
     errors, outside = [], 0
     try:
         with open_table(out, columns) as writer, closing(measured):
-            for _, found in measured:
-                writer.add(found.rows)
-                outside += int(found.numbers[0])
-                errors.append(found.numbers[1:])
+            for _, (points, beyond, own) in measured:
+                writer.add(points)
+                outside += beyond
+                errors.append(own)
     except StoppedError:
         return None
     pooled = np.concatenate(errors)
@@ -252,23 +249,15 @@ def reconstruct_table(
 
 
 def _measure_block(
-    rig: RigParameters,
-    block: pd.DataFrame,
-    world: Pose | None,
-    noise: PointNoise | None,
-    lines_of: Sequence[str] | None,
-) -> TableBlock:
-    """The points of a block, as lines of CSV if `lines_of` names columns.
-
-    numbers: how many points lie outside the volume of the bars, then the errors.
-    """
+    rig: RigParameters, block: pd.DataFrame, world: Pose | None, noise: PointNoise | None
+) -> tuple[pd.DataFrame, int, npt.NDArray[np.float32]]:
+    """The points of a block, how many lie outside the volume of the bars, and the errors in px."""
     table = _measured(rig, block, world, noise)
     errors = table["error_px"].to_numpy(dtype=np.float32)
     outside = 0
     if OUTSIDE_VOLUME in table:
         outside = int((table[OUTSIDE_VOLUME].to_numpy() & ~np.isnan(errors)).sum())
-    measured = TableBlock(table, np.append(np.float32(outside), errors))
-    return measured if lines_of is None else measured.as_lines(lines_of)
+    return table, outside, errors
 
 
 def _sigmas(pairs: pd.DataFrame, noise: PointNoise) -> FloatArray:

@@ -26,14 +26,9 @@ class TableWriter:
         self._waiting: list[pd.DataFrame] = []
         self._rows_waiting = 0
 
-    def add(self, rows: pd.DataFrame | str) -> None:
-        """Append rows with the columns of `open_table`, or lines of CSV."""
+    def add(self, rows: pd.DataFrame) -> None:
+        """Append rows with the columns of `open_table`."""
         if not len(rows):
-            return
-        if isinstance(rows, str):
-            if self._waiting or self._file is None:
-                self._write()
-            self._file.write(rows)
             return
         self._waiting.append(rows)
         self._rows_waiting += len(rows)

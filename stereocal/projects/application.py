@@ -12,13 +12,11 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.world_tables import check_world
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, apply_sets
-from stereocal.matching.blocks import TableBlock
 from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.point_files import ASKING, ProjectPoints
 from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.records import of_plain, pack
-from stereocal.system.tasks import Pieces
 from stereocal.system.zip_files import pack_zip, unzip
 
 Use = Literal["matching", "measuring"]
@@ -120,7 +118,6 @@ class ProjectApplication(ProjectPoints):
         progress: Callable[[int, int], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
         executor: Executor | None = None,
-        pieces: Pieces[TableBlock] | None = None,
     ) -> bool:
         """Match and measure, and replace the last result; False if cancelled.
 
@@ -133,7 +130,7 @@ class ProjectApplication(ProjectPoints):
             folder = Path(temporary)
             names = work.primary.name, work.secondary.name
             tables = self._copied(names[0], folder), self._copied(names[1], folder)
-            outcome = apply_sets(work, tables, folder, begin, progress, cancelled, executor, pieces)
+            outcome = apply_sets(work, tables, folder, begin, progress, cancelled, executor)
             if outcome is None:
                 return False
             files = {name: self.database.keep_file(folder / name, name) for name in (PAIRS, POINTS)}

@@ -14,7 +14,7 @@ import json
 import re
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -23,7 +23,6 @@ from typing import Any
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.inputs import MANIFEST
-from stereocal.matching.parquet import PARQUET
 from stereocal.projects.application import APPLIED, SETS
 from stereocal.projects.check import CHECK
 from stereocal.projects.data_folder import new_database
@@ -81,9 +80,6 @@ RESULTS = {
 }
 PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
-PARQUET_BEGINS = b"PAR1"
-LookThrough = Callable[[str, Path, str], None]
-"""Called with the kind of a file that native code will decode, its path and its name."""
 
 
 def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | None = None) -> None:
@@ -171,13 +167,8 @@ def _write(archive: zipfile.ZipFile, path: str, pieces: Iterable[bytes]) -> None
             file.write(piece)
 
 
-def unpack_project(
-    source: Path | bytes, name: str, home: Path, look_through: LookThrough | None = None
-) -> Project:
+def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
     """Import a zip of `pack_project` as a new project below `home`.
-
-    Args:
-        look_through: called before native code reads a file; if it raises, nothing is imported.
 
     Raises:
         StereocalError: not a zip, no project in it, or an invalid one; nothing is imported.
@@ -186,12 +177,12 @@ def unpack_project(
     def fill(database: Store) -> None:
         with open_zip(source, name) as opened:
             check_size(sum(map(opened.size, opened.names)))
-            _fill(Project(database), opened, name, look_through)
+            _fill(Project(database), opened, name)
 
     return Project(new_database(home, fill))
 
 
-def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | None) -> None:
+def _fill(project: Project, opened: OpenZip, source: str) -> None:
     manifest = _manifest(opened, source)
     database = project.database
     try:
@@ -209,9 +200,6 @@ def _fill(project: Project, opened: OpenZip, source: str, look: LookThrough | No
                 for item in own["files"]:
                     part, name, path = item["part"], str(item["name"]), str(item["path"])
                     file = _unpacked(opened, path, Path(folder))
-                    kind = guarded_kind(part, file)
-                    if look is not None and kind:
-                        look(kind, file, path)
                     stored = replace(store.keep_file(file, path), about=item["about"])
                     store.name_files(_known(part), {name: stored})
                 for kind, file_name in RESULTS.items():
@@ -261,14 +249,4 @@ def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
     with target.open("wb") as file:
         for piece in opened.pieces(member):
             file.write(piece)
-    with target.open("rb") as file:
-        if file.read(len(PARQUET_BEGINS)) == PARQUET_BEGINS:  # whatever its name
-            return target.rename(folder / "file.parquet")
     return target
-
-
-def guarded_kind(part: str, file: Path) -> str | None:
-    """The kind of file that native code decodes; None for files that only Python reads."""
-    if file.suffix in PARQUET:
-        return "table"
-    return "photograph" if part in (BAR, *BOARDS) else None

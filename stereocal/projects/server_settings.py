@@ -27,8 +27,6 @@ class ServerSettings:
     download_mb: float = 2000.0
     """STEREOCAL_DOWNLOAD_MB: the largest project that is packed for download; the zip is in memory
     while its page is open."""
-    uploads_mb: float = 1000.0
-    """STEREOCAL_UPLOADS_MB: memory for all uploads together until they are stored."""
     workers: int = field(default_factory=lambda: os.cpu_count() or 1)
     """STEREOCAL_WORKERS: number of concurrent tasks, for all sessions together."""
 
@@ -43,6 +41,5 @@ class ServerSettings:
             undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
             project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
             download_mb=number_given(given, "STEREOCAL_DOWNLOAD_MB", cls.download_mb),
-            uploads_mb=number_given(given, "STEREOCAL_UPLOADS_MB", cls.uploads_mb),
             workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
         )

@@ -10,9 +10,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.matching.application import STAGES, Application, Outcome, Points, unlabelled
-from stereocal.matching.blocks import pack_block, unpack_block
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
-from stereocal.matching.parquet import PARQUET
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import USES, ProjectApplication, Use
 from stereocal.projects.project import Project
@@ -21,7 +19,6 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths, threshold_form
-from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
 from stereocal.ui.long_answers import answer_when_ready
@@ -206,10 +203,7 @@ def _take_points(project: Project, store: ProjectApplication, side: CameraName) 
         with taking(upload):
             check_uploads([upload])
             with st.spinner("Reading."):
-                content = upload.getvalue()
-                if upload.name.lower().endswith(PARQUET):
-                    server_guard().check_content("table", content, upload.name, PARQUET[0])
-                store.offer_points(side, upload.name, content)
+                store.offer_points(side, upload.name, upload.getvalue())
             if all(store.point_file(each) for each in CAMERAS):
                 _points_kind(project, store).set(FILES)
             clear_refusal()
@@ -257,5 +251,4 @@ def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
         job.progress,
         lambda: job.cancelled,
         job.executor,
-        job.checkpoints("blocks", pack_block, unpack_block),
     )

@@ -29,7 +29,6 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply import GIVEN, RESULTS
-from stereocal.ui.decoding import server_guard
 from stereocal.ui.downloads import on_demand
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -210,10 +209,7 @@ def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
     if upload is not None and is_new(upload):
         with taking(upload), st.spinner("Reading."):
             check_uploads([upload])
-            content = upload.getvalue()
-            if upload.name.lower().endswith(".parquet"):
-                server_guard().check_content("table", content, upload.name, ".parquet")
-            store.keep_images(upload.name, content, rig)
+            store.keep_images(upload.name, upload.getvalue(), rig)
             clear_refusal()
         st.rerun()
 

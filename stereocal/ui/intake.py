@@ -36,7 +36,6 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
-from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.refusal import ask_lens
@@ -45,7 +44,7 @@ from stereocal.ui.refusal import refuse as refuse
 from stereocal.ui.refusal import show_refusal as show_refusal
 from stereocal.ui.texts import escape_markdown as escape_markdown
 from stereocal.ui.uploads import Upload as Upload
-from stereocal.ui.uploads import check_dropped, free_memory
+from stereocal.ui.uploads import free_memory
 
 TITLES: Mapping[Slot, str] = {
     "correspondences": "Table of points (CSV)",
@@ -80,7 +79,6 @@ def check_uploads(uploads: Sequence[Upload]) -> None:
     Raises:
         StereocalError: a limit is exceeded; names the setting that changes it.
     """
-    check_dropped()
     limits = Limits.from_environment()
     limits.check_count(len(uploads), "The upload")
     limits.check_together(sum(upload.size for upload in uploads), "The upload")
@@ -140,26 +138,17 @@ def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
 def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectLens) -> None:
     """Store photographs one by one and add them; report invalid ones on the page."""
     found: dict[str, StoredFile] = {}
-    refused: list[StereocalError] = []
     # No Streamlit calls in here: a click could end the script halfway.
     with st.spinner("Storing the photographs."):
         try:
             for name, content in photographs:
-                try:
-                    server_guard().check_content("photograph", content, name)
-                except StereocalError as error:
-                    refused.append(error)
-                else:
-                    found[name] = store.keep(name, content)
-            if not found and not refused:
+                found[name] = store.keep(name, content)
+            if not found:
                 raise StereocalError("There is no photograph among these files.")
         except StereocalError as error:
-            refused.insert(0, error)
+            refuse(error)
         if found:
             store.add(found)
-    if refused:
-        more = f" So do {len(refused) - 1} others." if len(refused) > 1 else ""
-        refuse(StereocalError(f"{refused[0]}{more}"))
 
 
 def take_file(slot: Slot, upload: Upload | None) -> None:
@@ -272,11 +261,7 @@ def give_dataset(
             return False
         files = pack_pair(parse_dataset(files, source, lens_model=lens_model))
         folder, description = find_description(files, source)
-    given: dict[str, StoredFile] = {}
-    for name, content in photographs():
-        server_guard().check_content("photograph", content, name)
-        given[name] = store.keep(name, content)
-    found = of_the_bar(given)
+    found = of_the_bar({name: store.keep(name, content) for name, content in photographs()})
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     read: dict[Slot, Camera | Table] = {}
     survey: Survey | Dataset

@@ -18,7 +18,7 @@ from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, TITLES, show_menu
-from stereocal.ui.messages import callback, forget_messages, show_messages
+from stereocal.ui.messages import forget_messages, show_messages
 from stereocal.ui.page_states import page_states
 from stereocal.ui.project import (
     leave_pair,
@@ -28,7 +28,6 @@ from stereocal.ui.project import (
     show_saved,
 )
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.uploads import check_dropped
 from stereocal.ui.warm_up import compiling_shown
 
 _ORDER = [name for name in TITLES if name != "help"]
@@ -85,7 +84,6 @@ def check_settings() -> None:
 def run_page(page: StreamlitPage) -> None:
     """Draw a page with the queued messages above it; errors of a project become messages."""
     st.html(FITS)
-    callback(check_dropped)()
     if chosen := st.session_state.pop(_NEXT, None):
         st.switch_page(chosen)
     if open_created():

@@ -29,7 +29,6 @@ from stereocal.projects.home import (
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
-from stereocal.ui.decoding import server_guard
 from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
@@ -197,8 +196,7 @@ def _pack_and_unpack(project: Project | None) -> None:
         try:
             if upload.file_id not in unpacked:
                 check_uploads([upload])
-                content = upload.getvalue()
-                opened = unpack_project(content, upload.name, default_home(), server_guard().check)
+                opened = unpack_project(upload.getvalue(), upload.name, default_home())
                 unpacked[upload.file_id] = opened.id
         except StereocalError as error:
             st.error(escape_markdown(str(error)))

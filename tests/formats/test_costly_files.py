@@ -15,9 +15,10 @@ from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.file_storage import read_storage
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.yaml_text import read_yaml
+from stereocal.system.guarded import Reader
 from stereocal.system.json_text import DEEPEST, MOST_VALUES, read_json
 from stereocal.system.latest import read_once
-from tests.deadly import READERS
+from tests import deadly
 
 
 class TestToml:
@@ -67,12 +68,13 @@ def test_xml_and_yaml_nested_too_deeply() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "message"), [("abort", "makes its decoder fail"), ("eat", "too much memory")]
+    ("read", "message"),
+    [(deadly.abort, "makes its decoder fail"), (deadly.eat, "too much memory")],
 )
 def test_an_hdf5_file_that_kills_its_decoder(
-    kind: str, message: str, monkeypatch: pytest.MonkeyPatch
+    read: Reader, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sleap_h5, "analysis_table", READERS[kind])
+    monkeypatch.setattr(sleap_h5, "analysis_table", read)
     with pytest.raises(StereocalError, match=f"^a.h5: the file .*{message}"):
         point_text(b"\x89HDF\r\n\x1a\n", "a.h5")
 

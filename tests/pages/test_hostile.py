@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
-from stereocal.system.guarded import Guard
 from stereocal.ui.menu import TITLES
-from tests.deadly import ALL_ABORT
 from tests.hostile_projects import dataset
 from tests.pages.stored_projects import messages
 from tests.soak import repeats
@@ -99,16 +96,6 @@ def tracebacks(app: AppTest) -> str:
     return "".join(f"{each.message}\n{each.stack_trace}" for each in app.exception)
 
 
-@pytest.fixture
-def deadly(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Every decoder crashes in the child that tries it."""
-    guard = Guard(ALL_ABORT)
-    for module in ("intake", "apply", "check", "projects"):
-        monkeypatch.setattr(f"stereocal.ui.{module}.server_guard", lambda: guard)
-    yield
-    guard.close()
-
-
 @pytest.mark.parametrize("door", DOORS, ids=lambda door: f"{door.page}, {door.reader}")
 @pytest.mark.soak
 def test_no_door_shows_a_traceback(door: Door, home: Path) -> None:
@@ -139,24 +126,6 @@ def test_an_address_that_is_none(address: str, home: Path) -> None:
     app.run()
     assert not tracebacks(app)
     assert "The address does not name a project" in messages(app)
-
-
-@pytest.mark.parametrize(
-    "door",
-    [door for door in DOORS if door.reader in ("photograph, PNG", "Parquet", "project, zip")],
-    ids=lambda door: f"{door.page}, {door.reader}",
-)
-@pytest.mark.usefixtures("deadly")
-def test_a_file_that_crashes_its_decoder(door: Door, home: Path) -> None:
-    project = begun(home)
-    before = project.dataset
-    app = opened(door, project)
-    app.file_uploader(key=door.uploader).upload(door.name, readers()[door.reader].seeds()[0])
-    app.run()
-    assert not tracebacks(app)
-    assert "makes its decoder fail" in messages(app)
-    after = project.dataset
-    assert before is not None and after is not None and after.sha256 == before.sha256
 
 
 @pytest.mark.parametrize(

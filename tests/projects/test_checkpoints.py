@@ -7,7 +7,6 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,7 +20,6 @@ from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.search import pack_detection, unpack_detection
 from stereocal.intrinsics.boards import BoardView, Refused, find_board
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
-from stereocal.matching.blocks import TableBlock, pack_block, unpack_block
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.photograph import read_photograph
@@ -105,23 +103,6 @@ def test_draws_come_back_to_the_last_bit(values: list[float]) -> None:
     draws = np.array([values])
     back = unpack_draws(pack(draws))
     assert np.array_equal(back, draws, equal_nan=True) and back.dtype == draws.dtype
-
-
-@given(
-    rows=st.lists(st.tuples(st.integers(), st.floats(), st.booleans(), st.text(max_size=9))),
-    numbers=st.lists(st.floats()),
-)
-def test_lines_of_a_table_come_back_to_the_last_bit(
-    rows: list[tuple[int, float, bool, str]], numbers: list[float]
-) -> None:
-    table = pd.DataFrame(rows, columns=["frame", "u", "ambiguous", "name"])
-    block = TableBlock(table, np.array(numbers)).as_lines(["frame", "u", "ambiguous", "name"])
-    packed = pack_block(block)
-    assert packed is not None
-    back = unpack_block(packed)
-    assert back.rows == block.rows
-    assert np.array_equal(back.numbers, block.numbers, equal_nan=True)
-    assert pack_block(TableBlock(table, np.array(numbers))) is None
 
 
 def test_settings_that_are_read_in_part_are_written_whole() -> None:

@@ -10,13 +10,10 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.system.guarded import Guard
-from stereocal.ui.decoding import READERS, server_guard
+from stereocal.system.guarded import Guard, Reader
 from tests import deadly
 
 SLOW = 60.0
@@ -25,7 +22,7 @@ SLOW = 60.0
 
 @pytest.fixture(scope="module")
 def guard() -> Iterator[Guard]:
-    made = Guard(deadly.READERS, least_seconds=SLOW)
+    made = Guard([deadly.say], least_seconds=SLOW)
     yield made
     made.close()
 
@@ -38,36 +35,39 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("kind", "sentence"),
+    ("read", "sentence"),
     [
-        ("abort", "makes its decoder fail"),
-        ("raise", "makes its decoder fail"),
-        ("hang", "takes too long to be decoded, more than 1 s"),
-        ("spin", "takes too long to be decoded, more than 1 s"),
-        ("eat", "needs too much memory"),
+        (deadly.abort, "makes its decoder fail"),
+        (deadly.divide, "makes its decoder fail"),
+        (deadly.hang, "takes too long to be decoded, more than 1 s"),
+        (deadly.spin, "takes too long to be decoded, more than 1 s"),
+        (deadly.eat, "needs too much memory"),
     ],
 )
 def test_a_deadly_file_leaves_a_sentence_and_the_next_one_is_read(
-    guard: Guard, file: Path, kind: str, sentence: str, monkeypatch: pytest.MonkeyPatch
+    guard: Guard,
+    file: Path,
+    read: Reader,
+    sentence: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     with (
         monkeypatch.context() as patch,
         pytest.raises(StereocalError, match=f"^left.png: the file {sentence}.*save it again"),
     ):
-        if kind in ("hang", "spin"):
+        if read in (deadly.hang, deadly.spin):
             patch.setattr(guard, "_least_seconds", 1.0)
-        guard.check(kind, file, "left.png")
-    guard.check("fine", file, "left.png")
-
-
-def test_a_damaged_file_is_survived(
-    guard: Guard, file: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    guard.check("refuse", file, "a")
-    guard.check("print", file, "a")
+        guard.read(read, file, "left.png")
+    assert guard.read(deadly.say, file, "left.png") == 17
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_file_is_survived(guard: Guard, file: Path) -> None:
+    with pytest.raises(StereocalError, match=r"^damaged$"):
+        guard.read(deadly.refuse, file, "a")
     with pytest.raises(StereocalError, match="gone cannot be read"):
-        guard.check("fine", file.with_name("none"), "gone")
+        guard.read(deadly.say, file.with_name("none"), "gone")
 
 
 SERVER = """
@@ -75,7 +75,8 @@ import sys
 from pathlib import Path
 from stereocal.system.guarded import Guard
 from tests import deadly
-Guard(deadly.READERS, least_seconds=1).check(sys.argv[2], Path(sys.argv[1]), "a")
+read = getattr(deadly, sys.argv[2])
+Guard([read], least_seconds=1).read(read, Path(sys.argv[1]), "a")
 """
 
 
@@ -110,41 +111,3 @@ def _runs(process: int) -> bool:
         return not (stat.exists() and stat.read_text().split()[2] == "Z")
     except (ProcessLookupError, FileNotFoundError):
         return False
-
-
-def test_the_real_readers_in_the_child(tmp_path: Path) -> None:
-    """Sound files and damaged ones are survived; the room suffices for the largest kinds."""
-    rng = np.random.default_rng(1)
-    grey = rng.integers(0, 255, (900, 1400)).astype(np.uint8)
-    deep = rng.integers(0, 65535, (900, 1400, 4)).astype(np.uint16)
-    contents = {
-        "a.png": cv2.imencode(".png", grey)[1].tobytes(),
-        "b.png": cv2.imencode(".png", deep)[1].tobytes(),
-        "c.tif": cv2.imencode(".tif", deep[:, :, :3])[1].tobytes(),
-        "d.jpg": cv2.imencode(".jpg", grey)[1].tobytes(),
-        "e.bmp": cv2.imencode(".bmp", grey)[1].tobytes(),
-    }
-    contents |= {f"cut_{name}": content[:-2000] for name, content in contents.items()}
-    guard = Guard(READERS, children=1)
-    files = {}
-    for name, content in contents.items():
-        files[name] = tmp_path / name
-        files[name].write_bytes(content)
-    try:
-        assert guard.refused("photograph", files) == {}
-        guard.check_content("table", b"PAR1 is none", "a.parquet", ".parquet")
-    finally:
-        guard.close()
-
-
-def test_files_are_tried_on_a_shared_server_only(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    own = Guard(deadly.READERS, children=0)
-    own.check("abort", file, "a")
-    own.check_content("abort", b"a", "a")
-    assert own.refused("abort", {"a": file}) == {}
-    for shared, children in (("", 0), ("1", 2)):
-        monkeypatch.setenv("STEREOCAL_SHARED", shared)
-        assert server_guard()._children == children
-        assert server_guard() is server_guard()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,15 +21,10 @@ from stereocal.frames.video.times import (
 )
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.system.guarded import Guard, Reader
+from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
 
 STAGES = ("frames looked at", "frames taken")
-READERS: Mapping[str, Reader] = {
-    "times": read_times,
-    "scores": score_frames,
-    "frames": encoded_frames,
-}
 LEAST_SECONDS = 120.0
 """Time limit of a segment of a video, on a busy server."""
 SEGMENT = 200
@@ -65,11 +60,6 @@ class VideoReport:
     """Whether frames are missing within a video, by its time stamps."""
 
 
-def guard_of_videos() -> Guard:
-    """The child processes that decode; to be closed."""
-    return Guard(READERS, children=2, least_seconds=LEAST_SECONDS)
-
-
 def extract(
     videos: tuple[Path, Path],
     settings: VideoSettings,
@@ -89,9 +79,9 @@ def extract(
     Returns:
         None if cancelled.
     """
-    guard = guard_of_videos()
+    guard = Guard([read_times, score_frames, encoded_frames], least_seconds=LEAST_SECONDS)
     try:
-        times = [_read(guard, path) for path in videos]
+        times: list[VideoTimes] = [guard.read(read_times, path, path.name) for path in videos]
         pairs = pair_times(times[0].seconds, times[1].seconds, settings.later_s)
         work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress, cancelled)
         chosen = every(pairs, settings.n) if settings.choice == "every" else work.stillest()
@@ -109,11 +99,6 @@ def extract(
         sentences.append(f"{lost} could not be decoded.")
     missing = any(gaps_of(each.seconds) for each in times)
     return VideoReport(tuple(sentences), len(chosen) - lost, missing)
-
-
-def _read(guard: Guard, path: Path) -> VideoTimes:
-    found: VideoTimes = guard.read("times", path, path.name)
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,13 +171,13 @@ class _Work:
         if self.cancelled():
             return which, np.zeros((0, 3))
         path = self.videos[which]
-        return which, self.guard.read("scores", path, path.name, first, last)
+        return which, self.guard.read(score_frames, path, path.name, first, last)
 
     def _encoded(self, which: int, chosen: IntArray, lossless: bool) -> list[bytes | None]:
         path = self.videos[which]
         seconds = self.times[which].seconds[self.pairs.frames[chosen, which]].tolist()
         found: list[bytes | None] = self.guard.read(
-            "frames", path, path.name, seconds, lossless, self.coloured
+            encoded_frames, path, path.name, seconds, lossless, self.coloured
         )
         return found
 

@@ -1,0 +1,81 @@
+"""Blocks matched and measured by several threads give the same files as one after the other."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.matching import matching_files
+from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
+from tests import known_rig as rig
+
+
+class StopAt:
+    """Progress that asks for a stop once so much is done."""
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.done = 0
+
+    def progress(self, done: int, total: int) -> None:
+        assert self.done <= done <= total
+        self.done = done
+
+    def cancelled(self) -> bool:
+        return self.done >= self.limit
+
+
+def scattered(folder: Path) -> Application:
+    """160 frames of 6 points each, in an order of their own in either camera, with a further column
+    that needs quotes."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (960, 3))
+    primary, secondary = rig.images(points)
+    frames = np.repeat(np.arange(160), 6)
+    tables: list[Points] = []
+    for which, pixels in (("p", primary), ("s", secondary)):
+        table = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
+        table["note"] = [f'"{i}", the {which}\n' for i in range(960)]
+        table = table.sample(frac=1, random_state=len(tables)).sort_values("frame", kind="stable")
+        path = folder / f"{which}.csv"
+        table.to_csv(path, index=False)
+        tables.append(Points(path.name, path.name, 960, 160))
+    params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
+    volume = Volume((-0.2, 0.2), (-0.2, 0.2), (6.5, 9.0))
+    measuring = replace(params, method="3d", volume=volume)
+    return Application(tables[0], tables[1], params, measuring, 0.5)
+
+
+def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = scattered(tmp_path)
+    monkeypatch.setattr("stereocal.matching.parquet.BLOCK_ROWS", 80)
+    folders = [tmp_path / name for name in ("plain", "whole", "stopped")]
+    for folder in folders:
+        folder.mkdir()
+    tables = tmp_path / "p.csv", tmp_path / "s.csv"
+    plain = apply_sets(work, tables, folders[0])
+    stop = StopAt(240)  # all 160 frames are matched, and some of the pairs measured
+
+    def begin(_: str) -> None:
+        stop.done = 0
+
+    with ThreadPoolExecutor(2) as threads:
+        whole = apply_sets(work, tables, folders[1], executor=threads)
+        stopped = apply_sets(
+            work, tables, folders[2], begin, stop.progress, stop.cancelled, threads
+        )
+    assert stopped is None
+    assert list(folders[2].iterdir()) == [folders[2] / PAIRS]
+    assert plain is not None and plain == whole
+    outside = pd.read_csv(folders[0] / POINTS)["outside_volume"]
+    assert f"{outside.sum()} of 960 points lie outside the volume" in " ".join(plain.sentences)
+    for name in (PAIRS, POINTS):
+        assert len({(folder / name).read_bytes() for folder in folders[:2]}) == 1
+    assert matching_files.BLOCK_FRAMES == 25
