@@ -79,7 +79,8 @@ def camera_of(search: BoardSearch, known: LensUncertainty | None) -> Camera:
 def uncertainties(boards: StereoBoards, subset: int) -> list[LensUncertainty | None]:
     found = []
     for search in boards.searches:
-        lens = calibrate_lens(search, replace(SETTINGS, subset=subset), AtOnce())
+        own = replace(SETTINGS, subset=subset)
+        lens = calibrate_lens(search, own, AtOnce(), without_each=True)
         assert lens is not None
         found.append(lens.camera.uncertainty)
     return found
@@ -144,8 +145,9 @@ def halves(boards: StereoBoards) -> None:
 
 
 def bootstrap(boards: StereoBoards) -> None:
-    known = uncertainties(boards, 20)
-    stated = standard_errors(refined(some(boards, range(13)), known))
+    whole = some(boards, range(13))
+    known = uncertainties(whole, 20)
+    stated = standard_errors(refined(whole, known))
     found: list[FloatArray] = []
     for seed in range(DRAWS):
         chosen = np.random.default_rng(seed).choice(13, 13)

@@ -133,6 +133,8 @@ class LensCalibration:
     """(repeats, 9): `PARAMETERS` of each draw."""
     of_all: FloatArray
     """(9,): `PARAMETERS` from all photographs at once."""
+    without: FloatArray | None = None
+    """(views, 9): without each of the photographs; None if not asked for."""
 
     @cached_property
     def values(self) -> FloatArray:
@@ -179,7 +181,13 @@ class LensCalibration:
         sigma = self.standard_errors
         fx, fy, cx, cy = (float(value) for value in sigma[:4])
         count = 4 if self.settings.model == "fisheye" else 5
-        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4 : 4 + count], self.correlation)
+        without = dict[str, FloatArray]()
+        if self.without is not None:
+            changes = (self.without - self.of_all)[:, : len(LENS_UNKNOWNS)]
+            without = {v.name: row for v, row in zip(self.search.views, changes, strict=True)}
+        uncertainty = LensUncertainty(
+            fx, fy, cx, cy, sigma[4 : 4 + count], self.correlation, without
+        )
         lens = _camera(self.values, self.search.image_size, self.settings.model)
         return replace(lens, uncertainty=uncertainty)
 
@@ -217,6 +225,7 @@ def calibrate_lens(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[FloatArray] | None = None,
+    without_each: bool = False,
 ) -> LensCalibration | None:
     """Calibrate all draws on any executor; the result depends on the settings only.
 
@@ -224,6 +233,7 @@ def calibrate_lens(
         progress: called with the number of draws done and the total.
         cancelled: polled during the computation.
         pieces: checkpoint of finished draws.
+        without_each: whether to calibrate without each of the photographs too.
 
     Returns:
         The calibration; None if cancelled.
@@ -233,21 +243,26 @@ def calibrate_lens(
     drawn = np.array(
         [_draw(len(views), size, settings.seed, repeat) for repeat in range(settings.repeats)]
     )
-    every = np.arange(len(views))[None]
-    chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, settings.repeats, CHUNK))]
+    every, total = np.arange(len(views))[None], settings.repeats
+    chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, total, CHUNK))]
+    if without_each:
+        chunks += [np.delete(every, at, axis=1) for at in range(len(views))]
+        total += len(views)
     about = (search.pattern, views, search.image_size, settings)
     of_views = digest_of(search, settings)
     tasks = (
         Task(f"{of_views} {number}", solve_draws, (*about, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
     )
-    every_draw = run_tasks(tasks, executor, settings.repeats, progress, cancelled, pieces)
+    every_draw = run_tasks(tasks, executor, total, progress, cancelled, pieces)
     try:
         with closing(every_draw) as finished:
-            of_all, *draws = (found for _, found in finished)
+            found = np.vstack([part for _, part in finished])
     except StoppedError:
         return None
-    calibration = LensCalibration(search, settings, drawn, np.vstack(draws), of_all[0])
+    of_all, draws, without = np.split(found, [1, 1 + settings.repeats])
+    own = without if without_each else None
+    calibration = LensCalibration(search, settings, drawn, draws, of_all[0], own)
     _check_lens(calibration)
     return calibration
 

@@ -172,11 +172,20 @@ def lenses_of_boards(
     """The lenses from all boards of each camera; None if cancelled."""
     found = []
     for search in boards.searches:
-        lens = calibrate_lens(search, settings, executor, progress, cancelled)
+        lens = calibrate_lens(search, settings, executor, progress, cancelled, without_each=True)
         if lens is None:
             return None
         found.append(lens)
     return found[0], found[1]
+
+
+def _by_frame(camera: Camera, names: Mapping[str, int]) -> Camera:
+    """The camera with what its lens is without each board by frame, not by photograph."""
+    known = camera.uncertainty
+    if known is None or not known.without:
+        return camera
+    without = {str(names.get(name, name)): change for name, change in known.without.items()}
+    return replace(camera, uncertainty=replace(known, without=without))
 
 
 def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str) -> Recording:
@@ -191,6 +200,7 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
                 f"The {which}'s photographs have {search.image_size[0]}x{search.image_size[1]} px, "
                 f"its camera file {camera.image_size[0]}x{camera.image_size[1]}."
             )
+    frames = {view.name: seen.frame for seen in boards.common for view in seen.views}
     rows = [
         (seen.frame, camera, view.ids, view.corners)
         for seen in in_one_order(boards.common, cameras, boards.pattern)
@@ -198,7 +208,9 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
     ]
     return Recording(
         name=name,
-        cameras=dict(zip(CAMERAS, cameras, strict=True)),
+        cameras={
+            which: _by_frame(own, frames) for which, own in zip(CAMERAS, cameras, strict=True)
+        },
         object=RigidObject.of_board(boards.pattern),
         frame=np.concatenate([np.full(len(ids), frame) for frame, _, ids, _ in rows]),
         camera=np.concatenate([np.full(len(ids), camera) for _, camera, ids, _ in rows]),

@@ -22,6 +22,7 @@ from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.robust import Noise
+from stereocal.refined.same_boards import FEWEST, covariance_of_boards, lenses_without
 from stereocal.refined.solve import Solve, lenses_of
 from stereocal.refined.two_views import BAR, DRIFT, TIME
 from stereocal.refined.unknowns import (
@@ -118,21 +119,24 @@ class RefinedResult:
         rows = self.dataset.correspondences.where(self.used_rows)
         return clusters_in(rows, self.rig, self.frames[~self.outlying])
 
-    @cached_property
-    def design_effect(self) -> float:
-        """How many times the clusters scatter more than independent frames would; at least 1."""
+    @property
+    def _solve(self) -> Solve:
+        """The solve at its end, for normal equations of parts of the data."""
         solve = Solve(self.dataset, self.pose, self.settings, self.rows)
         solve.unknowns = self.unknowns
         solve.sigma_px, solve.scatter = self.sigma_px.value, self.scatter_m.value
-        return design_effect(solve, self.q, np.flatnonzero(~self.outlying), self.clusters)
+        return solve
+
+    @cached_property
+    def design_effect(self) -> float:
+        """How many times the clusters scatter more than independent frames would; at least 1."""
+        return design_effect(self._solve, self.q, np.flatnonzero(~self.outlying), self.clusters)
 
     @cached_property
     def images_alone(self) -> tuple[FloatArray, FloatArray]:
         """Normal equations of images and lengths at `q`, without priors: H (25, 25) and the
         gradient (25,), of all unknowns, free or fixed. Frames that follow each other count less."""
-        solve = Solve(self.dataset, self.pose, self.settings, self.rows)
-        solve.sigma_px, solve.scatter = self.sigma_px.value, self.scatter_m.value
-        H, g, _ = solve.equations(self.q, [np.flatnonzero(~self.outlying)])
+        H, g, _ = self._solve.equations(self.q, [np.flatnonzero(~self.outlying)])
         return H[0] / self.design_effect, g[0] / self.design_effect
 
     @cached_property
@@ -140,9 +144,17 @@ class RefinedResult:
         """(k, k): covariance of the free parameters, priors included.
 
         Frames that follow each other count for less: the information of the images is divided by
-        the `design_effect`.
+        the `design_effect`. Where the same boards gave the lenses: `same_boards`.
         """
-        return self.unknowns.covariance(self.information / self.design_effect)
+        found = self.unknowns.covariance(self.information / self.design_effect)
+        used = np.flatnonzero(~self.outlying)
+        without = lenses_without(self.dataset, self.settings)
+        if not without or len(used) < FEWEST:
+            return found
+        H, g, _ = self._solve.equations(self.q, [*used[:, None]])
+        names = map(str, self.frames[used].tolist())
+        equations = dict(zip(names, zip(H, g, strict=True), strict=True))
+        return covariance_of_boards(self.unknowns, found, equations, without)
 
     @cached_property
     def p_covariance_by_model(self) -> FloatArray:

@@ -189,7 +189,7 @@ def unknowns_of(
     origin[: EPSILON + 1] = start.angles
     origin[BASELINE], origin[BAR], origin[TIME], origin[DRIFT] = dataset.baseline_m, 1.0, 0.0, 0.0
     for number, camera in enumerate((dataset.primary, dataset.secondary)):
-        origin[_places(number)] = camera.lens_values
+        origin[lens_places(number)] = camera.lens_values
     baseline = baseline_sigma_m(dataset, settings)
     bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
     if np.isinf(baseline) and (np.isinf(bar) or not bars):
@@ -207,10 +207,10 @@ def unknowns_of(
     for number, prior in enumerate(priors):
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
-        blocks.append(lens_block(CAMERAS[number], prior, _places(number)))
+        blocks.append(lens_block(CAMERAS[number], prior, lens_places(number)))
     late, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
     blocks.append(([("time offset", late, [TIME]), ("time drift", drift, [DRIFT])], None))
-    focal_lengths = [place for number in range(2) for place in _places(number)[:2]]
+    focal_lengths = [place for number in range(2) for place in lens_places(number)[:2]]
     return free_parameters(blocks, origin, focal_lengths)
 
 
@@ -278,8 +278,8 @@ def _precision(sigma: FloatArray, correlation: FloatArray) -> FloatArray:
     return found
 
 
-def _places(number: int) -> list[int]:
-    """The indices in q of the lens unknowns of the primary (0) or the secondary (1)."""
+def lens_places(number: int) -> list[int]:
+    """(8,): the indices in q of the lens unknowns of the primary (0) or the secondary (1)."""
     first, distortion = (PRIMARY, SECONDARY)[number], DISTORTION + 4 * number
     return [*range(first, first + 4), *range(distortion, distortion + 4)]
 
@@ -352,7 +352,7 @@ def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
 
 def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
     """The stated primary (0) or secondary (1) with the lens values of q instead of its own."""
-    return with_lens(stated, q[_places(number)])
+    return with_lens(stated, q[lens_places(number)])
 
 
 def with_lens(stated: Camera, lens: FloatArray) -> Camera:

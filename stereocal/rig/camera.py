@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -42,6 +42,9 @@ class LensUncertainty:
         fx, fy, cx, cy: in pixels.
         distortion: one for each coefficient of the camera.
         correlation: (8, 8), of the errors of `LENS_UNKNOWNS`; None if unknown.
+        without: `LENS_UNKNOWNS` (8,) without each photograph minus those of all, where the other
+            camera was calibrated with the same boards; by frame, or by file name where it does not
+            see the board.
     """
 
     fx: float
@@ -50,6 +53,7 @@ class LensUncertainty:
     cy: float
     distortion: FloatArray
     correlation: FloatArray | None = None
+    without: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         distortion = np.array(self.distortion, dtype=np.float64).ravel()
@@ -67,14 +71,21 @@ class LensUncertainty:
                 )
             whole.setflags(write=False)
             object.__setattr__(self, "correlation", whole)
+        for name, change in self.without.items():
+            if change.shape != (len(LENS_UNKNOWNS),) or not np.isfinite(change).all():
+                raise StereocalError(
+                    f'The change of the lens "without" {name} must be a list of 8 numbers.'
+                )
 
     def to_json(self) -> dict[str, Any]:
         """The standard errors by name, as plain numbers."""
         whole = self.correlation
+        without = {name: change.tolist() for name, change in self.without.items()}
         return {
             **{name: float(getattr(self, name)) for name in ("fx", "fy", "cx", "cy")},
             "distortion": self.distortion.tolist(),
             **({} if whole is None else {"correlation": whole.tolist()}),
+            **({"without": without} if without else {}),
         }
 
     @classmethod
@@ -85,7 +96,9 @@ class LensUncertainty:
             distortion = np.array(data["distortion"], dtype=np.float64)
             whole = data.get("correlation")
             correlation = None if whole is None else np.array(whole, dtype=np.float64)
-            return cls(fx, fy, cx, cy, distortion, correlation)
+            changes = dict(data.get("without", {})).items()
+            without = {name: np.array(change, dtype=np.float64) for name, change in changes}
+            return cls(fx, fy, cx, cy, distortion, correlation, without)
         except StereocalError as error:
             raise StereocalError(f"{source}: {error}") from error
         except (TypeError, ValueError, KeyError, OverflowError) as error:

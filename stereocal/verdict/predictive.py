@@ -31,6 +31,7 @@ from stereocal.evaluation.compiled_run import (
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.same_boards import lenses_without
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns
@@ -243,7 +244,7 @@ def predict(
     sets = np.array([shared_unknowns(files[method]) for method in methods])
     lenses = lenses_of(model.dataset)
     of_noise = draw_noise(model, draws, rng)
-    truths = _truths(knowledge or model, of_noise.across, rng)
+    truths = _truths(knowledge or model, of_noise.across, rng, knowledge is None)
     ends = fresh_bars(model, draws, 2 * bars, rng)
     noise = noise_of_points(of_noise.degrees, 4 * bars, rng)
     noise *= (model.sigma_px.value * of_noise.across)[:, None, None]
@@ -295,13 +296,22 @@ def bin_edge(threshold_px: float) -> int:
     return round((math.log10(max(threshold_px, 1e-300)) - LOWEST) / BIN_WIDTH)
 
 
-def _truths(model: RefinedResult, scales: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(draws, 25): draws of the shared unknowns; the covariance grows with the drawn noise."""
+def _truths(
+    model: RefinedResult, scales: FloatArray, rng: np.random.Generator, of_boards: bool
+) -> FloatArray:
+    """(draws, 25): draws of the shared unknowns; the covariance grows with the drawn noise.
+
+    Args:
+        of_boards: whether lenses from the same boards are taken for what they are.
+    """
     M, k = model.unknowns.M, len(model.unknowns.names)
     of_images = M.T @ model.information @ M / model.design_effect
+    prior = model.unknowns.precision
+    if of_boards and lenses_without(model.dataset, model.settings):
+        of_images, prior = np.asarray(np.linalg.inv(model.p_covariance)), np.zeros((k, k))
     found = np.empty((len(scales), len(M)))
     for own, scale in zip(found, scales, strict=True):
-        A = of_images / scale**2 + model.unknowns.precision
+        A = of_images / scale**2 + prior
         unit = 1.0 / np.sqrt(np.diag(A))
         root = np.linalg.cholesky(A * np.outer(unit, unit))
         own[:] = model.q + M @ (unit * np.linalg.solve(root.T, rng.standard_normal(k)))

@@ -29,8 +29,9 @@ from stereocal.intrinsics.stereo_boards import (
     recording_of,
     stereo_boards,
 )
-from stereocal.refined.refine import refine
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.photograph import read_photograph
 from tests.lens import PATTERN, SMALL, AtOnce
@@ -142,10 +143,20 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "10 boards of 8x6 inner corners are in photographs of both" in told
     assert "right04.png: no board with 8x6 inner corners is completely visible" in told
     data = read_dataset(out)
-    found = refine(data).pose
+    result = refine(data)
+    known, found = data.primary.uncertainty, result.pose
+    assert known is not None
+    assert {*known.without} == {*map(str, result.frames), "left04.png"}
+    assert not np.allclose(result.covariance, covariance_by_model(result), rtol=0.05)
     off = np.degrees(np.arccos(np.clip((np.trace(found.R @ rig.R.T) - 1) / 2, -1, 1)))
     assert off < 0.3
     assert found.baseline == pytest.approx(rig.baseline, rel=0.01)
+
+
+def covariance_by_model(result: RefinedResult) -> FloatArray:
+    """As if other boards had given the lenses."""
+    C = result.unknowns.covariance(result.information / result.design_effect)
+    return np.asarray(result.unknowns.M @ C @ result.unknowns.M.T)
 
 
 def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
