@@ -10,7 +10,7 @@ from dataclasses import replace
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.fields import one_of, setting
+from stereocal.ui.fields import choose
 from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import answer_when_ready
@@ -90,9 +90,7 @@ try:
         "Residuals by place": lambda: show_misfit(kept, settings),
         "The refined set": lambda: show_parameters(result),
     }
-    field = setting(project, "one_set_view", next(iter(views)), one_of(list(views)), tabs_own=True)
-    view = st.segmented_control("Look at", list(views), required=True, **field.widget())
-    views[view]()
+    views[choose(project, "one_set_view", "Look at", views)]()
     with place:  # last, because the trials take the processor from the rest of the page
         show_seeds(answer)
 except StereocalError as error:

@@ -20,7 +20,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths, threshold_form
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
+from stereocal.ui.intake import show_refusal, take_one
 from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_upload import PURPOSES, upload_set
@@ -199,15 +199,13 @@ def _take_points(project: Project, store: ProjectApplication, side: CameraName) 
         help="A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, "
         "DeepLabCut (CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program.",
     )
-    if upload is not None and is_new(upload):
-        with taking(upload):
-            check_uploads([upload])
-            with st.spinner("Reading."):
-                store.offer_points(side, upload.name, upload.getvalue())
-            if all(store.point_file(each) for each in CAMERAS):
-                _points_kind(project, store).set(FILES)
-            clear_refusal()
-        st.rerun()
+
+    def take(name: str, content: bytes) -> None:
+        store.offer_points(side, name, content)
+        if all(store.point_file(each) for each in CAMERAS):
+            _points_kind(project, store).set(FILES)
+
+    take_one(upload, take)
 
 
 def _last(store: ProjectApplication) -> Outcome | None:

@@ -22,7 +22,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import IntArray
 from stereocal.ui.apply_threshold import whole_table
 from stereocal.ui.chosen_frame import NAME, frames_photographed, photographs_of
-from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.fields import Field, choose, number, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback, fragment
 from stereocal.ui.texts import escape_markdown
@@ -180,19 +180,15 @@ def _show_space(
 ) -> None:
     columns, usual = _track_columns(outcome.digest, points)
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        views = list(VIEWS)
-        from_where = setting(project, "apply_seen_from", views[0], one_of(views), tabs_own=True)
-        view = st.segmented_control("Seen from", views, required=True, **from_where.widget())
+        view = choose(project, "apply_seen_from", "Seen from", VIEWS)
         with st.popover("Colour, lines"):
-            colours: list[Colour] = list(TITLES)
-            by = setting(project, "apply_colour", colours[0], one_of(colours), tabs_own=True)
-            colour = st.segmented_control(
-                "Colour", colours, format_func=TITLES.__getitem__, required=True, **by.widget()
+            colour: Colour = choose(
+                project, "apply_colour", "Colour", TITLES, format_func=TITLES.__getitem__
             )
-            ways = [NOTHING, *columns]
-            lines = setting(project, "apply_tracks", usual or NOTHING, one_of(ways), tabs_own=True)
-            st.selectbox("Lines connect points of the same", ways, **lines.widget())
-    column = lines.value()
+            title, ways = "Lines connect points of the same", [NOTHING, *columns]
+            column: str = choose(
+                project, "apply_tracks", title, ways, usual or NOTHING, as_menu=True
+            )
     tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
     figure = plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
     words = describe_points(points, tracks, outcome.world)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import pandas as pd
 import streamlit as st
@@ -31,8 +30,8 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_frames import are_own, show_frames
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import choose, number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.sets_in_use import PAPERS
@@ -95,7 +94,7 @@ def _show_result(
     show_frames(project, store, outcome, tables.pairs, tables.points)
     with st.container(horizontal=True):
         for name in (PAIRS, POINTS):
-            _download(files[name], name, "primary")
+            _download(files[name], name, primary=True)
     return tables
 
 
@@ -122,17 +121,8 @@ def _show_looks(
         looks[look]()
 
 
-def _download(file: StoredFile, name: str, kind: Literal["primary", "secondary"]) -> None:
-    st.download_button(
-        f"Download {name}",
-        on_demand(file.read_bytes, name, "text/csv"),
-        name,
-        "text/csv",
-        on_click="ignore",
-        icon=":material/download:",
-        key=f"download_{name}",
-        type=kind,
-    )
+def _download(file: StoredFile, name: str, primary: bool = False) -> None:
+    offer(f"Download {name}", file.read_bytes, name, f"download_{name}", primary=primary)
 
 
 def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None) -> None:
@@ -145,11 +135,8 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         )
         return
     left, right = st.columns(2)
-    way = left.selectbox(
-        "Points are told apart by",
-        ways,
-        **setting(project, "apply_way", ways[0], one_of(ways)).widget(),
-    )
+    title = "Points are told apart by"
+    way = choose(project, "apply_way", title, ways, place=left, tabs_own=False, as_menu=True)
     length = setting(project, "apply_known", known_m, number(0.0, or_none=True))
     known = right.number_input(
         "Known length (m)",
@@ -163,14 +150,17 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
     if way != TWO:
         names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
         first, second = (
-            column.selectbox(
+            choose(
+                project,
+                f"apply_{title.lower()}_{way}",
                 title,
                 names,
-                **setting(project, f"apply_{title.lower()}_{way}", name, one_of(names)).widget(),
+                name,
+                place=column,
+                tabs_own=False,
+                as_menu=True,
             )
-            for title, name, column in zip(
-                ("From", "To"), names[:1] + names[1:2], st.columns(2), strict=True
-            )
+            for title, name, column in zip(("From", "To"), names[:2], st.columns(2), strict=True)
         )
         ends = (first, second)
     if known is None:
@@ -217,7 +207,7 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         )
         with st.container(horizontal=True):
             for table, name in zip(outcome.tables, names, strict=True):
-                _download(store.table(table), name, "secondary")
+                _download(store.table(table), name)
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)

@@ -20,7 +20,8 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
-from stereocal.ui.fields import Fit, one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import Fit, choose, setting
 from stereocal.ui.foreign import ask, ask_size
 from stereocal.ui.intake import SEVERAL, clear_refusal, escape_markdown
 from stereocal.ui.texts import escaped_table
@@ -93,8 +94,11 @@ def _cameras(project: Project, names: tuple[str, ...]) -> tuple[str, str]:
     st.caption(f"It has {len(names)} cameras: choose two. For all, choose *{SEVERAL}* above.")
     chosen = []
     for k, (column, which) in enumerate(zip(st.columns(2), ("Primary", "Secondary"), strict=True)):
-        field = setting(project, f"archive_camera_{k}", names[k], one_of(names))
-        chosen.append(column.selectbox(f"{which} camera", names, **field.widget()))
+        key, title = f"archive_camera_{k}", f"{which} camera"
+        one = choose(
+            project, key, title, names, names[k], place=column, tabs_own=False, as_menu=True
+        )
+        chosen.append(one)
     first, second = (str(names.index(name) + 1) for name in chosen)
     return first, second
 
@@ -111,13 +115,8 @@ def _show(found: Archive, baseline_known: bool) -> None:
     elif found.correspondences is not None and not baseline_known:
         st.caption("It has no baseline: enter the measured one below, or say that there is none.")
     if found.throw is not None:
-        st.download_button(
-            "The thrown object, for a world frame",
-            found.throw.to_csv(index=False),
-            THROW,
-            "text/csv",
-            on_click="ignore",
-            icon=":material/download:",
+        offer(
+            "The thrown object, for a world frame", found.throw.to_csv(index=False), THROW, "throw"
         )
 
 

@@ -29,10 +29,10 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply import GIVEN, RESULTS
-from stereocal.ui.downloads import on_demand
+from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import check_uploads, clear_refusal, is_new, show_refusal, taking
+from stereocal.ui.intake import show_refusal, take_one
 from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import readable
 from stereocal.ui.point_noise import ask_noise, noise_field
@@ -41,7 +41,6 @@ from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
 TABLES = ["zip", "csv", "txt", "tsv", "parquet"]
-JSON = "application/json"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
@@ -187,12 +186,7 @@ def _take_files(
             upload = st.file_uploader(
                 "Parameters: parameters_refined.json", type=["json"], key="upload_check_parameters"
             )
-            if upload is not None and is_new(upload):
-                with taking(upload):
-                    check_uploads([upload])
-                    store.keep_parameters(upload.name, upload.getvalue())
-                    clear_refusal()
-                st.rerun()
+            take_one(upload, store.keep_parameters)
         if _images_kind(project, store).value() == FILE:
             _take_images(store, rig)
 
@@ -206,12 +200,7 @@ def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
         "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars or 50 "
         "points are a good start.",
     )
-    if upload is not None and is_new(upload):
-        with taking(upload), st.spinner("Reading."):
-            check_uploads([upload])
-            store.keep_images(upload.name, upload.getvalue(), rig)
-            clear_refusal()
-        st.rerun()
+    take_one(upload, lambda name, content: store.keep_images(name, content, rig))
 
 
 def show_check(chosen: Chosen) -> None:
@@ -223,15 +212,12 @@ def show_check(chosen: Chosen) -> None:
     if found.offers_repair:
         given = chosen.parameters
         sha256 = None if given is None else hashlib.sha256(given).hexdigest()
-        st.download_button(
+        offer(
             f"{REPAIRED} · for both",
-            on_demand(lambda: repaired_parameters(found, sha256).dumps(), REPAIRED, JSON),
+            lambda: repaired_parameters(found, sha256).dumps(),
             REPAIRED,
-            JSON,
-            on_click="ignore",
-            type="primary",
-            icon=":material/download:",
-            key="download_repaired",
+            "download_repaired",
+            primary=True,
         )
         st.caption(
             "To match and to measure, until the rig is calibrated again. On the Apply page, give "

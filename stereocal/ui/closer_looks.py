@@ -34,7 +34,7 @@ from stereocal.ui.chosen_frame import (
     photographs_of,
     state_of,
 )
-from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback, fragment
 from stereocal.ui.navigation import go_to
@@ -145,9 +145,8 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
     frame = choose_frame(project, found)
     views = views_of(found, frame)
     methods = list(views)
-    seen = setting(project, "two_sets_method", methods[0], one_of(methods), tabs_own=True)
-    method = st.segmented_control(
-        "Set", methods, format_func=METHOD_NAMES.__getitem__, required=True, **seen.widget()
+    method = choose(
+        project, "two_sets_method", "Set", methods, format_func=METHOD_NAMES.__getitem__
     )
     st.markdown(f"**{escape_markdown(describe_two_sets(views))}**")
     photographs = photographs_of(project, frame)

@@ -9,12 +9,13 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import STATES, Frame, describe_frames
-from stereocal.frames.review import choose, is_open
+from stereocal.frames.review import choose as decide
+from stereocal.frames.review import is_open
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
 from stereocal.projects.thumbnails import thumbnail
-from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.fields import choose, number, setting
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
 Item = TypeVar("Item")
@@ -41,13 +42,12 @@ def show_contact_sheet(
         **{state.capitalize(): [f for f in frames if f.state == state] for state in STATES},
     }
     kinds = [name for name, group in groups.items() if group or name == "All"]
-    kind = setting(store.project, "sheet_kind", "All", one_of(kinds), tabs_own=True)
-    chosen = st.segmented_control(
+    chosen = choose(
+        store.project,
+        "sheet_kind",
         "Show",
         kinds,
         format_func=lambda name: f"{name} ({len(groups[name])})",
-        required=True,
-        **kind.widget(),
     )
     on_a_sheet(
         store.project,
@@ -117,7 +117,7 @@ def _show_frame(
 def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
     try:
         use = bool(st.session_state[key])
-        change_review(store, lambda review: choose(review, number, use))
+        change_review(store, lambda review: decide(review, number, use))
         clear_refusal()
     except StereocalError as error:
         refuse(error)

@@ -9,23 +9,64 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable
+from typing import Any
 
+import streamlit as st
 from streamlit import runtime
+from streamlit.delta_generator import DeltaGenerator
 
 HELD_S = 60.0
 _PLACES = itertools.cycle(range(100))
 
 
-def on_demand(make: Callable[[], bytes | str], name: str, mime: str) -> Callable[[], bytes]:
-    """The `data` of a download button: `make` is called when the button is pressed."""
+MIMES = {
+    "json": "application/json",
+    "zip": "application/zip",
+    "pdf": "application/pdf",
+    "yml": "application/yaml",
+    "csv": "text/csv",
+    "html": "text/html",
+    "svg": "image/svg+xml",
+}
+"""By the ending of a name; others are plain text."""
+
+
+def offer(
+    label: str,
+    content: bytes | str | Callable[[], bytes | str],
+    name: str,
+    key: str,
+    *,
+    primary: bool = False,
+    place: DeltaGenerator | None = None,
+    **button: Any,
+) -> None:
+    """A download button.
+
+    Args:
+        content: made when the button is pressed, if it is a function.
+        name: of the file.
+        place: where the button stands; None: here.
+        button: passed on to `st.download_button`.
+    """
+    mime = MIMES.get(name.rsplit(".", 1)[-1], "text/plain")
 
     def data() -> bytes:
-        made = make()
-        content = made.encode() if isinstance(made, str) else made
-        _hold(content, name, mime)
-        return content
+        made = content() if callable(content) else content
+        packed = made.encode() if isinstance(made, str) else made
+        _hold(packed, name, mime)
+        return packed
 
-    return data
+    (place or st).download_button(
+        label,
+        data if callable(content) else content,
+        name,
+        mime,
+        key=key,
+        on_click="ignore",
+        type="primary" if primary else "secondary",
+        **{"icon": ":material/download:", **button},
+    )
 
 
 def _hold(content: bytes, name: str, mime: str) -> None:

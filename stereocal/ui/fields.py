@@ -10,12 +10,13 @@ on the next, where the widget starts at its minimum. So the value is written to 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.ui.messages import callback
@@ -168,6 +169,33 @@ def some_of(options: Sequence[Any]) -> Fit:
 def yes_or_no(value: Any) -> bool:
     """True or False."""
     return bool(one_of((False, True))(value))
+
+
+def choose(
+    values: Values | None,
+    key: str,
+    title: str,
+    options: Iterable[Any],
+    usual: Any = None,
+    *,
+    place: DeltaGenerator | None = None,
+    tabs_own: bool = True,
+    as_menu: bool = False,
+    **widget: Any,
+) -> Any:
+    """One of some options, by buttons or from a menu; its value.
+
+    Args:
+        usual: the default; None: the first option.
+        place: where it stands; None: here.
+        widget: passed on to Streamlit.
+    """
+    known = list(options)
+    fit = one_of(known)
+    own = setting(values, key, known[0] if usual is None else usual, fit, tabs_own=tabs_own)
+    if as_menu:
+        return (place or st).selectbox(title, known, **own.widget(), **widget)
+    return (place or st).segmented_control(title, known, required=True, **own.widget(), **widget)
 
 
 def begin_page(page: str) -> None:

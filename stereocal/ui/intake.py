@@ -153,16 +153,14 @@ def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectL
 
 def take_file(slot: Slot, upload: Upload | None) -> None:
     """Store a table or a camera file."""
-    if upload is None or not is_new(upload):
-        return
-    with taking(upload):
-        check_uploads([upload])
-        content = upload.getvalue()
+
+    def take(name: str, content: bytes) -> None:
         if slot != "correspondences":
-            store_camera(slot, upload.name, content)
+            store_camera(slot, name, content)
         else:
-            _try_files({slot: (upload.name, point_text(content, upload.name))})
-    st.rerun()
+            _try_files({slot: (name, point_text(content, name))})
+
+    take_one(upload, take)
 
 
 def store_camera(slot: Slot, name: str, content: bytes) -> None:
@@ -298,6 +296,26 @@ def is_new(*uploads: Upload) -> bool:
     """Whether any of these uploads has not been processed yet."""
     seen: set[str] = st.session_state.get(_SEEN, set())
     return not seen.issuperset(upload.file_id for upload in uploads)
+
+
+def take_new(
+    uploads: Upload | Sequence[Upload] | None, take: Callable[[dict[str, bytes]], object]
+) -> None:
+    """Have a page take uploads that are not processed yet, by name, and draw it again."""
+    given = uploads if isinstance(uploads, Sequence) else [uploads]
+    fresh = [upload for upload in given if upload is not None and is_new(upload)]
+    if not fresh:
+        return
+    with taking(*fresh), st.spinner("Reading."):
+        check_uploads(fresh)
+        clear_refusal()
+        take({upload.name: upload.getvalue() for upload in fresh})
+    st.rerun()
+
+
+def take_one(upload: Upload | None, take: Callable[[str, bytes], object]) -> None:
+    """As `take_new`, of one file: its name and content."""
+    take_new(upload, lambda files: [take(*file) for file in files.items()])
 
 
 @contextmanager

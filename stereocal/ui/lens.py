@@ -23,7 +23,7 @@ from stereocal.system.numbers import rounded
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import pack
 from stereocal.ui import jobs
-from stereocal.ui.fields import number, one_of, setting, some_of, yes_or_no
+from stereocal.ui.fields import choose, number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.forms import bounds_of, number_input
 from stereocal.ui.intake import (
     CAMERA_KINDS,
@@ -76,13 +76,10 @@ def show_cameras_in_use(project: Project | None) -> None:
 def choose_camera(project: Project | None) -> tuple[CameraName, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)
-    camera = setting(project, "lens_camera", CAMERAS[0], one_of(CAMERAS), tabs_own=True)
-    which: CameraName = left.segmented_control(
-        "Camera", CAMERAS, required=True, format_func=str.capitalize, **camera.widget()
+    which: CameraName = choose(
+        project, "lens_camera", "Camera", CAMERAS, place=left, format_func=str.capitalize
     )
-    kinds = (BOARD, FILE)
-    way = setting(project, "lens_how", BOARD, one_of(kinds), tabs_own=True)
-    how = right.segmented_control("I have", kinds, required=True, **way.widget())
+    how: str = choose(project, "lens_how", "I have", (BOARD, FILE), place=right)
     if how == BOARD and has_sample_photographs() and not (project and _has_boards(project)):
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
     return which, how
@@ -173,8 +170,7 @@ def board_form(
     """
     kinds, corners, side = (CHESSBOARD, CHARUCO), (3, 100), (0.1, 10_000.0)
     kind, *places, square = st.columns(4, vertical_alignment="bottom")
-    chosen = setting(project, "board_kind", CHESSBOARD, one_of(kinds))
-    board = kind.segmented_control("Board", kinds, required=True, **chosen.widget())
+    board = choose(project, "board_kind", "Board", kinds, place=kind, tabs_own=False)
     columns, rows = (
         place.number_input(
             f"Inner corners, {way} way",
@@ -203,8 +199,16 @@ def board_form(
         left, right = st.columns(2)
         part = setting(project, _MARKER_PART, 0.75, number(0.01, 1.0)).value()
         marker_mm = float(f"{part * side_mm:.3g}")
-        named = setting(project, "board_dictionary", "DICT_4X4_250", one_of(DICTIONARIES))
-        dictionary = left.selectbox("Dictionary of the markers", DICTIONARIES, **named.widget())
+        dictionary = choose(
+            project,
+            "board_dictionary",
+            "Dictionary of the markers",
+            DICTIONARIES,
+            "DICT_4X4_250",
+            place=left,
+            tabs_own=False,
+            as_menu=True,
+        )
         marker_m = 1e-3 * right.number_input(
             "Side of a marker (mm)",
             *side,

@@ -21,7 +21,8 @@ from stereocal.intrinsics.preview import preview
 from stereocal.intrinsics.quality import advice, hint, largest_shift_px, note_on_model
 from stereocal.intrinsics.tables import lens_answer, lens_table
 from stereocal.projects.lens import ProjectLens
-from stereocal.ui.fields import one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import choose
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
@@ -58,11 +59,7 @@ def show_lens(store: ProjectLens) -> None:
         "What the lens leaves": _show_field,
         "Without distortion": _show_preview,
     }
-    shown = setting(
-        store.project, "lens_view", next(iter(views)), one_of(list(views)), tabs_own=True
-    )
-    view = st.segmented_control("Look at", list(views), required=True, **shown.widget())
-    views[view](store, lens)
+    views[choose(store.project, "lens_view", "Look at", views)](store, lens)
     st.table(lens_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
@@ -83,24 +80,20 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
         key=f"use_lens_{store.which}",
         icon=":material/check:" if used else None,
     )
-    ours.download_button(
+    offer(
         "Download camera.json",
         write_camera(lens.camera, about(lens)),
         f"{store.which}.json",
-        "application/json",
-        on_click="ignore",
-        icon=":material/download:",
-        key=f"lens_json_{store.which}",
+        f"lens_json_{store.which}",
+        place=ours,
         help="With the standard errors.",
     )
-    opencv.download_button(
+    offer(
         "Download OpenCV YAML",
         write_opencv_camera(lens.camera),
         f"{store.which}.yml",
-        "application/yaml",
-        on_click="ignore",
-        icon=":material/download:",
-        key=f"lens_yaml_{store.which}",
+        f"lens_yaml_{store.which}",
+        place=opencv,
         help="Without the standard errors.",
     )
 
@@ -131,8 +124,7 @@ def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
     if not names:
         st.info("The photographs of this lens have been removed.")
         return
-    one = setting(store.project, f"preview_{store.which}", names[0], one_of(names), tabs_own=True)
-    name = st.selectbox("Photograph", names, **one.widget())
+    name = choose(store.project, f"preview_{store.which}", "Photograph", names, as_menu=True)
     view = next(view for view in lens.search.views if view.name == name)
     try:
         marked, straight = preview(photographs[name], lens.camera, view)

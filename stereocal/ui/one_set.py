@@ -33,8 +33,8 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import number, one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import choose, number, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import curves_when_ready
@@ -150,10 +150,9 @@ def show_trade_off(
     for method, found in calibration.methods.items():
         sets[method] = (found.pose, dataset.primary, dataset.secondary)
     costs = costs_of(dataset, sets)
-    curve = setting(project, "curve", FREED, one_of((FREED, FIXED)))
     along = setting(project, "along", 50, number(0, 100))
     left, right = st.columns(2)
-    which = left.segmented_control("Lenses", [FREED, FIXED], required=True, **curve.widget())
+    which = choose(project, "curve", "Lenses", (FREED, FIXED), place=left, tabs_own=False)
     share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
     points = _points(curves, which)
     chosen = points[round(share / 100 * (len(points) - 1))]
@@ -168,14 +167,11 @@ def show_trade_off(
     )
     with st.expander("Its parameters"):
         st.table(parameters_table(own))
-    st.download_button(
+    offer(
         "Download the slider's point",
         own.dumps(),
         "parameters_refined_point.json",
-        "application/json",
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_point",
+        "download_point",
     )
 
 
@@ -193,8 +189,7 @@ def show_accuracy(
 ) -> None:
     """Maps of the rig's accuracy."""
     kinds = ("a distance", "a point")
-    of = setting(project, "accuracy_of", kinds[0], one_of(kinds), tabs_own=True)
-    shown = st.segmented_control("Predicted error of", kinds, required=True, **of.widget())
+    shown = choose(project, "accuracy_of", "Predicted error of", kinds)
     quantity: Quantity = "point" if shown == "a point" else "distance"
     maps = maps_of(dataset, settings)
     show_figure(
@@ -215,22 +210,14 @@ def show_download(project: Project, answer: Answer, calibrated_now: bool) -> Non
     Args:
         calibrated_now: whether the answer is of the last calibration, and its threshold final.
     """
-
-    def content() -> str:
-        return answer.sets["refined"].dumps()
-
-    name, mime = "parameters_refined.json", "application/json"
-    to_use = "refined" in answer.recommendation.use.values()
+    name = "parameters_refined.json"
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.download_button(
+        offer(
             f"Download {name}",
-            on_demand(content, name, mime),
+            lambda: answer.sets["refined"].dumps(),
             name,
-            mime,
-            on_click="ignore",
-            type="primary" if to_use else "secondary",
-            icon=":material/download:",
-            key="download_refined",
+            "download_refined",
+            primary="refined" in answer.recommendation.use.values(),
             disabled=not calibrated_now,
             help=None if calibrated_now else "Calibrate first: the validation gives its threshold.",
         )

@@ -6,12 +6,12 @@ import streamlit as st
 
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
-from stereocal.ui.downloads import on_demand
+from stereocal.ui.downloads import offer
 from stereocal.ui.messages import readable
 from stereocal.workflow import Answer
 
 LABEL = "Paper kit · methods, figures, table, archive"
-NAME, MIME = "paper_kit.zip", "application/zip"
+NAME = "paper_kit.zip"
 
 
 def offer_paper_kit(project: Project, answer: Answer) -> None:
@@ -24,15 +24,7 @@ def offer_paper_kit(project: Project, answer: Answer) -> None:
 
         return paper_kit(answer, applied)
 
-    st.download_button(
-        LABEL,
-        on_demand(make, NAME, MIME),
-        NAME,
-        MIME,
-        on_click="ignore",
-        icon=":material/article:",
-        key="download_kit",
-    )
+    offer(LABEL, make, NAME, "download_kit", icon=":material/article:")
 
 
 def hold_paper_kit() -> None:

@@ -15,8 +15,8 @@ from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import Fit, one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import Fit, choose, setting
 from stereocal.ui.foreign import ask_origin
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import Answer
@@ -35,16 +35,12 @@ def parameter_downloads(answer: Answer) -> None:
     with st.container(horizontal=True):
         for method, rig in answer.sets.items():
             name, purpose = FILES[method]
-            made = partial(RigParameters.dumps, rig)
-            st.download_button(
+            offer(
                 f"{name} · {purpose}",
-                on_demand(made, name, _mime(name)),
+                partial(RigParameters.dumps, rig),
                 name,
-                _mime(name),
-                on_click="ignore",
-                type="primary" if method in to_use else "secondary",
-                icon=":material/download:",
-                key=f"download_{method}",
+                f"download_{method}",
+                primary=method in to_use,
             )
 
 
@@ -64,12 +60,24 @@ def other_formats(project: Project, answer: Answer) -> None:
     """A file in the format of another program."""
     left, right = st.columns(2)
     sets, usual = answer.sets, answer.recommendation.match.method
-    files, formats = list(sets), list(FORMATS)
-    of_file = setting(project, "format_file", usual, one_of(files), tabs_own=True)
-    method = left.selectbox("File", files, format_func=METHOD_NAMES.__getitem__, **of_file.widget())
-    form = setting(project, "format", formats[0], one_of(formats), tabs_own=True)
-    chosen = right.selectbox(
-        "Format", formats, format_func=lambda name: FORMATS[name].title, **form.widget()
+    method: Method = choose(
+        project,
+        "format_file",
+        "File",
+        sets,
+        usual,
+        place=left,
+        as_menu=True,
+        format_func=METHOD_NAMES.__getitem__,
+    )
+    chosen: str = choose(
+        project,
+        "format",
+        "Format",
+        FORMATS,
+        place=right,
+        as_menu=True,
+        format_func=lambda name: FORMATS[name].title,
     )
     rig, file_name = sets[method], FILES[method][0]
     try:
@@ -80,15 +88,7 @@ def other_formats(project: Project, answer: Answer) -> None:
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         return
-    st.download_button(
-        f"Download {name}",
-        content,
-        name,
-        _mime(name),
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_format",
-    )
+    offer(f"Download {name}", content, name, "download_format")
 
 
 def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, bytes]:
@@ -109,9 +109,3 @@ def _dlt_options(project: Project, which: str) -> ExchangeOptions:
 
     origin = ask_origin(widget, PixelOrigin())
     return ExchangeOptions(corner=origin.corner, first_pixel=origin.first_pixel, flip=origin.flip)
-
-
-def _mime(name: str) -> str:
-    return {"json": "application/json", "zip": "application/zip"}.get(
-        name.rsplit(".", 1)[-1], "text/plain"
-    )

@@ -23,14 +23,7 @@ from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import Fit, one_of, setting
 from stereocal.ui.foreign import ask, ask_origin, ask_size
-from stereocal.ui.intake import (
-    check_uploads,
-    clear_refusal,
-    escape_markdown,
-    is_new,
-    refuse,
-    taking,
-)
+from stereocal.ui.intake import clear_refusal, escape_markdown, refuse, take_new
 from stereocal.ui.messages import callback
 from stereocal.ui.parameter_files import FILES
 from stereocal.ui.sets_in_use import PAPERS
@@ -49,14 +42,7 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
         help="Or parameters_refined.json, which serves both; or the files of another program, all "
         "of them at once or as a zip.",
     )
-    fresh = [upload for upload in uploads if is_new(upload)]
-    if fresh:
-        with taking(*fresh):
-            check_uploads(fresh)
-            files = {upload.name: upload.getvalue() for upload in fresh}
-            store.offer_set(use, files)
-            clear_refusal()
-        st.rerun()
+    take_new(uploads, lambda files: store.offer_set(use, files))
     _ask_about_set(project, store, use)
 
 

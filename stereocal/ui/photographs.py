@@ -24,7 +24,7 @@ from stereocal.system.records import plain
 from stereocal.ui import jobs
 from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.boards import boards_in
-from stereocal.ui.fields import one_of, setting
+from stereocal.ui.fields import choose
 from stereocal.ui.holding import (
     ask_what_is_held,
     held_text,
@@ -92,8 +92,7 @@ def has_photographs(project: Project) -> bool:
 def photographs_in(project: Project | None) -> None:
     """The uploaders, the pairs and the targets found."""
     ways = (TOGETHER, FOLDER, APART)
-    chosen = setting(project, "photographs_how", TOGETHER, one_of(ways), tabs_own=True)
-    how = st.segmented_control("They come as", ways, required=True, **chosen.widget())
+    how = choose(project, "photographs_how", "They come as", ways)
     key = f"upload_photographs_{st.session_state.setdefault(ROUND, 0)}"
     given: list[tuple[str, Upload]] = []
     if how == APART:

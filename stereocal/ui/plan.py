@@ -29,10 +29,10 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import LensModel
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import Field, choose, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_new, taking
+from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_new
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import callback
 from stereocal.ui.plan_fields import LONGEST_NAME, show_plan
@@ -81,13 +81,10 @@ def open_plan(project: Project | None) -> None:
         key="upload_plan",
         accept_multiple_files=True,
     )
-    fresh = [upload for upload in uploads if is_new(upload)]
-    if not fresh:
-        return
-    with taking(*fresh):
-        check_uploads(fresh)
-        _take_plan(project, {PurePath(upload.name).name: upload.getvalue() for upload in uploads})
-    st.rerun()
+    take_new(
+        uploads,
+        lambda _: _take_plan(project, {PurePath(one.name).name: one.getvalue() for one in uploads}),
+    )
 
 
 def _take_plan(
@@ -133,11 +130,7 @@ def show_answer(found: PlanForecast) -> None:
 
 def show_places(project: Project | None, found: PlanForecast) -> None:
     """Errors by place, from above and from the side."""
-    chosen = setting(
-        project, "plan_quantity", "Length error", one_of(list(QUANTITIES)), tabs_own=True
-    )
-    name = st.segmented_control("Show", list(QUANTITIES), required=True, **chosen.widget())
-    quantity: Any = QUANTITIES[name]
+    quantity: Any = QUANTITIES[choose(project, "plan_quantity", "Show", QUANTITIES)]
     show_figure(plot_plan_map(found, quantity), describe_plan_map(found, quantity), "plan_map")
 
 
@@ -232,20 +225,12 @@ def _summary(found: PlanForecast, title: str) -> None:
 
 def plan_downloads(found: PlanForecast) -> None:
     """The plan, its forecast, and the report."""
-    for label, make, name, mime in (
-        ("Save plan", partial(write_plan, found.plan), "plan.json", "application/json"),
-        ("Forecast", found.dumps, "forecast.json", "application/json"),
-        ("Report", partial(plan_report, found), "report.html", "text/html"),
+    for label, make, name in (
+        ("Save plan", partial(write_plan, found.plan), "plan.json"),
+        ("Forecast", found.dumps, "forecast.json"),
+        ("Report", partial(plan_report, found), "report.html"),
     ):
-        st.download_button(
-            label,
-            on_demand(make, name, mime),
-            name,
-            mime,
-            on_click="ignore",
-            key=f"download_{name}",
-            icon=":material/download:",
-        )
+        offer(label, make, name, f"download_{name}")
 
 
 def _compared(project: Project | None) -> Field:

@@ -26,7 +26,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, number, one_of, setting, yes_or_no
-from stereocal.ui.intake import CAMERA_KINDS, check_uploads, clear_refusal, is_new, taking
+from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_one
 from stereocal.ui.messages import callback
 from stereocal.ui.refusal import ask_lens
 
@@ -186,11 +186,7 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     upload = st.file_uploader(
         f"Camera file, {which}", type=CAMERA_KINDS, key=f"upload_plan_{which}"
     )
-    if upload is not None and is_new(upload):
-        with taking(upload):
-            check_uploads([upload])
-            take_camera(kept, upload.getvalue(), upload.name)
-        st.rerun()
+    take_one(upload, partial(take_camera, kept))
     if kept.value() is None:
         raise StereocalError(f"Give the file of the {which} camera, or choose a camera above.")
     camera = read_camera(str(kept.value()).encode(), f"{which} camera")
@@ -199,12 +195,12 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     return camera
 
 
-def take_camera(kept: Field, content: bytes, name: str, model: LensModel | None = None) -> None:
+def take_camera(kept: Field, name: str, content: bytes, model: LensModel | None = None) -> None:
     """Keep the camera in a file; if it may be a fisheye's, ask."""
     try:
         camera = read_camera(content, name, model)
     except FourCoefficientsError as error:
-        ask_lens(error, lambda one: callback(partial(take_camera, kept, content, name, one))())
+        ask_lens(error, lambda one: callback(partial(take_camera, kept, name, content, one))())
         return
     kept.set(write_camera(camera).decode())
     clear_refusal()

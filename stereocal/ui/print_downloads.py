@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import streamlit as st
 
@@ -23,8 +24,8 @@ from stereocal.field.printing.print_target import (
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import Field, choose, number, setting
 from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, held_kind, held_tags
 from stereocal.ui.texts import escape_markdown
 
@@ -48,10 +49,7 @@ def print_what_is_held(project: Project | None, focal_px: float | None) -> None:
         kinds = [kind for kind in KINDS if kind != "balls"]
         held = held_kind(project)
         usual = held if held in kinds else kinds[0]
-        what = setting(project, "print_what", usual, one_of(kinds), tabs_own=True)
-        kind = st.segmented_control(
-            "What", kinds, format_func=KINDS.__getitem__, required=True, **what.widget()
-        )
+        kind = choose(project, "print_what", "What", kinds, usual, format_func=KINDS.__getitem__)
         if kind == BOARD:
             _board(project)
         elif kind == "tags":
@@ -84,7 +82,7 @@ def _board(project: Project | None) -> None:
         "fill half of the image or more at the distance of your recordings: take larger paper "
         "where it does not."
     )
-    _offer(lambda: print_board(board, paper_named(named)), "board", seen)
+    _sheet(lambda: print_board(board, paper_named(named)), "board", seen)
 
 
 def _bar(project: Project | None, focal_px: float | None) -> None:
@@ -96,7 +94,7 @@ def _bar(project: Project | None, focal_px: float | None) -> None:
         setting(project, "print_side_mm", USUAL_SIDE_MM, number(*SIDE_MM)),
     )
     seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
-    _offer(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
+    _sheet(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
 
 
 def _tags(project: Project | None) -> None:
@@ -114,7 +112,7 @@ def _tags(project: Project | None) -> None:
         assert isinstance(target, Tags)
         return print_tags(target, 1e-3 * side_mm, paper_named(named))
 
-    _offer(sheet, "tags")
+    _sheet(sheet, "tags")
 
 
 def _side(place: st.delta_generator.DeltaGenerator, title: str, field: Field) -> float:
@@ -136,10 +134,10 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
             **setting(project, "print_px", GOOD_PX, number(*DETECTED_PX)).widget(),
         )
         size = planned_target(plan, least_px)
-        _offer(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
+        _sheet(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 
 
-def _offer(make: Callable[[], Sheet], what: str, seen: str = "") -> None:
+def _sheet(make: Callable[[], Sheet], what: str, seen: str = "") -> None:
     """The sheet, or why it cannot be printed."""
     try:
         sheet = make()
@@ -147,7 +145,7 @@ def _offer(make: Callable[[], Sheet], what: str, seen: str = "") -> None:
         st.info(escape_markdown(f"{seen} {error}".strip()))
         return
     st.markdown(f"{seen} {AT_TRUE_SCALE}")
-    _downloads(lambda: sheet, what)
+    _downloads(sheet, what)
 
 
 def field_sheet_to_print(plan: Plan) -> None:
@@ -157,43 +155,21 @@ def field_sheet_to_print(plan: Plan) -> None:
     except StereocalError as error:
         st.caption(f"No field sheet: {error}")
         return
-
-    def content() -> bytes:
-        return field_sheet(plan)
-
-    name, mime = "field_sheet.pdf", "application/pdf"
-    st.download_button(
-        "Field sheet (PDF)",
-        on_demand(content, name, mime),
-        name,
-        mime,
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_field_sheet",
+    offer(
+        "Field sheet (PDF)", partial(field_sheet, plan), "field_sheet.pdf", "download_field_sheet"
     )
 
 
 def _paper(project: Project | None, place: st.delta_generator.DeltaGenerator, what: str) -> str:
-    names = tuple(PAPERS)
-    chosen = setting(project, f"print_paper_{what}", names[0], one_of(names))
-    named: str = place.selectbox("Paper", names, **chosen.widget())
+    named: str = choose(
+        project, f"print_paper_{what}", "Paper", PAPERS, place=place, tabs_own=False, as_menu=True
+    )
     return named
 
 
-def _downloads(make: Callable[[], Sheet], what: str) -> None:
+def _downloads(sheet: Sheet, what: str) -> None:
     """One button for each format; the file is made when it is pressed."""
     with st.container(horizontal=True):
-        for suffix, mime, content in (
-            ("pdf", "application/pdf", lambda: make().pdf()),
-            ("svg", "image/svg+xml", lambda: make().svg()),
-        ):
+        for suffix, content in (("pdf", sheet.pdf), ("svg", sheet.svg)):
             name = f"{what}.{suffix}"
-            st.download_button(
-                name,
-                on_demand(content, name, mime),
-                name,
-                mime,
-                on_click="ignore",
-                icon=":material/download:",
-                key=f"download_{what}_{suffix}",
-            )
+            offer(name, content, name, f"download_{what}_{suffix}")

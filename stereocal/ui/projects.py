@@ -29,6 +29,7 @@ from stereocal.projects.home import (
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
+from stereocal.ui.downloads import offer
 from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.project import (
@@ -225,14 +226,11 @@ def _offer_packed(project: Project, name: str) -> None:
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         return
-    st.download_button(
+    offer(
         f"Download it ({_size(len(content))})",
         content,
         f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
-        "application/zip",
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_project",
+        "download_project",
     )
     largest = st.get_option("server.maxUploadSize")
     if len(content) > largest * 2**20:

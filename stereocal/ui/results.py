@@ -16,8 +16,8 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import one_of, setting
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import choose
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import fragment
 from stereocal.ui.paper_kit import hold_paper_kit, offer_paper_kit
@@ -129,15 +129,11 @@ def _tile(
 
 def dataset_download(dataset: Dataset) -> None:
     """Download of the data set as a zip, which can be uploaded again."""
-    name, mime = "dataset.zip", "application/zip"
-    st.download_button(
+    offer(
         "Download this data set",
-        on_demand(lambda: pack_zip(pack_dataset(dataset)), name, mime),
-        name,
-        mime,
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_dataset",
+        lambda: pack_zip(pack_dataset(dataset)),
+        "dataset.zip",
+        "download_dataset",
     )
 
 
@@ -149,12 +145,9 @@ def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> No
     left, right = st.columns(2)
     usual = answer.recommendation.measure.method if answer else "3d"
     name = "rig_method" if answer else "rig_method_before"  # so that the answer's set is shown
-    seen = setting(project, name, usual, one_of(methods), tabs_own=True)
-    method = left.segmented_control(
-        "Set", methods, format_func=METHOD_NAMES.__getitem__, required=True, **seen.widget()
+    method = choose(
+        project, name, "Set", methods, usual, place=left, format_func=METHOD_NAMES.__getitem__
     )
-    views = list(VIEWS)
-    from_where = setting(project, "rig_view", views[0], one_of(views), tabs_own=True)
-    view = right.segmented_control("Seen from", views, required=True, **from_where.widget())
+    view = choose(project, "rig_view", "Seen from", VIEWS, place=right)
     wide, narrow = (plot_rig(found, method, view, small) for small in (False, True))
     show_figure(wide, describe_rig(found, method), "rig", narrow=narrow)

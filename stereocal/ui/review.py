@@ -32,6 +32,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import TARGETS
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
+from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.holding import called, held_target, is_coloured
 from stereocal.ui.intake import escape_markdown
@@ -329,14 +330,11 @@ def _download(frames: Sequence[Frame]) -> None:
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
-    st.download_button(
+    offer(
         "Download correspondences.csv",
         table,
         "correspondences.csv",
-        "text/csv",
-        key="download_correspondences",
-        on_click="ignore",
-        icon=":material/download:",
+        "download_correspondences",
         help="The column source says of each row: detected, corrected (moved by a person to a "
         "fitted corner) or manual (a raw click).",
     )

@@ -21,6 +21,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.rig.recording import Recording
 from stereocal.ui import jobs
+from stereocal.ui.downloads import offer
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.navigation import go_to
@@ -98,18 +99,9 @@ def show_rig_page(project: Project, recording: Recording) -> None:
 def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
     st.success(escape_markdown(rig_sentence(rig)))
     with st.container(horizontal=True):
-        st.download_button(
-            "rig.json", rig.dumps(), RIG, "application/json", on_click="ignore", key="rig_json"
-        )
+        offer("rig.json", rig.dumps(), RIG, "rig_json")
         if store.pairs is not None:
-            st.download_button(
-                "All pairs (zip)",
-                store.pairs,
-                PAIRS,
-                "application/zip",
-                on_click="ignore",
-                key="rig_zip",
-            )
+            offer("All pairs (zip)", store.pairs, PAIRS, "rig_zip")
     show_figure(
         plot_rig_graph(rig),
         describe_rig_graph(rig),

@@ -23,15 +23,7 @@ from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.fields import Fit, number, setting
 from stereocal.ui.foreign import ask
-from stereocal.ui.intake import (
-    CAMERA_KINDS,
-    Upload,
-    check_uploads,
-    clear_refusal,
-    escape_markdown,
-    is_new,
-    taking,
-)
+from stereocal.ui.intake import CAMERA_KINDS, Upload, escape_markdown, take_new
 from stereocal.ui.messages import callback
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import project_to_write
@@ -79,16 +71,11 @@ def several_in(project: Project | None) -> None:
 
 
 def _take(uploads: Sequence[Upload]) -> None:
-    new = [upload for upload in uploads if is_new(upload)]
-    if not new:
-        return
-    with taking(*new):
-        check_uploads(new)
-        store = ProjectRecording(project_to_write())
-        store.add_parts({upload.name: upload.getvalue() for upload in new})
-        clear_refusal()
+    def take(files: dict[str, bytes]) -> None:
+        ProjectRecording(project_to_write()).add_parts(files)
         st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1  # empties the uploader
-    st.rerun()
+
+    take_new(uploads, take)
 
 
 def _show_files(store: ProjectRecording) -> None:

@@ -12,16 +12,15 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
 from stereocal.ui.archives import ask_about_archive, is_archive
+from stereocal.ui.downloads import offer
 from stereocal.ui.intake import (
     CAMERA_KINDS,
     TITLES,
     Upload,
-    check_uploads,
-    clear_refusal,
     in_use,
     is_new,
     take_file,
-    taking,
+    take_one,
 )
 from stereocal.ui.project import project_to_write
 from stereocal.ui.wizard import ask_about_bars
@@ -47,14 +46,7 @@ def single_files(project: Project | None) -> None:
             else:
                 key = f"upload_{slot}"
                 take_camera(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
-    st.download_button(
-        "Template for the table",
-        TEMPLATE,
-        "correspondences.csv",
-        "text/csv",
-        on_click="ignore",
-        icon=":material/download:",
-    )
+    offer("Template for the table", TEMPLATE, "correspondences.csv", "template")
     if project is not None:
         ask_about_bars(ProjectApplication(project))
         ask_about_archive(ProjectApplication(project))
@@ -83,11 +75,10 @@ def holds_both(upload: Upload) -> bool:
 
 
 def _ask(asked: Asked, upload: Upload) -> None:
-    with taking(upload):
-        check_uploads([upload])
-        ProjectApplication(project_to_write()).ask(asked, upload.name, upload.getvalue())
-        clear_refusal()
-    st.rerun()
+    take_one(
+        upload,
+        lambda name, content: ProjectApplication(project_to_write()).ask(asked, name, content),
+    )
 
 
 def _take_table(upload: Upload | None) -> None:

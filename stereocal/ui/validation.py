@@ -25,7 +25,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.described import descriptions
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.fields import Field, choose, number, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback
@@ -51,8 +51,7 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
     """The data sets to validate on."""
     more = project.more_datasets
     kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
-    chosen = setting(project, "validate_on", MINE, one_of(kinds))
-    kind = st.segmented_control("Validate on", kinds, required=True, **chosen.widget())
+    kind = choose(project, "validate_on", "Validate on", kinds, tabs_own=False)
     with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
         _further(project, more)
     if kind == PAPER:

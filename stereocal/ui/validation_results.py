@@ -21,8 +21,8 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
-from stereocal.ui.downloads import on_demand
-from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import readable
@@ -141,23 +141,21 @@ def show_evaluation(
 def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
     """The columns to show, and the format of pictures."""
     panels = ["All three", *COLUMNS.values()]
-    shown = setting(project, "columns", panels[0], one_of(panels), tabs_own=True)
-    saved = setting(project, "picture_format", FORMATS[0], one_of(FORMATS), tabs_own=True)
     with st.container(
         horizontal=True, vertical_alignment="bottom", horizontal_alignment="distribute"
     ):
-        wide = st.segmented_control("Show", panels, required=True, **shown.widget())
+        wide = choose(project, "columns", "Show", panels)
         st.toggle(
             "With the refined method",
             **refined.widget(),
             help="One set, fitted to images and lengths at once. The paper has the other three.",
         )
-        picture = st.segmented_control(
+        picture = choose(
+            project,
+            "picture_format",
             "Save pictures as",
             FORMATS,
-            required=True,
             help="The camera at the top right of a figure saves it.",
-            **saved.widget(),
         )
     return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
 
@@ -236,21 +234,11 @@ def _downloads(
         recommended = None if found is None else (found.calibration, found.recommendation)
         return report_html(pooled, by_dataset, *about, recommended)
 
-    left.download_button(
-        "Download report.html",
-        on_demand(report, "report.html", "text/html"),
-        "report.html",
-        "text/html",
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_report",
-    )
-    right.download_button(
+    offer("Download report.html", report, "report.html", "download_report", place=left)
+    offer(
         "Download summary.json",
         summary_json(pooled, by_dataset, *about),
         "summary.json",
-        "application/json",
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_summary",
+        "download_summary",
+        place=right,
     )

@@ -20,7 +20,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
-from stereocal.ui.fields import number, one_of, setting, yes_or_no
+from stereocal.ui.fields import choose, number, setting, yes_or_no
 from stereocal.ui.holding import propose_held
 from stereocal.ui.intake import Upload, escape_markdown
 from stereocal.ui.project import project_to_write
@@ -54,12 +54,15 @@ def video_settings(project: Project | None) -> VideoSettings:
 
 def _settings(project: Project | None) -> VideoSettings:
     left, right = st.columns(2, vertical_alignment="bottom")
-    options = list(CHOICES)
-    choice = left.selectbox(
+    choice = choose(
+        project,
+        "video_choice",
         "Take",
-        options,
+        CHOICES,
+        place=left,
+        tabs_own=False,
+        as_menu=True,
         format_func=CHOICES.__getitem__,
-        **setting(project, "video_choice", "still", one_of(options)).widget(),
     )
     n = 30
     if choice == "every":

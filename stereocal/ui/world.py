@@ -20,9 +20,9 @@ from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.downloads import on_demand
+from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
-from stereocal.ui.intake import check_uploads, clear_refusal, is_new, taking
+from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback
 from stereocal.ui.point_noise import ask_noise, noise_field
 from stereocal.ui.texts import escape_markdown
@@ -87,12 +87,7 @@ def _take_file(store: ProjectApplication) -> None:
         key="upload_world",
         help=HELP,
     )
-    if upload is not None and is_new(upload):
-        with taking(upload):
-            check_uploads([upload])
-            store.keep_world(upload.name, upload.getvalue())
-            clear_refusal()
-        st.rerun()
+    take_one(upload, store.keep_world)
 
 
 def _given(project: Project, store: ProjectApplication) -> Given | None:
@@ -150,15 +145,7 @@ def _found(project: Project, given: Given, rig: RigParameters) -> Pose | None:
         st.caption(escape_markdown(note))
     if residuals := frame.about.get("residuals_m"):
         _show_residuals(residuals)
-    st.download_button(
-        f"Download {WORLD_FILE}",
-        on_demand(lambda: write_world(frame, rig), WORLD_FILE, "application/json"),
-        WORLD_FILE,
-        "application/json",
-        on_click="ignore",
-        icon=":material/download:",
-        key="download_world",
-    )
+    offer(f"Download {WORLD_FILE}", lambda: write_world(frame, rig), WORLD_FILE, "download_world")
     return frame.pose
 
 

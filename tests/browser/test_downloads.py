@@ -15,10 +15,9 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.cli import main
 from stereocal.formats.camera_file import read_camera
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, download
+from tests.browser.conftest import LONGEST_MS
 
 pytestmark = pytest.mark.browser
 PAGES = [name for name in TITLES if name not in ("start", "help")]
@@ -62,15 +61,3 @@ def test_all_files_of_a_page(
             buttons.nth(number).click()
         content = Path(event.value.path()).read_bytes()
         assert whole(event.value.suggested_filename, content), event.value.suggested_filename
-
-
-def test_the_paper_kit_is_computed_again(
-    page: Page, app_url: str, finished: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page.goto(f"{app_url}/calibrate?project={finished}")
-    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
-    with zipfile.ZipFile(download(page, "download_kit", tmp_path)) as kit:
-        kit.extract("archive.zip", tmp_path)
-    asked = ["reproduce", str(tmp_path / "archive.zip"), "--out", str(tmp_path / "again")]
-    assert main(asked) == 0
-    assert capsys.readouterr().out.count(": identical") == 3

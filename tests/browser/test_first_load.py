@@ -32,9 +32,7 @@ def seen(page: Page) -> list[dict[str, Any]]:
     return list(page.evaluate("window.seen"))
 
 
-@pytest.mark.parametrize(
-    ("path", "first"), [("", "stereocal"), ("apply", "Apply"), ("start", "Start")]
-)
+@pytest.mark.parametrize(("path", "first"), [("", "stereocal"), ("apply", "Apply")])
 def test_a_new_server_shows_a_title_and_our_menu_and_nothing_else(
     page: Page, tmp_path: Path, settled: Callable[[Page], None], path: str, first: str
 ) -> None:

@@ -1,4 +1,4 @@
-"""From the errors of a frame to the frame, out of the calibration and back, in a real browser."""
+"""From the errors of a frame to the frame, and out of the calibration, in a real browser."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def click_highest(page: Page) -> None:
     page.mouse.click(x, y)
 
 
-def test_an_outlier_is_clicked_left_out_and_put_back(
+def test_an_outlier_is_clicked_and_left_out(
     page: Page, app_url: str, home: Path, settled: Settled
 ) -> None:
     project = given(page, app_url, home, settled)
@@ -86,17 +86,9 @@ def test_an_outlier_is_clicked_left_out_and_put_back(
     expect(page.get_by_text(f"Frame {outlier} is used.").first).to_be_visible(timeout=LONGEST_MS)
     settled(page)
     page.get_by_role("button", name="Leave it out").click()
-    expect(page.get_by_text(f"Frame {outlier} was left out by you.").first).to_be_visible(
-        timeout=LONGEST_MS
-    )
     expect(page.get_by_text(f"Left out by you: frame {outlier}.").first).to_be_visible(
         timeout=LONGEST_MS
     )
     settled(page)
     assert project.inputs.left_out == [outlier]
     assert points(page) != before
-    page.get_by_role("button", name="Put it back").click()
-    expect(page.get_by_text(f"Frame {outlier} is used.").first).to_be_visible(timeout=LONGEST_MS)
-    settled(page)
-    assert points(page) == before
-    assert project.inputs.left_out == []

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 import requests
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS, serve
-from tests.browser.work import NAME
 
 pytestmark = pytest.mark.browser
 Settled = Callable[[Page], None]
@@ -162,20 +161,3 @@ def test_nothing_drives_the_app_but_its_page(app_url: str) -> None:
         answer = requests.get(app_url + path, timeout=10)
         # Addresses that are none get the page, which then says that there is no such page.
         assert answer.status_code in (400, 404) or answer.text == page, path
-
-
-def test_shared_server_shows_nobody_the_work_of_another(
-    browser: Browser, settled: Settled, home: Path, finished: str
-) -> None:
-    with serve(home, STEREOCAL_SHARED="1") as url:
-        page = browser.new_context().new_page()
-        page.goto(url)
-        settled(page)
-        expect(page.get_by_text("Your projects")).to_have_count(0)
-        seen = page.content()
-        assert finished not in seen and NAME not in seen and str(home) not in seen
-        for path in PATHS[1:]:
-            page.goto(f"{url}/{path}")
-            settled(page)
-            assert finished not in page.url and NAME not in page.content()
-        page.context.close()

@@ -149,7 +149,7 @@ def test_settings_survive_the_menu_f5_and_addresses(
     stored = project.settings, project.inputs
     page.goto(f"{app_url}/?project={project.id}")
     arrive(page, "start", settled)
-    for name in (*TITLES, *reversed(TITLES)):
+    for name in reversed(TITLES):
         wanted = {key: str(SHOWN[key]) for key in SET.get(name, {})}
         wanted |= STATED_SHOWN if name == "data" else {}
         # The page before was drawn for its address, by F5: that starts a session anew.

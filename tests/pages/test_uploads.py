@@ -76,7 +76,7 @@ def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("Single files").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.clear_refusal")
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.store_camera")
     upload(app, "upload_primary", "p.json", (FIELD / "primary.json").read_bytes(), calls)
     assert project_of(app, home).inputs.labels["primary"] == "p.json"
 
@@ -95,7 +95,7 @@ def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> No
 def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("Single files").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.single_files.clear_refusal")
+    calls = click_meanwhile(monkeypatch, "stereocal.projects.application.ProjectApplication.ask")
     rows = "\n".join(f"{k}.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for k in range(6))
     upload(app, "upload_correspondences", "wand.csv", rows.encode(), calls)
     assert any("looks like a wand file" in item.value for item in app.markdown)
