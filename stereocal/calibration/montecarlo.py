@@ -75,7 +75,6 @@ class SearchSettings:
         if self.maximum_moves < 1:
             raise StereocalError(f"maximum_moves is {self.maximum_moves}: it must be at least 1.")
 
-
     @property
     def steps(self) -> Steps:
         """The settings for the compiled search."""

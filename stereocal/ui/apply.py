@@ -231,13 +231,8 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
     elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
-        st.button(
-            f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)",
-            type="primary",
-            key="apply_run",
-            on_click=jobs.start,
-            args=(job,),
-        )
+        rows = f"{work.primary.rows:,} and {work.secondary.rows:,} points"
+        jobs.start_button(job, f"Match and measure ({rows})", "apply_run")
     last = "Cancelled. What is shown is the last finished result."
     jobs.show_job(project, "apply", last, job)
 

@@ -27,7 +27,6 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
 from stereocal.ui.holding import first_pairs
-from stereocal.ui.intake import clear_refusal
 from stereocal.ui.lens import board_form
 from stereocal.ui.messages import readable
 from stereocal.ui.texts import escape_markdown
@@ -73,13 +72,9 @@ def boards_in(store: ProjectPhotographs) -> None:
         about,
         lambda job: _find(store, pairing, pattern, given, job),
     )
-    st.button(
-        "Find the boards again" if found else "Find the boards",
-        key="find_boards",
-        type="secondary" if found else "primary",
-        disabled=jobs.is_running(project, "photographs") or not pairs or not entered,
-        on_click=_start,
-        args=(work,),
+    label = "Find the boards again" if found else "Find the boards"
+    jobs.start_button(
+        work, label, "find_boards", primary=not found, disabled=not pairs or not entered
     )
     jobs.show_job(project, "photographs", "Cancelled. What was found before is unchanged.", work)
     if found and store.found_by != work.digest:
@@ -90,11 +85,6 @@ def boards_in(store: ProjectPhotographs) -> None:
     if found:
         st.success(escape_markdown(found))
         _show_found(store, pairs)
-
-
-def _start(work: jobs.Work) -> None:
-    clear_refusal()
-    jobs.start(work)
 
 
 def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: BoardPattern) -> None:

@@ -81,7 +81,11 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
     if found is None or given is None:
         return None
     rig, parameters = found
-    digest, images = _read_images(rig, *given)
+    label, content = given
+    # `created` differs from draw to draw.
+    of_rig = json.dumps({**rig.to_json(), "created": ""}, sort_keys=True)
+    digest = hashlib.sha256(of_rig.encode() + label.encode() + content).hexdigest()
+    images = _images_of(digest, rig, label, content)
     if not images.bars:
         with noise:
             images = images.stating(_noise_of_points(project, images, rig))
@@ -239,14 +243,6 @@ def _checked(
     assert key and stated_px >= 0
     found = jobs.compute(recheck, prior_of(_chosen.rig), _chosen.images, smallest)
     return found, residuals_of(found)
-
-
-def _read_images(rig: RigParameters, label: str, content: bytes) -> tuple[str, NewImages]:
-    """A digest of the inputs, and the new images."""
-    # `created` differs from draw to draw.
-    of_rig = json.dumps({**rig.to_json(), "created": ""}, sort_keys=True)
-    digest = hashlib.sha256(of_rig.encode() + label.encode() + content).hexdigest()
-    return digest, _images_of(digest, rig, label, content)
 
 
 @st.cache_resource(show_spinner="Reading.", max_entries=16)

@@ -119,7 +119,10 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
     files = store.photographs
     for found in readable(lambda: store.frames) or ():
         if found.frame == frame:
-            first, second = (_photograph(files.get(name), name) for name in found.files)
+            first, second = (
+                _decoded(files[name].name, files[name], name) if name in files else None
+                for name in found.files
+            )
             return first, second
     return None, None
 
@@ -135,10 +138,6 @@ def frames_photographed(project: Project) -> set[int]:
 def photographed(project: Project) -> bool:
     """Whether the points come from photographs of the project."""
     return project.inputs.labels.get("correspondences") == TABLE_LABEL
-
-
-def _photograph(file: StoredFile | None, name: str) -> Photograph | None:
-    return None if file is None else _decoded(file.name, file, name)
 
 
 @st.cache_resource(show_spinner=False, max_entries=8)

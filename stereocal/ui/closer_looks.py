@@ -159,10 +159,6 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
         show_figure(plot_gap(views, method), describe_gap(views, method), "gap", fold=False)
 
 
-def _show_searches(_project: Project, found: Calibration, _answer: Answer | None) -> None:
-    show_figure(plot_traces(found), describe_traces(found), "traces")
-
-
 def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:
     if answer is not None and answer.outlook is not None:
         st.table(forecast_table(answer.outlook.predictive, answer.thresholds_px))
@@ -178,6 +174,8 @@ def _show_parameters(project: Project, found: Calibration, answer: Answer | None
 VIEWS = {
     FRAMES: _show_frames,
     "Why two sets": _show_two_sets,
-    "Searches": _show_searches,
+    "Searches": lambda _project, found, _answer: show_figure(
+        plot_traces(found), describe_traces(found), "traces"
+    ),
     "Parameters": _show_parameters,
 }

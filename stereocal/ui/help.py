@@ -79,13 +79,12 @@ def _text(name: str) -> str:
     path = DOCS / f"{name}.md"
     if not path.is_file():
         return ""
-    return _INCLUDE.sub(
-        lambda found: _included(path.parent / found[1]), path.read_text(encoding="utf-8")
-    )
 
+    def included(found: re.Match[str]) -> str:
+        other = path.parent / found[1]
+        return other.read_text(encoding="utf-8") if other.is_file() else ""
 
-def _included(path: Path) -> str:
-    return path.read_text(encoding="utf-8") if path.is_file() else ""
+    return _INCLUDE.sub(included, path.read_text(encoding="utf-8"))
 
 
 def _listed(name: str) -> list[str]:

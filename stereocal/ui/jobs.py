@@ -26,6 +26,7 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
 from stereocal.ui.messages import callback
+from stereocal.ui.refusal import clear_refusal
 from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")
@@ -186,6 +187,25 @@ def start(work: Work) -> None:
         threading.Thread(target=_drive, args=(job, work.run), daemon=True, name=work.kind).start()
 
 
+def start_button(
+    work: Work, label: str, key: str, *, primary: bool = True, disabled: bool = False
+) -> None:
+    """The button that begins a job."""
+    st.button(
+        label,
+        key=key,
+        type="primary" if primary else "secondary",
+        disabled=disabled or is_running(work.project, work.kind),
+        on_click=_press,
+        args=(work,),
+    )
+
+
+def _press(work: Work) -> None:
+    clear_refusal()
+    start(work)
+
+
 def _drive(job: Job, run: Callable[[Job], bool]) -> None:
     kept, state = job.kept, "failed"
     assert kept is not None
@@ -293,7 +313,7 @@ def _show_progress(job: Job, kind: Kind) -> None:
     known = job.done > job.begun_with and job.stages[job.at] != UNEVEN
     left = f", about {job.seconds_left:.0f} s left" if known else ""
     _show_bars(job, left)
-    st.button("Cancel", key=f"cancel_{kind}", on_click=_cancel, args=(job,))
+    st.button("Cancel", key=f"cancel_{kind}", on_click=setattr, args=(job, "cancelled", True))
 
 
 @st.fragment(run_every=1.0)
@@ -303,7 +323,8 @@ def _show_elsewhere(project: Project, kind: Kind) -> None:
     if found is None or found[0] != "running":
         st.rerun()
     _show_bars(found[1], "")
-    st.button("Cancel", key=f"stop_{kind}", on_click=_stop, args=(project, kind))
+    stop = callback(stored_jobs.ask_to_stop)
+    st.button("Cancel", key=f"stop_{kind}", on_click=stop, args=(project.database, kind))
 
 
 def _show_bars(job: Job | Record, left: str) -> None:
@@ -314,12 +335,3 @@ def _show_bars(job: Job | Record, left: str) -> None:
             st.progress(job.done / max(job.total, 1), f"{job.done} of {job.total} {stage}{left}")
         else:
             st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
-
-
-def _cancel(job: Job) -> None:
-    job.cancelled = True
-
-
-@callback
-def _stop(project: Project, kind: Kind) -> None:
-    stored_jobs.ask_to_stop(project.database, kind)

@@ -268,14 +268,7 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
     if current:
         jobs.discard_finished(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
-    st.button(
-        label,
-        type="secondary" if current else "primary",
-        key=f"calibrate_{store.which}",
-        disabled=running,
-        on_click=_start,
-        args=(work,),
-    )
+    jobs.start_button(work, label, f"calibrate_{store.which}", primary=not current)
     if lens is not None and not current and not running:
         st.warning(
             "The form or the photographs have changed since the lens was calibrated. It still "
@@ -291,11 +284,6 @@ def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
         "Photographs to leave out", names, placeholder="none", **left_out.widget()
     )
     return chosen
-
-
-def _start(work: jobs.Work) -> None:
-    clear_refusal()
-    jobs.start(work)
 
 
 def _work(

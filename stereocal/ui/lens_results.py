@@ -54,12 +54,18 @@ def show_lens(store: ProjectLens) -> None:
         st.caption(text)
     _use_and_downloads(store, lens)
     views = {
-        f"The {lens.settings.repeats} results": _show_draws,
-        "Photograph by photograph": _show_views,
-        "What the lens leaves": _show_field,
-        "Without distortion": _show_preview,
+        f"The {lens.settings.repeats} results": lambda: show_figure(
+            plot_draws(lens), describe_draws(lens), "draws"
+        ),
+        "Photograph by photograph": lambda: show_figure(
+            plot_view_errors(lens), describe_view_errors(lens), "view_errors"
+        ),
+        "What the lens leaves": lambda: show_figure(
+            plot_residual_field(lens), describe_residual_field(lens), "residual_field"
+        ),
+        "Without distortion": lambda: _show_preview(store, lens),
     }
-    views[choose(store.project, "lens_view", "Look at", views)](store, lens)
+    views[choose(store.project, "lens_view", "Look at", views)]()
     st.table(lens_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
@@ -104,18 +110,6 @@ def _use(store: ProjectLens) -> None:
         clear_refusal()
     except StereocalError as error:
         refuse(error)
-
-
-def _show_draws(_store: ProjectLens, lens: LensCalibration) -> None:
-    show_figure(plot_draws(lens), describe_draws(lens), "draws")
-
-
-def _show_views(_store: ProjectLens, lens: LensCalibration) -> None:
-    show_figure(plot_view_errors(lens), describe_view_errors(lens), "view_errors")
-
-
-def _show_field(_store: ProjectLens, lens: LensCalibration) -> None:
-    show_figure(plot_residual_field(lens), describe_residual_field(lens), "residual_field")
 
 
 def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:

@@ -86,5 +86,5 @@ def _made(made: Callable[[], T | None], work: jobs.Work) -> T | None:
         jobs.start(work)
     jobs.show_job(work.project, work.kind, "Cancelled.", work)
     if ended:
-        st.button("Compute it", key=f"again_{work.kind}", on_click=jobs.start, args=(work,))
+        jobs.start_button(work, "Compute it", f"again_{work.kind}", primary=False)
     return None

@@ -86,8 +86,10 @@ def run_page(page: StreamlitPage) -> None:
     st.html(FITS)
     if chosen := st.session_state.pop(_NEXT, None):
         st.switch_page(chosen)
-    if open_created():
-        _leave_for_created(page)
+    if open_created() and page.url_path == "":  # a sample that was just opened goes on
+        created = open_or_none()
+        several = created is not None and ProjectRecording(created).is_given
+        st.switch_page("pages/rig.py" if several else "pages/data.py")
     top = st.container()
     shown = show_messages(top)
     _take_focus(page)
@@ -110,14 +112,6 @@ def run_page(page: StreamlitPage) -> None:
     _show_states(project, saved)
     # Messages queued meanwhile; if the page is drawn again, it shows all of them.
     forget_messages(shown + show_messages(top, shown))
-
-
-def _leave_for_created(page: StreamlitPage) -> None:
-    """Go where a sample that was just opened goes on."""
-    project = open_or_none()
-    if page.url_path == "":
-        several = project is not None and ProjectRecording(project).is_given
-        st.switch_page("pages/rig.py" if several else "pages/data.py")
 
 
 def _take_focus(page: StreamlitPage) -> None:

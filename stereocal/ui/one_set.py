@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any
 
 import streamlit as st
 
@@ -45,7 +44,7 @@ from stereocal.ui.results import show_recommendation
 from stereocal.ui.sets_in_use import refined_switch
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.in_words import digits, left_out_line, percent
-from stereocal.verdict.tradeoff import TradeOff, costs_of
+from stereocal.verdict.tradeoff import costs_of
 from stereocal.workflow import Answer, conclusions_of_seeds
 
 _SEEDS: Latest[Future[str]] = Latest(500)
@@ -154,13 +153,15 @@ def show_trade_off(
     left, right = st.columns(2)
     which = choose(project, "curve", "Lenses", (FREED, FIXED), place=left, tabs_own=False)
     share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
-    points = _points(curves, which)
+    points = curves.fixed if which == FIXED else curves.freed
     chosen = points[round(share / 100 * (len(points) - 1))]
     show_figure(
         plot_trade_off(curves, costs, chosen), describe_trade_off(curves, costs), "trade_off"
     )
     own = chosen.parameters(dataset)
-    fcp, median = figures_of_set(count_set(own_view(dataset, own.primary, own.secondary), own.pose))
+    fcp, median = figures_of_set(
+        count_set(replace(dataset, primary=own.primary, secondary=own.secondary), own.pose)
+    )
     st.markdown(
         f"At the slider's point: wrong pairs that look right (FCP) **{percent(fcp)} %**, 3D error "
         f"(median) **{percent(median)} %**, on the frames it was fitted to."
@@ -173,15 +174,6 @@ def show_trade_off(
         "parameters_refined_point.json",
         "download_point",
     )
-
-
-def _points(curves: TradeOff, which: str | None) -> Any:
-    return curves.fixed if which == FIXED else curves.freed
-
-
-def own_view(dataset: Dataset, primary: Camera, secondary: Camera) -> Dataset:
-    """The data set seen through other lenses."""
-    return replace(dataset, primary=primary, secondary=secondary)
 
 
 def show_accuracy(

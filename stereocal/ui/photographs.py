@@ -262,13 +262,12 @@ def _find_targets(store: ProjectPhotographs) -> None:
             " to tell A from B."
         )
     work = _work(store, [row.pair for row in rows], target or BAR)
-    st.button(
+    jobs.start_button(
+        work,
         "Find the targets" if frames is None else "Find the targets again",
-        key="find_targets",
-        type="primary" if frames is None else "secondary",
-        disabled=running or bool(lacking) or not rows or target is None,
-        on_click=_start,
-        args=(work,),
+        "find_targets",
+        primary=frames is None,
+        disabled=bool(lacking) or not rows or target is None,
     )
     # The cheap test first: the digest of thousands of pairs is slow.
     if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
@@ -287,11 +286,6 @@ def _find_targets(store: ProjectPhotographs) -> None:
     elif is_stale(project):
         st.warning("These are the targets of what you said before that you hold. Find them again.")
     show_frames(store, frames, running)
-
-
-def _start(work: jobs.Work) -> None:
-    clear_refusal()
-    jobs.start(work)
 
 
 def _work(store: ProjectPhotographs, pairs: Sequence[Pair], target: Target) -> jobs.Work:

@@ -300,11 +300,7 @@ def _sensor(project: Project | None, which: CameraName) -> list[Field]:
 
 def _file(project: Project | None, which: CameraName) -> Field:
     """The text of the camera file."""
-    return setting(project, f"plan_{which}_file", None, _camera_text)
-
-
-def _camera_text(value: Any) -> str | None:
-    return None if value is None else str(value)
+    return setting(project, f"plan_{which}_file", None, lambda text: text and str(text))
 
 
 def _pose_or_none(value: Any) -> dict[str, Any] | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from functools import partial
 
 import numpy as np
@@ -20,6 +18,7 @@ from stereocal.pairs_of_rig import files_of_pairs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.rig.recording import Recording
+from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.figure import show_figure
@@ -60,7 +59,7 @@ def work_of(project: Project, time_offsets: bool) -> jobs.Work:
         except _CancelledError:
             return False
         files, _, _ = files_of_pairs(found)
-        store.keep_rig(rig_file(found).dumps(), _zipped(files))
+        store.keep_rig(rig_file(found).dumps(), pack_zip(files))
         return True
 
     return jobs.Work(project, KIND, STAGES, about, run)
@@ -77,14 +76,7 @@ def show_rig_page(project: Project, recording: Recording) -> None:
         )
     work = work_of(project, offsets)
     with left:
-        st.button(
-            "Calibrate all again" if rig else "Calibrate all",
-            type="primary",
-            key="rig_run",
-            on_click=jobs.start,
-            args=(work,),
-            disabled=jobs.is_running(project, KIND),
-        )
+        jobs.start_button(work, "Calibrate all again" if rig else "Calibrate all", "rig_run")
     jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.", work)
     if rig is None:
         count = len(recording.cameras)
@@ -146,11 +138,3 @@ def _open_clicked(store: ProjectRecording) -> None:
         if "customdata" in point:  # not a camera
             _open_pair(store, str(np.ravel(point["customdata"])[0]))
             return
-
-
-def _zipped(files: dict[str, bytes]) -> bytes:
-    target = io.BytesIO()
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return target.getvalue()

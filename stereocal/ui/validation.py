@@ -162,7 +162,7 @@ def bring_up_to_date(
         return
     elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
         label = f"Validate ({settings.runs * len(datasets)} runs)"
-        st.button(label, type="primary", key="validate", on_click=jobs.start, args=(work,))
+        jobs.start_button(work, label, "validate")
     last = "Cancelled. What is shown is the last finished validation."
     jobs.show_job(project, "evaluation", last, work)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import streamlit as st
 
@@ -21,7 +20,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, choose, number, setting, yes_or_no
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback
 from stereocal.ui.point_noise import ask_noise, noise_field
@@ -139,7 +138,8 @@ def _found(project: Project, given: Given, rig: RigParameters) -> Pose | None:
     if given.observed is None:
         return None
     settings = _settings(project, given.observed)
-    frame = _world(digest_of(rig), given.file.name, settings, _rate(given.observed), given, rig)
+    rate = given.observed.frame_rate if isinstance(given.observed, Throw) else None
+    frame = _world(digest_of(rig), given.file.name, settings, rate, given, rig)
     st.success(escape_markdown(frame.sentence))
     for note in frame.notes:
         st.caption(escape_markdown(note))
@@ -166,10 +166,6 @@ def _show_residuals(residuals: dict[str, list[float]]) -> None:
             f"{axis} (mm)": st.column_config.NumberColumn(format="%.1f") for axis in "xyz"
         },
     )
-
-
-def _rate(observed: Observed) -> float | None:
-    return observed.frame_rate if isinstance(observed, Throw) else None
 
 
 def _settings(project: Project, observed: Observed) -> WorldSettings:
@@ -214,16 +210,21 @@ def _settings(project: Project, observed: Observed) -> WorldSettings:
 
 
 def _choice(project: Project, title: str, key: str, options: dict[str, str]) -> str:
-    names = list(options)
-    chosen = setting(project, key, names[0], one_of(names))
-    st.selectbox(title, names, format_func=lambda name: options.get(name, name), **chosen.widget())
-    return str(chosen.value())
+    chosen: str = choose(
+        project,
+        key,
+        title,
+        options,
+        tabs_own=False,
+        as_menu=True,
+        format_func=lambda name: options.get(name, name),
+    )
+    return chosen
 
 
 def _switch(project: Project, title: str, key: str) -> bool:
     chosen = setting(project, key, False, yes_or_no)
-    options: dict[str, Any] = chosen.widget()
-    st.checkbox(title, **options)
+    st.checkbox(title, **chosen.widget())
     return bool(chosen.value())
 
 

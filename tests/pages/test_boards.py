@@ -69,8 +69,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     assert again.baseline_m == pytest.approx(2 * dataset.baseline_m, rel=1e-6)
 
 
-@pytest.mark.parametrize("page", ["calibrate", "validate", "one_set", "apply", "check", "data"])
-def test_pages_of_an_object(app: AppTest, home: Path, page: str) -> None:
+def test_pages_of_an_object(app: AppTest, home: Path) -> None:
     """A project with a calibrated board opens on each page."""
     project = Project.create(home)
     data = recorded(BOARD, 14)
@@ -86,9 +85,10 @@ def test_pages_of_an_object(app: AppTest, home: Path, page: str) -> None:
     )
     project.keep_calibration(calibrate(data_of(project)), project.inputs)
     app.query_params["project"] = project.id
-    app.switch_page(f"pages/{page}.py").run(timeout=60)
-    assert not app.exception, [item.value for item in app.exception]
-    assert not app.error, [item.value for item in app.error]
+    for page in ("calibrate", "validate", "one_set", "apply", "check", "data"):
+        app.switch_page(f"pages/{page}.py").run()
+        assert not app.exception, (page, [item.value for item in app.exception])
+        assert not app.error, (page, [item.value for item in app.error])
 
 
 def data_of(project: Project) -> Dataset:

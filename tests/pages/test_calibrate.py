@@ -119,22 +119,6 @@ def test_two_bars_give_files_without_forecast(app: AppTest, home: Path) -> None:
     assert not app.exception
 
 
-def test_long_work_shows_progress_and_ends(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(press, "INSTANT", 0)
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    project = project_of(app, home)
-    project.keep_settings({"validate_runs": 10})
-    app.button(key="run").click().run()
-    assert project.calibration is not None
-    assert ended(project, "calibration").state == "done"
-    app.run()
-    assert project.calibration_evaluation is not None
-    assert "held out: not yet" not in captions(app)
-    assert "Use the refined set for both" in messages(app)
-
-
 def test_the_recommendation_is_followed(pressed: AppTest, home: Path) -> None:
     project = project_of(pressed, home)
     assert project.recommended == ("refined", "refined")

@@ -129,9 +129,8 @@ def test_a_shared_server_lists_nothing(
 
 
 @pytest.mark.parametrize("shared", ["0", "1"])
-@pytest.mark.parametrize("page", ["start", "data"])
 def test_who_has_the_address_brings_a_removed_project_back(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, shared: str, page: str
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, shared: str
 ) -> None:
     project = project_of(open_sample(app), home)
     monkeypatch.setenv("STEREOCAL_SHARED", shared)
@@ -145,7 +144,7 @@ def test_who_has_the_address_brings_a_removed_project_back(
 
     owner = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     owner.query_params["project"] = project.id
-    owner.run().switch_page(f"pages/{page}.py").run()
+    owner.run().switch_page("pages/data.py").run()
     assert "This project was removed on 2026-03-14." in messages(owner)
     assert "Start a new project" in [button.label for button in owner.button]
     owner.button(key="bring_it_back").click().run()

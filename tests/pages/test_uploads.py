@@ -15,7 +15,6 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
 from tests.pages.stored_projects import messages
-from tests.pages.test_apply import SET_2D
 from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
 from tests.pages.waiting import wait_until
 
@@ -43,7 +42,7 @@ def upload(app: AppTest, key: str, name: str, content: bytes, calls: list[object
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize("place", ["give_dataset", "clear_refusal", "unzip"])
+@pytest.mark.parametrize("place", ["give_dataset", "unzip"])
 def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
@@ -73,14 +72,6 @@ def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "not a valid zip" in messages(app)
 
 
-def test_camera_file(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("Single files").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.store_camera")
-    upload(app, "upload_primary", "p.json", (FIELD / "primary.json").read_bytes(), calls)
-    assert project_of(app, home).inputs.labels["primary"] == "p.json"
-
-
 def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = project_of(open_sample(app), home)
     app.switch_page("pages/apply.py").run()
@@ -90,25 +81,6 @@ def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> No
     )
     upload(app, "upload_points_primary", "p.csv", b"frame,u,v\n0,1,2\n", calls)
     assert ProjectApplication(project).points("primary") is not None
-
-
-def test_wand_file(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("Single files").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.projects.application.ProjectApplication.ask")
-    rows = "\n".join(f"{k}.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for k in range(6))
-    upload(app, "upload_correspondences", "wand.csv", rows.encode(), calls)
-    assert any("looks like a wand file" in item.value for item in app.markdown)
-
-
-def test_parameter_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    project = project_of(open_sample(app), home)
-    app.switch_page("pages/apply.py").run()
-    calls = click_meanwhile(
-        monkeypatch, "stereocal.projects.application.ProjectApplication.keep_set"
-    )
-    upload(app, "upload_set_matching", "matching.json", SET_2D.dumps().encode(), calls)
-    assert ProjectApplication(project).set_of("matching") is not None
 
 
 def test_further_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
