@@ -42,7 +42,8 @@ if project is not None and project.pair is not None:
     how = "A rig"
     st.info(
         f"This is the pair {escape_markdown(project.pair)} of a rig: the points that both cameras "
-        "saw, with the lenses and the baseline of the rig."
+        "saw and the rig was fitted to, with the lenses and the baseline of the rig. The refined "
+        "set is the rig's; a frame that you leave out here is left out of this pair."
     )
 else:
     how = choose_kind(project)

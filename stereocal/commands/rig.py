@@ -13,7 +13,6 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.pair_of_rig import pair_name
 from stereocal.network.rig_file import RIG, RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
 from stereocal.pairs_of_rig import files_of_pairs
@@ -61,10 +60,10 @@ def run(parsed: argparse.Namespace) -> None:
     with ProgressBar("steps") as bar:
         rig = calibrate_rig(recording, settings, bar.show)
     with ProgressBar("pairs") as bar:
-        pairs, figures, notes = files_of_pairs(rig, parsed.pairs, bar.show)
-    found = rig_file(rig)
-    for pair, own in figures.items():
-        found.about["pairs"][pair_name(pair)].update(own)
+        found = rig_file(rig)
+        pairs, figures, notes = files_of_pairs(recording, found, parsed.pairs, bar.show)
+    for name, own in figures.items():
+        found.about["pairs"][name].update(own)
     _write(found, recording.name, parsed.out, pairs, notes)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.diagnosis import camera_warnings
 from stereocal.network.fit import RigFit
@@ -16,13 +17,17 @@ from stereocal.network.pairs import (
     Pairs,
     Progress,
     calibrate_pairs,
+    problem_of,
     reached,
+    shared_bars,
 )
 from stereocal.network.placings import rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
 from stereocal.network.unknowns import RigSettings, unknowns_of
-from stereocal.refined.screening import WIDE_LENGTH_PRIOR
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.refine import refine
+from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -49,6 +54,8 @@ def calibrate_rig(
         progress: called with the steps done, and those in all.
     """
     settings = settings or RigSettings()
+    if len(recording.cameras) == 2 and not settings.time_offsets:
+        return _of_two(recording, settings)
     pairs = calibrate_pairs(recording, settings, progress)
     if not pairs.fits:
         raise StereocalError(_no_pair(recording, pairs))
@@ -88,6 +95,22 @@ def calibrate_rig(
         offsets,
         tuple(camera_warnings(fit)),
     )
+
+
+def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
+    """A rig of two cameras: the refined set of their pair, with its screening."""
+    (pair,), bars = recording.pairs, shared_bars(recording)
+    dataset, own = problem_of(recording, pair, settings)
+    screening = screened(with_baseline_found(dataset), CalibrationSettings())
+    found = refine(screening.dataset, own)
+    pairs = Pairs(bars, {pair: PairFit.of(*pair, found)})
+    fused = fused_pairs(recording, [*pairs.fits.values()], settings)
+    kept = rows_where(recording, ~np.isin(recording.frame, screening.left_out))
+    fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), found.pose], settings)
+    fit.end_at(found)
+    left_out = tuple(sorted({*screening.left_out, *found.outlying_frames}))
+    warnings = tuple(camera_warnings(fit))
+    return RigCalibration(fit, pairs, fused, (), left_out, {}, np.zeros(2), warnings)
 
 
 def of_cameras(recording: Recording, names: list[str]) -> Recording:

@@ -9,6 +9,7 @@ import numpy as np
 from stereocal.network.placings import placings_of
 from stereocal.network.unknowns import RigSettings, baselines_of, unknowns_of
 from stereocal.refined.adjustment import add_baselines
+from stereocal.refined.refine import RefinedResult
 from stereocal.refined.robust import (
     ASSUMED,
     ASSUMED_PX,
@@ -20,6 +21,7 @@ from stereocal.refined.robust import (
     limits_of,
 )
 from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.refined.views import EACH
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -84,6 +86,15 @@ class RigFit(RobustFit):
         found = np.array([p.get(name, 0.0) for name in self.unknowns.names])
         self.p = np.where(self._within(6), 0.0, found)  # the poses are in the first ones
         self.sigma_px = sigma_px if self.source_px == ESTIMATED else self.sigma_px
+
+    def end_at(self, pair: RefinedResult) -> None:
+        """Take the refined set of a pair, where there are no other cameras."""
+        q, self.R, _ = views_of(pair.q)
+        self.p = np.linalg.pinv(self.unknowns.M) @ (q - self.unknowns.origin)
+        self.sigma_px, self.scatter = pair.sigma_px.value, pair.scatter_m.value
+        self.outlying = np.isin(self.frames, pair.frames[pair.outlying])
+        self._evaluate(np.where(self.outlying, 0.0, np.inf))
+        self.cost, self.steps, self.converged = pair.cost, pair.steps, True
 
     def _within(self, first: int) -> BoolArray:
         """(k,): the free parameters among a camera's `first` ones: 3 rotations, 6 of the pose."""

@@ -17,6 +17,7 @@ from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import bring_into_step
 from stereocal.refined.two_views import TIME
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Pair, Recording
 
 FEWEST_BARS = 8
@@ -42,6 +43,11 @@ class Pairs:
     """Of the sound pairs, best first."""
     failed: Mapping[Pair, str] = field(default_factory=dict)
     """Pairs with enough bars and no sound fit, and why."""
+
+
+def pair_name(pair: Pair) -> str:
+    """Such as `left-right`."""
+    return "-".join(pair)
 
 
 def shared_bars(recording: Recording) -> dict[Pair, int]:
@@ -94,8 +100,10 @@ def calibrate_pairs(
     return Pairs(bars, dict(best), failed)
 
 
-def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResult:
-    """The robust refined set of a pair."""
+def problem_of(
+    recording: Recording, pair: Pair, settings: RigSettings
+) -> tuple[Dataset, RefineSettings]:
+    """The data of a pair, and what is stated of its lenses and lengths."""
     dataset = recording.pair(*pair)
     if settings.baseline_sigma_m is not None and not dataset.baseline_is_free:
         dataset = replace(dataset, baseline_sigma_m=settings.baseline_sigma_m)
@@ -103,6 +111,12 @@ def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResu
     own = RefineSettings(primary=primary, secondary=secondary)
     if settings.object_sigma is not None:
         own = replace(own, distance_sigma_m=settings.object_sigma * dataset.target_distance_m)
+    return dataset, own
+
+
+def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResult:
+    """The robust refined set of a pair."""
+    dataset, own = problem_of(recording, pair, settings)
     dataset = with_rough_baseline(dataset)
     if settings.time_offsets:
         in_step = bring_into_step(dataset, wide_settings(dataset)).fit

@@ -138,8 +138,9 @@ class RigCalibration:
     @cached_property
     def covariance(self) -> FloatArray:
         """(Q, Q): of the unknowns of `views`; 0 for fixed ones."""
-        M = self.fit.unknowns.M
-        found = self.fit.unknowns.covariance(self.fit.information / self.design_effect)
+        fit, M = self.fit, self.fit.unknowns.M
+        of_baselines = fit.information - fit.H
+        found = fit.unknowns.covariance(fit.H / self.design_effect + of_baselines)
         return np.asarray(M @ found @ M.T)
 
     @cached_property

@@ -14,7 +14,7 @@ import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.network.fuse import Fused, PairFit, pair_covariance
-from stereocal.network.pair_of_rig import pair_name
+from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration
 from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import camera_at, lens_places

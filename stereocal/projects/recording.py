@@ -10,7 +10,7 @@ from stereocal.formats.dataset_files import TABLE, pack_pair
 from stereocal.formats.description import find_description
 from stereocal.formats.recording_files import POINTS, parse_recording
 from stereocal.network.rig_file import RIG, RigFile
-from stereocal.pairs_of_rig import data_of_pair
+from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import INPUT, Project
@@ -21,8 +21,11 @@ RECORDING, RIG_FILES = "recording", "rig"
 PARTS, REPLACED = "several", "several_replaced"
 """Files of cameras and a table that are no data set yet, and those that a later one replaced."""
 PAIRS = "pairs.zip"
-OF_RIG = "of_rig"
-"""Setting of a pair: the digests of the recording and of the rig that it is of."""
+OF_RIG, REFINED = "of_rig", "refined_of_rig"
+"""Settings of a pair: the digests of the recording and of the rig that it is of, and with which its
+refined set is the rig's."""
+VERSION = 2
+"""Of what a pair is given; one of another is given again."""
 
 
 class ProjectRecording:
@@ -131,14 +134,15 @@ class ProjectRecording:
         changed since; its settings and results stay, and what was said of its frames.
         """
         project = Project(self.database.of_pair(name))
-        rig = self.database.file(RIG_FILES, RIG)
-        about = [*self.digest, *([] if rig is None else [rig.sha256])]
+        file = self.database.file(RIG_FILES, RIG)
+        about = [*self.digest, VERSION, *([] if file is None else [file.sha256])]
         if project.settings.get(OF_RIG) == about:
             return project
         recording = self.read()
         if recording is None:
             raise StereocalError("This project has no recording of several cameras: no pairs.")
-        dataset = data_of_pair(recording, recording.pair_named(name), self.rig)
+        rig, pair = self.rig, recording.pair_named(name)
+        dataset = data_of_pair(recording, pair, rig)
         packed, inputs = pack_pair(dataset), project.inputs
         files: dict[Slot, bytes] = {
             "correspondences": packed[TABLE],
@@ -160,5 +164,10 @@ class ProjectRecording:
                 target_distance_m=dataset.target_distance_m,
                 target_distance_sigma_m=dataset.target_distance_sigma_m,
             )
-            project.keep_settings({OF_RIG: about})
+            refined = None
+            if rig is not None and {*pair} <= {*rig.names}:
+                refined = settings_of_pair(dataset, pair, rig).to_json()
+            # The rig has left out the frames that contradict it.
+            of_frames = {} if OF_RIG in project.settings else {"all_frames": refined is not None}
+            project.keep_settings({OF_RIG: about, REFINED: refined, **of_frames})
         return project

@@ -119,7 +119,8 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
         },
         "covariance": covariance_entry(result.covariance, (result.primary, result.secondary)),
-        "information": information_entry(result),
+        # Of a pair of a rig, the stated lenses are not those that its points were fitted with.
+        **({} if result.settings.rest else {"information": information_entry(result)}),
         "design_effect": result.design_effect,
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}

@@ -130,6 +130,8 @@ class RefinedResult:
     @cached_property
     def design_effect(self) -> float:
         """How many times the clusters scatter more than independent frames would; at least 1."""
+        if self.settings.rest is not None:
+            return self.settings.rest.design_effect
         return design_effect(self._solve, self.q, np.flatnonzero(~self.outlying), self.clusters)
 
     @cached_property
@@ -312,6 +314,9 @@ def _solves(
         solve = Solve(dataset, near.pose, settings, rows)
         if solve.start_near(near.unknowns, near.p, near.sigma_px.value, near.scatter_m.value):
             yield solve
+    if settings.rest is not None:
+        yield Solve(dataset, pose_of(np.array(settings.rest.values)), settings, rows)
+        return
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     for pose in _starts(dataset, rays, start, settings):
         yield Solve(dataset, pose, settings, rows)

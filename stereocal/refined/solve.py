@@ -80,6 +80,8 @@ class Solve(RobustFit):
         if settings.scatter_m is None:
             self.source_scatter = ESTIMATED if bar.sum() >= MINIMUM_BARS else ASSUMED
         self._begin(unknowns)
+        if settings.rest is not None:
+            self.p = settings.rest.start(unknowns)
 
     def set_limits(self, unknowns: int) -> None:
         """Set the limits of the chi-squares for a number of unknowns.

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.refined.rest import Rest
 from stereocal.refined.two_views import (
     BAR,
     BASELINE,
@@ -104,6 +105,8 @@ class RefineSettings:
     """Whether its drift is one too."""
     maximum_steps: int = 60
     """Maximum number of steps of each solve."""
+    rest: Rest | None = None
+    """Of a pair of a rig: what the other images tell, instead of the priors above."""
 
     def __post_init__(self) -> None:
         for name in ("baseline_sigma_m", "distance_sigma_m", "scatter_m", "sigma_px"):
@@ -211,7 +214,8 @@ def unknowns_of(
     late, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
     blocks.append(([("time offset", late, [TIME]), ("time drift", drift, [DRIFT])], None))
     focal_lengths = [place for number in range(2) for place in lens_places(number)[:2]]
-    return free_parameters(blocks, origin, focal_lengths)
+    found = free_parameters(blocks, origin, focal_lengths)
+    return found if settings.rest is None else settings.rest.prior(found)
 
 
 def free_parameters(

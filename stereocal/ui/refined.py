@@ -14,6 +14,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.project import Project
+from stereocal.projects.recording import REFINED
 from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.refine import RefinedResult, refine, settings_for
 from stereocal.refined.results import Calibration
@@ -43,6 +44,9 @@ ANSWER_STEPS = ("refined", "forecast")
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     """The form of the refined method: uncertainties from the Data page, and the image noise."""
+    if project.settings.get(REFINED) is not None:
+        st.caption("The refined set is the rig's: its lenses, lengths and noise are set there.")
+        return refine_settings(project, dataset)
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
     free = _free(project)
@@ -68,9 +72,13 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
 def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
     """The settings of the refined method, also for pages that do not show the form.
 
-    They hold the uncertainties of the lengths, which a data set's digest does not cover.
+    They hold the uncertainties of the lengths, which a data set's digest does not cover. Those of a
+    pair of a rig hold what the rig says.
     """
     search = search_values(project)
+    of_rig = project.settings.get(REFINED)
+    if of_rig is not None:
+        return RefineSettings.from_json(of_rig)
     return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,

@@ -55,11 +55,12 @@ def work_of(project: Project, time_offsets: bool) -> jobs.Work:
                 raise _CancelledError
 
         try:
-            found = calibrate_rig(recording, RigSettings(time_offsets=time_offsets), report)
+            rig = calibrate_rig(recording, RigSettings(time_offsets=time_offsets), report)
         except _CancelledError:
             return False
-        files, _, _ = files_of_pairs(found)
-        store.keep_rig(rig_file(found).dumps(), pack_zip(files))
+        found = rig_file(rig)
+        files, _, _ = files_of_pairs(recording, found)
+        store.keep_rig(found.dumps(), pack_zip(files))
         return True
 
     return jobs.Work(project, KIND, STAGES, about, run)

@@ -104,7 +104,7 @@ def trade_off(
     Returns:
         The curves; None if cancelled.
     """
-    settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False)
+    settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False, rest=None)
     if points < 3:
         raise StereocalError("The trade-off needs at least 3 points.")
     if not len(dataset.correspondences.bars):

@@ -16,11 +16,13 @@ from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import images_of, rows_where
 from stereocal.network.result import RigCalibration
+from stereocal.network.rig_file import rig_file
 from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import RigSettings, camera_at
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import Solve
+from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import LensPrior, shared_unknowns
 from stereocal.refined.views import EACH, fill_point_fits
 from stereocal.rig.compiled import FloatArray
@@ -28,6 +30,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.workflow import calibrate
 
 STATED = LensPrior(*LENS_ERRORS)
 
@@ -69,7 +72,32 @@ def test_errors_are_as_stated(cameras: int) -> None:
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.3
 
 
-def test_two_cameras_are_the_pair() -> None:
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_rig_of_two_cameras_is_the_refined_set_of_calibrate(measured: bool) -> None:
+    truth = simulated(3, 3)
+    recording = of_cameras(truth.recording, ["c1", "c2"])
+    if measured:
+        baseline = float(np.linalg.norm(truth.poses["c2"].T))
+        recording = replace(recording, baselines_m={("c1", "c2"): baseline}, baseline_sigma_m=0.005)
+    points = recording.points.copy()
+    points[::97] += 20.0
+    recording = replace(recording, points=points)
+    calibration = calibrate(with_baseline_found(recording.pair("c1", "c2")))
+    pair, rig = calibration.refined, calibrate_rig(recording)
+    assert pair is not None
+    found = shared_unknowns(Rig(rig.cameras["c1"], rig.cameras["c2"], rig.pose_of(("c1", "c2"))))
+    found[BAR] = rig.object_factor
+    assert found == pytest.approx(pair.q, rel=1e-9, abs=1e-12)
+    left_out = {*calibration.screening.left_out, *pair.outlying_frames}
+    assert len(left_out) > 3 and {*rig.left_out} == left_out
+    of_pair = rig_file(rig).pair("c1", "c2").uncertainties
+    assert of_pair is not None
+    sigmas = np.sqrt(np.diag(of_pair["covariance"]["matrix"]))
+    # how frames that follow each other count is found from other residuals: 0.2 % here
+    assert sigmas == pytest.approx(np.sqrt(np.diag(pair.covariance))[: len(sigmas)], rel=0.01)
+
+
+def test_two_views_of_the_joint_fit_are_the_pair() -> None:
     truth = simulated(3, 3)
     recording = of_cameras(truth.recording, ["c1", "c2"])
     pair = refine(with_baseline_found(recording.pair("c1", "c2")))

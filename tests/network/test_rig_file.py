@@ -13,7 +13,6 @@ from stereocal.errors import StereocalError
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import rig_notes, rig_sentence
-from stereocal.network.pair_of_rig import pair_parameters
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
@@ -67,7 +66,7 @@ def test_a_pair_of_the_rig_is_nearer_to_the_truth_than_by_itself(
     truth: SimulatedRig, rig: RigCalibration
 ) -> None:
     pair = ("c2", "c3")
-    own = pair_parameters(rig, pair)
+    own = rig_file(rig).pair(*pair)
     true = truth.poses["c3"] @ truth.poses["c2"].inverse()
     assert own.camera_names == pair
     assert own.uncertainties is not None

@@ -20,7 +20,7 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.network.pair_of_rig import pair_name
+from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.recording import Pair, Recording
 from stereocal.verdict.in_words import listed
