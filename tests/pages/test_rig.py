@@ -11,6 +11,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.recording_files import pack_recording
+from stereocal.network.placings import rows_where
+from stereocal.network.rig_file import RigFile
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
@@ -67,10 +69,24 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
 
 
 def test_a_pair_opens_by_its_address(project: Project) -> None:
+    store = ProjectRecording(project)
+    recording = store.read()
+    assert recording is not None
+    fitted = rows_where(recording, recording.frame % 3 == 0)
+    store.give(pack_recording(fitted), "the frames that the rig was fitted to")
+    store.keep_rig(rig_text(), b"zip")
     app = opened(project, "1-3")
     assert app.text_input(key="project_name").value == "eWand, cameras 1, 2, 3, 1-3"
     app.button(key="run").click().run()
-    assert ProjectRecording(project).pair("1-3").calibration is not None
+    found = ProjectRecording(project).pair("1-3").calibration
+    assert found is not None and found.refined is not None
+    # It is the rig's set, with the rig's errors.
+    rig = RigFile.loads(rig_text()).pair("1", "3")
+    assert [*found.refined.pose.angles] == pytest.approx([*rig.pose.angles], abs=1e-9)
+    assert found.refined.primary.K == pytest.approx(rig.primary.K, rel=1e-9)
+    stated = (rig.uncertainties or {})["covariance"]["matrix"]
+    sigmas = np.sqrt(np.diag(found.refined.covariance))[: len(stated)]
+    assert sigmas == pytest.approx(np.sqrt(np.diag(stated)), rel=1e-4)
 
 
 def test_an_address_without_such_a_pair_is_reported(project: Project) -> None:
