@@ -11,12 +11,11 @@ from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import answer_when_ready
-from stereocal.ui.messages import end_here
+from stereocal.ui.messages import end_here, readable
 from stereocal.ui.navigation import went_on_to
 from stereocal.ui.plan_project import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import press, show_progress, work_of
-from stereocal.ui.project import last_calibration
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
 from stereocal.ui.status import staleness
@@ -26,7 +25,7 @@ st.subheader("What is the pose of the cameras, and which set serves what?")
 
 came = went_on_to("calibrate")
 project, inputs, dataset = project_with_data()
-result = last_calibration(project)
+result = readable(lambda: project.calibration)
 first = came and result is None
 label = "Calibrate again" if result else "Calibrate"
 pressed = st.button(label, type="primary", key="run")
@@ -36,7 +35,7 @@ work = None
 try:
     if calibrate_again() or pressed or first:
         press(project, inputs, dataset, settings_of(values), errors_first=not (pressed or first))
-        result = last_calibration(project)
+        result = readable(lambda: project.calibration)
     work = work_of(project, inputs, dataset, settings_of(values))
 except StereocalError as error:
     st.error(escape_markdown(str(error)))

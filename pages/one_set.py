@@ -14,7 +14,7 @@ from stereocal.ui.fields import choose
 from stereocal.ui.forms import form_values
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.long_answers import answer_when_ready
-from stereocal.ui.messages import end_here
+from stereocal.ui.messages import end_here, readable
 from stereocal.ui.one_set import (
     show_accuracy,
     show_disagreement,
@@ -27,7 +27,6 @@ from stereocal.ui.one_set import (
     show_verdict,
 )
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.project import last_calibration
 from stereocal.ui.refined import (
     answer_for,
     calibrated,
@@ -49,7 +48,7 @@ try:
         st.markdown(ONE_SET)
         settings = refine_form(project, dataset)
     protocol = kept_protocol(project, [dataset])
-    calibration = last_calibration(project)
+    calibration = readable(lambda: project.calibration)
     current = calibration
     stale = calibration and staleness(calibration, dataset, form_values(project, dataset))
     if stale:

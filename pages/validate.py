@@ -9,9 +9,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.messages import end_here
+from stereocal.ui.messages import end_here, readable
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.project import last_evaluation
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import (
     bring_up_to_date,
@@ -35,7 +34,7 @@ except StereocalError as error:
 first = None if with_refined(project).value() else without_refined(project, datasets, settings)
 if first is None:
     bring_up_to_date(project, datasets, settings)
-evaluation = first or last_evaluation(project)
+evaluation = first or readable(lambda: project.evaluation)
 if evaluation is None:
     st.info("No validation yet.")
     end_here()

@@ -13,7 +13,7 @@ from stereocal.network.rig_file import RIG, RigFile
 from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.project import INPUT, Project
+from stereocal.projects.project import INPUT, Project, ProjectPart
 from stereocal.rig.recording import Recording
 
 RECORDING, RIG_FILES = "recording", "rig"
@@ -28,11 +28,8 @@ VERSION = 2
 """Of what a pair is given; one of another is given again."""
 
 
-class ProjectRecording:
+class ProjectRecording(ProjectPart):
     """The recording of one project. Every change is on disk when its method returns."""
-
-    def __init__(self, project: Project) -> None:
-        self.project, self.database = project, project.database
 
     @property
     def is_given(self) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
-from stereocal.system.environment import number_given
+from stereocal.system.environment import from_environment
 
 MOST_WORKERS = 1000
 
@@ -33,13 +33,7 @@ class ServerSettings:
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
         """The settings of this server; missing ones have defaults."""
-        given = os.environ if environment is None else environment
-        cores = os.cpu_count() or 1
-        return cls(
-            shared=number_given(given, "STEREOCAL_SHARED", 0.0) > 0,
-            keep_days=number_given(given, "STEREOCAL_KEEP_DAYS", cls.keep_days),
-            undo_days=number_given(given, "STEREOCAL_UNDO_DAYS", cls.undo_days),
-            project_mb=number_given(given, "STEREOCAL_PROJECT_MB", cls.project_mb),
-            download_mb=number_given(given, "STEREOCAL_DOWNLOAD_MB", cls.download_mb),
-            workers=int(min(number_given(given, "STEREOCAL_WORKERS", cores, 1.0), MOST_WORKERS)),
-        )
+        variables = {each.name: f"STEREOCAL_{each.name.upper()}" for each in fields(cls)}
+        found = from_environment(cls, variables, environment)
+        workers = int(min(max(found.workers, 1), MOST_WORKERS))
+        return replace(found, shared=found.shared > 0, workers=workers)

@@ -5,12 +5,11 @@ Limits.from_environment().check_size(path.stat().st_size, path.name)
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stereocal.errors import StereocalError
-from stereocal.system.environment import number_given
+from stereocal.system.environment import from_environment
 from stereocal.system.numbers import rounded
 
 MB = 1e6
@@ -40,13 +39,7 @@ class Limits:
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> Limits:
         """The limits from the environment, with defaults."""
-        variables = os.environ if environment is None else environment
-        return cls(
-            **{
-                name: number_given(variables, variable, getattr(cls, name), least=1.0)
-                for name, variable in VARIABLES.items()
-            }
-        )
+        return from_environment(cls, VARIABLES, environment, least=1.0)
 
     def check_count(self, count: int, source: str) -> None:
         """Raise a `StereocalError` for too many files at once."""

@@ -9,7 +9,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
-from stereocal.matching.application import STAGES, Application, Outcome, Points, unlabelled
+from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import USES, ProjectApplication, Use
@@ -91,7 +91,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     if lacking and (points is None or len(lacking) == 1):
         which = "both cameras" if len(lacking) == 2 else f"the {lacking[0]} camera"
         st.info(f"Still missing: the points of {which}.")
-    if sets is None and _sets_kind(project).value() == RESULTS:
+    if sets is None and sets_kind(project).value() == RESULTS:
         wait_for_answer(project)
     elif sets is None:
         st.info("Still missing: a parameter file to match with, and one to measure with.")
@@ -122,9 +122,10 @@ def _choose_points(project: Project, store: ProjectApplication) -> tuple[Points,
     return None if first is None or second is None else (first, second)
 
 
-def _sets_kind(project: Project) -> Field:
+def sets_kind(project: Project, key: str = "apply_sets") -> Field:
+    """Whether parameters are the project's results, if it has any, or files."""
     kinds = [*([RESULTS] if readable(lambda: project.calibration) else []), GIVEN]
-    return setting(project, "apply_sets", kinds[0], one_of(kinds))
+    return setting(project, key, kinds[0], one_of(kinds))
 
 
 def _choose_sets(
@@ -133,7 +134,7 @@ def _choose_sets(
     calibration = readable(lambda: project.calibration)
     found: list[RigParameters | None] = []
     answer = None
-    if calibration is not None and _sets_kind(project).value() == RESULTS:
+    if calibration is not None and sets_kind(project).value() == RESULTS:
         answer = answer_when_ready(project, calibration)
         if answer is None:
             return None
@@ -175,7 +176,7 @@ def _take_sets(project: Project, store: ProjectApplication, missing: bool) -> No
     """Uploaders and questions; folded if nothing is missing and no question is open."""
     asked = any(store.asking(use) for use in USES)
     with st.expander("Parameters from files", expanded=missing or asked):
-        kind = _sets_kind(project)
+        kind = sets_kind(project)
         if readable(lambda: project.calibration):
             st.segmented_control("Parameters", [RESULTS, GIVEN], required=True, **kind.widget())
         if kind.value() == GIVEN:
@@ -208,21 +209,13 @@ def _take_points(project: Project, store: ProjectApplication, side: CameraName) 
     take_one(upload, take)
 
 
-def _last(store: ProjectApplication) -> Outcome | None:
-    """The last result; None if damaged, so that it is computed again."""
-    try:
-        return None if store.result is None else store.result[0]
-    except StereocalError:
-        return None
-
-
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
     """Compute short work at once; for long work show a button and progress."""
-    result = _last(store)
+    result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
     job = jobs.Work(
         project, "apply", STAGES, {"application": work.digest}, lambda job: _run(store, work, job)
     )
-    if result is not None and result.digest == work.digest:
+    if result is not None and result[0].digest == work.digest:
         jobs.discard_finished(job)
     elif work.expected_seconds <= INSTANT_S:
         try:

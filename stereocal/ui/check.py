@@ -28,7 +28,7 @@ from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.apply import GIVEN, RESULTS
+from stereocal.ui.apply import GIVEN, RESULTS, sets_kind
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -122,8 +122,7 @@ def _noise_of_points(project: Project, images: NewImages, rig: RigParameters) ->
 
 
 def _kind(project: Project) -> Field:
-    kinds = [*([RESULTS] if readable(lambda: project.calibration) else []), GIVEN]
-    return setting(project, "check_parameters", kinds[0], one_of(kinds))
+    return sets_kind(project, "check_parameters")
 
 
 def _choose_parameters(

@@ -165,7 +165,8 @@ def _show_parameters(project: Project, found: Calibration, answer: Answer | None
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))
-    st.caption(describe_settings(found))
+    made_with = describe_settings(found.settings)
+    st.caption(f"Made with: {made_with}, {len(found.frames)} calibration frames.")
     if answer is not None:
         st.markdown("**In the format of another program**")
         other_formats(project, answer)

@@ -23,7 +23,6 @@ from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.units import UNITS as UNITS
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -25,6 +23,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+from stereocal.ui.messages import readable
 
 
 @st.cache_data(show_spinner=False, max_entries=8)
@@ -34,11 +33,9 @@ def _note_on_model(digest: str, _lens: LensCalibration) -> str:  # noqa: ARG001 
 
 def show_lens(store: ProjectLens) -> None:
     """The last finished lens of a camera."""
-    lens, search = None, None
-    with suppress(StereocalError):  # reported above, where it can be calibrated again
-        lens = store.calibration
-    with suppress(StereocalError):
-        search = store.search
+    # Reported above, where it can be calibrated again.
+    lens = readable(lambda: store.calibration, told=False)
+    search = readable(lambda: store.search, told=False)
     if search is not None and search.refused:
         with st.expander(f"{len(search.refused)} photographs without a usable board"):
             for item in search.refused:

@@ -93,10 +93,11 @@ def fragment(function: Callable[P, object], run_every: float | None = None) -> C
     return st.fragment(draw, run_every=run_every)
 
 
-def readable(read: Callable[[], T]) -> T | None:
-    """The result of a read; after an error None, and a warning on the page."""
+def readable(read: Callable[[], T], told: bool = True) -> T | None:
+    """The result of a read; after an error None, and a warning on the page if it is to be told."""
     try:
         return read()
     except StereocalError as error:
-        st.warning(escape_markdown(str(error)))
+        if told:
+            st.warning(escape_markdown(str(error)))
         return None

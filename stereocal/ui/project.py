@@ -10,15 +10,13 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
-from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, changed_at, removed_at
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.refined.results import Calibration
 from stereocal.ui.fields import Field
-from stereocal.ui.messages import attempt, callback, end_here, readable
+from stereocal.ui.messages import attempt, callback, end_here
 from stereocal.ui.texts import escape_markdown
 
 _BEGUN = "projects_begun"
@@ -187,13 +185,3 @@ def forget_project() -> None:
     """Close the current project; it stays on disk."""
     st.session_state.clear()
     st.query_params.clear()
-
-
-def last_calibration(project: Project) -> Calibration | None:
-    """The last result; None and a warning if it is damaged."""
-    return readable(lambda: project.calibration)
-
-
-def last_evaluation(project: Project) -> Evaluation | None:
-    """The last validation; None and a warning if it is damaged."""
-    return readable(lambda: project.evaluation)

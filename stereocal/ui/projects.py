@@ -32,10 +32,10 @@ from stereocal.system.limits import MB
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
+from stereocal.ui.messages import readable
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
-    last_calibration,
     offer_removed,
     open_project,
 )
@@ -242,7 +242,7 @@ def _offer_packed(project: Project, name: str) -> None:
 
 def _result(project: Project) -> dict[str, bytes]:
     """The last result with the parameter files as *Calibrate* offers them; empty without one."""
-    calibration = last_calibration(project)
+    calibration = readable(lambda: project.calibration)
     answer = None if calibration is None else answer_of(project, calibration)
     if answer is None:
         return {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 
@@ -54,13 +55,10 @@ def _known(dataset: Dataset) -> tuple[float | None, float | None]:
     return dataset.baseline_sigma_m, dataset.target_distance_sigma_m
 
 
-def describe_settings(result: Calibration) -> str:
-    """The settings of a result, in one line."""
-    made_with = result.settings.to_json()
-    made_with["calibration_frames"] = f"{len(result.frames)} calibration frames"
-    parts = [
+def describe_settings(settings: CalibrationSettings) -> str:
+    """The settings of a search, in one line."""
+    return ", ".join(
         f"{NAMES[key]} {value:g}" if isinstance(value, float) else f"{NAMES[key]} {value}"
-        for key, value in made_with.items()
+        for key, value in settings.to_json().items()
         if key in NAMES and key not in ("calibration_frames", *_FRAMES)
-    ]
-    return f"Made with: {', '.join([*parts, made_with['calibration_frames']])}."
+    )

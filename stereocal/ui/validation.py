@@ -19,7 +19,6 @@ from stereocal.formats.evaluation_files import (
     unpack_runs,
 )
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.system.described import descriptions
@@ -28,7 +27,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field, choose, number, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.refined import refine_settings, wait_for_answer
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.workflow import usual_frames
@@ -197,7 +196,9 @@ def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
     """Evaluate and store the result; False if cancelled."""
-    screenings = screenings_of(datasets, settings.calibration, _result(project))
+    screenings = screenings_of(
+        datasets, settings.calibration, readable(lambda: project.calibration, told=False)
+    )
     kept = [screening.dataset for screening in screenings]
     runs: Sequence[Sequence[Run]] | None
     if job.kept is None:  # while the page is drawn
@@ -245,18 +246,7 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
 
 def _last(project: Project) -> Evaluation | None:
     """The last validation; None if damaged, so that it is computed again."""
-    try:
-        return project.evaluation
-    except StereocalError:
-        return None
-
-
-def _result(project: Project) -> Calibration | None:
-    """The last calibration; None if damaged."""
-    try:
-        return project.calibration
-    except StereocalError:
-        return None
+    return readable(lambda: project.evaluation, told=False)
 
 
 def is_current(

@@ -28,6 +28,7 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
+from stereocal.ui.status import describe_settings
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.verdict.splits import note_on_splits
@@ -199,14 +200,11 @@ def _show_answer(
 def describe_protocol(evaluation: Evaluation) -> str:
     """Data and settings of an evaluation in one line."""
     settings = evaluation.settings
-    search = settings.calibration.search
     return (
         f"{escape_markdown(', '.join(evaluation.names[:3]))}"
         f"{' and more' if len(evaluation.names) > 3 else ''}; {settings.runs} runs, "
-        f"{settings.calibration_frames} calibration frames, Δ {search.delta:g}, Δ min "
-        f"{search.delta_min:g}, acceptance ratio {search.acceptance:g}, shrink factor "
-        f"{search.shrink:g}, minimum moves {search.minimum_moves}, seed {search.seed}, "
-        f"essential solver {settings.calibration.essential}."
+        f"{settings.calibration_frames} calibration frames, "
+        f"{describe_settings(settings.calibration)}."
     )
 
 
