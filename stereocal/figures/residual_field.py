@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.figures.style import FAINT, NEUTRAL, finish
+from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, finish
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px
 from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
@@ -17,7 +17,6 @@ from stereocal.rig.residual_field import ResidualField
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 
-BLUE, ORANGE = "#1F83C4", "#D55E00"
 LONGEST_ARROW = 0.9
 """As a fraction of the spacing of the cells."""
 
@@ -127,7 +126,7 @@ def _dots(field: ResidualField, what: str, at: int) -> go.Scattergl:
 
 def _arrows(field: ResidualField, apart: bool, scale: float) -> go.Scatter:
     """Arrows of the cells that are, or are not, apart from 0."""
-    shown = field.known & (field.apart == apart)
+    shown, colour = field.known & (field.apart == apart), METHOD_COLOURS["3d" if apart else "2d"]
     tails, means = field.centres[shown], field.mean[shown]
     lines = np.full((len(tails), 3, 2), np.nan)
     lines[:, 0], lines[:, 1] = tails, tails + scale * means
@@ -135,11 +134,11 @@ def _arrows(field: ResidualField, apart: bool, scale: float) -> go.Scatter:
         x=lines[..., 0].ravel(),
         y=lines[..., 1].ravel(),
         mode="lines+markers",
-        line={"color": ORANGE if apart else BLUE, "width": 3 if apart else 2},
+        line={"color": colour, "width": 3 if apart else 2},
         name="Apart from 0" if apart else f"Mean residual, ×{scale:g}",
         legendgroup=str(apart),
         marker={
-            "color": ORANGE if apart else BLUE,
+            "color": colour,
             "symbol": "arrow-wide" if apart else "arrow",
             "angleref": "previous",
             "size": np.tile([0, 10 if apart else 7, 0], len(tails)),

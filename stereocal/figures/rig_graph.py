@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.figures.space import set_scene, upright
+from stereocal.figures.space import outline_of, set_scene, upright
 from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, finish
 from stereocal.network.in_words import loops_sentence, rig_sentence
 from stereocal.network.rig_file import RigFile
@@ -94,7 +94,7 @@ def plot_cameras(rig: RigFile) -> go.Figure:
     depth = MAGNIFIED * float(max(apart))
     figure = finish(go.Figure(), HEIGHT + 60)
     for name in centres:
-        outline = _outline(rig, name, depth)
+        outline = outline_of(rig.cameras[name], rig.poses[name].inverse(), depth)
         figure.add_scatter3d(
             **upright(outline),
             mode="lines",
@@ -117,14 +117,6 @@ def plot_cameras(rig: RigFile) -> go.Figure:
 def _centres(rig: RigFile) -> dict[str, FloatArray]:
     """Of each camera, (3,), in the reference's frame."""
     return {name: pose.inverse().T for name, pose in rig.poses.items()}
-
-
-def _outline(rig: RigFile, name: str, depth: float) -> FloatArray:
-    """The pyramid of a camera, a path (k, 3) with gaps of NaN."""
-    camera, pose = rig.cameras[name], rig.poses[name].inverse()
-    a, b, c, d = pose.apply(depth * np.column_stack([camera.corner_rays, np.ones(4)]))
-    gap = np.full(3, np.nan)
-    return np.array([pose.T, a, b, pose.T, gap, pose.T, c, d, pose.T, gap, b, c, gap, d, a])
 
 
 def _third(rig: RigFile, pair: list[str]) -> str:

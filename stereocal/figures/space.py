@@ -30,6 +30,13 @@ CLOSEST = 0.2
 BEHIND = (0.5, -0.42, -0.76)
 """Behind, right of and above the primary camera."""
 AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
+SCENE_AXIS = {
+    "showbackground": False,
+    "gridcolor": GRID_3D,
+    "linecolor": GRID_3D,
+    "zeroline": False,
+    "showspikes": False,
+}
 WORLD_TITLES = {"xaxis": "x (m)", "yaxis": "y (m)", "zaxis": "z (m)"}
 Z_UP = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.zeros(3))
 """From a frame whose z axis points up to one whose y axis points down."""
@@ -165,16 +172,18 @@ def frusta(
 
     An outline is a path (k, 3) with gaps of NaN, which begins at the optical centre.
     """
-    gap = np.full(3, np.nan)
     for name, camera, pose in (
         ("primary", rig.primary, scene.from_primary),
         ("secondary", rig.secondary, _secondary_in(scene, rig)),
     ):
-        centre = pose.T
-        a, b, c, d = pose.apply(_corners(camera, FRUSTUM_OF_DEPTH * depth))
-        # From the centre round each side of the image.
-        path = [centre, a, b, centre, gap, centre, c, d, centre, gap, b, c, gap, d, a]
-        yield name, camera, np.array(path)
+        yield name, camera, outline_of(camera, pose, FRUSTUM_OF_DEPTH * depth)
+
+
+def outline_of(camera: Camera, pose: Pose, depth: float) -> FloatArray:
+    """A camera's pyramid up to a depth, from its centre round each side of the image."""
+    a, b, c, d = pose.apply(depth * np.column_stack([camera.corner_rays, np.ones(4)]))
+    gap = np.full(3, np.nan)
+    return np.array([pose.T, a, b, pose.T, gap, pose.T, c, d, pose.T, gap, b, c, gap, d, a])
 
 
 def _secondary_in(scene: Scene, rig: Rig) -> Pose:
@@ -182,22 +191,8 @@ def _secondary_in(scene: Scene, rig: Rig) -> Pose:
     return scene.from_primary @ rig.pose.inverse()
 
 
-def _corners(camera: Camera, depth: float) -> FloatArray:
-    """The four image corners (4, 3) at a depth, in the camera's frame: `Camera.corner_rays`."""
-    return depth * np.column_stack([camera.corner_rays, np.ones(4)])
-
-
 def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
-    axis = {
-        "showbackground": False,
-        "gridcolor": GRID_3D,
-        "linecolor": GRID_3D,
-        "zeroline": False,
-        "nticks": 6,
-        "tickfont": {"size": 12},
-        "showspikes": False,
-    }
     low, high = _bounds(figure)
     # Set directly, because `update_layout` takes ten times as long.
     figure.layout.scene = {
@@ -206,7 +201,9 @@ def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMER
         "bgcolor": TRANSPARENT,
         **{
             name: {
-                **axis,
+                **SCENE_AXIS,
+                "nticks": 6,
+                "tickfont": {"size": 12},
                 "range": [low[at], high[at]],
                 "title": {"text": title, "font": {"size": 14}},
             }

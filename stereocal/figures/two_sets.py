@@ -15,10 +15,9 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures.frame_view import FrameView
 from stereocal.figures.photograph import Photograph, photograph_behind
-from stereocal.figures.space import upright
+from stereocal.figures.space import SCENE_AXIS, upright
 from stereocal.figures.style import (
     AXIS,
-    GRID_3D,
     LAYOUT,
     METHOD_COLOURS,
     NEUTRAL,
@@ -151,15 +150,7 @@ def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
         line={"color": METHOD_COLOURS[method], "width": 9},
         marker={"color": METHOD_COLOURS[method], "size": 4},
     )
-    axis = {
-        "showbackground": False,
-        "gridcolor": GRID_3D,
-        "linecolor": GRID_3D,
-        "zeroline": False,
-        "range": [-1000 * reach, 1000 * reach],
-        "nticks": 4,
-        "showspikes": False,
-    }
+    axis = {**SCENE_AXIS, "range": [-1000 * reach, 1000 * reach], "nticks": 4}
     titles = {"xaxis": "x (mm)", "yaxis": "z (mm)", "zaxis": "−y (mm)"}
     figure.update_layout(
         scene={

@@ -23,10 +23,10 @@ from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import unzip
 from stereocal.ui.fields import Fit, one_of, setting
 from stereocal.ui.foreign import ask, ask_origin, ask_size
-from stereocal.ui.intake import clear_refusal, escape_markdown, refuse, take_new
-from stereocal.ui.messages import callback
+from stereocal.ui.intake import escape_markdown, take_new
 from stereocal.ui.parameter_files import FILES
 from stereocal.ui.sets_in_use import PAPERS
+from stereocal.ui.wizard import ask_buttons
 
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
@@ -73,18 +73,11 @@ def _ask_about_set(project: Project, store: ProjectApplication, use: Use) -> Non
             st.error(escape_markdown(str(error)))
         if rig is not None:
             st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
-            st.button(
-                "Use these parameters",
-                type="primary",
-                key=f"use_set_{use}",
-                on_click=_use,
-                args=(store, use, label, rig),
-            )
-        st.button(
-            "Put the files aside",
-            key=f"aside_{use}",
-            on_click=callback(store.forget_question),
-            args=(use,),
+        ask_buttons(
+            store,
+            use,
+            None if rig is None else lambda: store.keep_set(use, label, rig.dumps().encode()),
+            "Use these parameters",
         )
 
 
@@ -125,12 +118,3 @@ def _options(project: Project, use: Use, name: str | None) -> ExchangeOptions:
 def _answer(project: Project, key: str, usual: Any, fit: Fit) -> dict[str, Any]:
     """Key and callback of a question's widget; each tab has its own answer."""
     return setting(project, key, usual, fit, tabs_own=True).widget()
-
-
-@callback
-def _use(store: ProjectApplication, use: Use, label: str, rig: RigParameters) -> None:
-    try:
-        store.keep_set(use, label, rig.dumps().encode())
-        clear_refusal()
-    except StereocalError as error:
-        refuse(error)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -28,6 +29,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.dataset import Correspondences
 from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
 from stereocal.ui.foreign import ask_origin
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
@@ -46,6 +48,7 @@ def ask_about_points(store: ProjectApplication, side: CameraName, image_height: 
     if asked is None:
         return
     label, content = asked
+    use = None
     with st.container(border=True):
         try:
             layout = layout_of(content, label)
@@ -60,19 +63,14 @@ def ask_about_points(store: ProjectApplication, side: CameraName, image_height: 
             answers = _point_form(form, side, content, label, image_height)
             if answers.columns is None and not form.layout.columns:
                 st.info("Choose the columns: this file does not say which is which.")
-                _aside(store, side)
-                return
-            if answers.corner == "lower-left" and answers.image_height is None:
+            elif answers.corner == "lower-left" and answers.image_height is None:
                 st.info("Give the image height: the points are counted from the lower left.")
-                _aside(store, side)
-                return
-            preview = store.preview(side, answers, PREVIEW_ROWS)
-            _show_preview(preview.head(PREVIEW_ROWS))
+            else:
+                _show_preview(store.preview(side, answers, PREVIEW_ROWS).head(PREVIEW_ROWS))
+                use = partial(store.answer, side, answers)
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
-            _aside(store, side)
-            return
-        ask_buttons(store, side, lambda: store.answer(side, answers))
+        ask_buttons(store, side, use)
 
 
 def ask_about_bars(store: ProjectApplication) -> None:
@@ -81,6 +79,7 @@ def ask_about_bars(store: ProjectApplication) -> None:
     if asked is None:
         return
     label, content = asked
+    use = None
     with st.container(border=True):
         try:
             layout = layout_of(content, label)
@@ -89,23 +88,25 @@ def ask_about_bars(store: ProjectApplication) -> None:
             options, heights = _bar_form(form)
             if options.corner == "lower-left" and None in heights:
                 st.info("Give the image heights: the points are counted from the lower left.")
-                _aside(store, "bars")
-                return
-            rows = bars_of(content, label, options, heights).rows
+            else:
+                use = _bars_shown(store, label, bars_of(content, label, options, heights).rows)
         except StereocalError as error:
             st.error(escape_markdown(str(error)))
-            _aside(store, "bars")
-            return
-        table = write_table(rows)
-        preview = [line.split(",") for line in table.decode().splitlines()[: PREVIEW_ROWS + 1]]
-        _show_preview(pd.DataFrame(preview[1:], columns=preview[0]))
-        st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
-
-        def use() -> None:
-            store.project.give({"correspondences": (label, table)})
-            store.forget_question("bars")
-
         ask_buttons(store, "bars", use)
+
+
+def _bars_shown(store: ProjectApplication, label: str, rows: Correspondences) -> Callable[[], None]:
+    """Show the first rows; returns what uses them."""
+    table = write_table(rows)
+    preview = [line.split(",") for line in table.decode().splitlines()[: PREVIEW_ROWS + 1]]
+    _show_preview(pd.DataFrame(preview[1:], columns=preview[0]))
+    st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
+
+    def use() -> None:
+        store.project.give({"correspondences": (label, table)})
+        store.forget_question("bars")
+
+    return use
 
 
 @dataclass(frozen=True)
@@ -258,27 +259,21 @@ def ask_buttons(
     Args:
         use: None if it cannot be used yet.
     """
-    if use is None:
-        _aside(store, asked)
-        return
 
     def take() -> None:
         try:
-            use()
+            if use is not None:
+                use()
             clear_refusal()
         except StereocalError as error:
             refuse(error)
 
-    left, right = st.columns(2)
-    left.button(title, type="primary", key=f"use_{asked}", on_click=take)
-    with right:
-        _aside(store, asked)
-
-
-def _aside(store: ProjectApplication, asked: Asked) -> None:
-    st.button(
-        "Put the file aside",
-        key=f"aside_{asked}",
-        on_click=callback(store.forget_question),
-        args=(asked,),
-    )
+    with st.container(horizontal=True):
+        if use is not None:
+            st.button(title, type="primary", key=f"use_{asked}", on_click=take)
+        st.button(
+            "Put the file aside",
+            key=f"aside_{asked}",
+            on_click=callback(store.forget_question),
+            args=(asked,),
+        )
