@@ -194,7 +194,7 @@ def flipped(content: bytes, seed: int, count: int) -> bytes:
     return bytes(damaged)
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(0, 25, 4))
 def test_damage_is_reported_and_the_file_stays_as_it_is(seed: int, tmp_path: Path) -> None:
     project = placed(FULL, tmp_path)
     path = project.database.path

@@ -40,15 +40,6 @@ def test_id_is_unguessable_and_nothing_else_opens(tmp_path: Path) -> None:
             Project.open(tmp_path, bad)
 
 
-def test_what_is_given_comes_back_in_another_process_of_mind(tmp_path: Path) -> None:
-    project = filled(tmp_path)
-    again = Project.open(tmp_path, project.id)
-    dataset = again.dataset
-    assert dataset is not None and dataset.baseline_m == 4.5
-    assert len(dataset.correspondences) == 50
-    assert again.inputs.missing == []
-
-
 def test_missing_parts_are_named_until_complete(tmp_path: Path) -> None:
     project = Project.create(tmp_path)
     assert len(project.inputs.missing) == 5
@@ -136,13 +127,6 @@ def test_result_is_kept_with_the_inputs_it_was_made_from_not_with_later_ones(
     project.keep_calibration(made, inputs)
     kept = project.calibration
     assert kept is not None and kept.dataset.baseline_m == 4.5
-
-
-def test_settings_are_remembered(tmp_path: Path) -> None:
-    project = Project.create(tmp_path)
-    project.keep_settings({"seed": 3})
-    project.keep_settings({"delta": 2e-3})
-    assert Project.open(tmp_path, project.id).settings == {"seed": 3, "delta": 2e-3}
 
 
 def test_home_is_a_setting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

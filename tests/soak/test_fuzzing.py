@@ -15,7 +15,7 @@ from tests.soak import repeats
 from tests.soak.damage import damaged, never_sound
 from tests.soak.readers import Reader, readers
 
-FEW, MANY = 3, repeats(100, 2000)
+EXAMPLES = repeats(100, 2000)
 ROOM = 2_000_000_000
 """Bytes of addresses that a reader may take beyond those of the process before it."""
 
@@ -48,13 +48,13 @@ def test_a_sound_file_is_accepted(name: str, tmp_path: Path) -> None:
         assert any(outcome(reader, content, tmp_path) == "" for content in reader.seeds())
 
 
-@pytest.mark.parametrize("examples", [FEW, pytest.param(MANY, marks=pytest.mark.soak)])
+@pytest.mark.soak
 @pytest.mark.parametrize("name", readers())
 @pytest.mark.usefixtures("bounded_memory")
-def test_unsound_files(name: str, examples: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_unsound_files(name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     reader, folder = readers()[name], tmp_path_factory.mktemp("scratch")
 
-    @settings(max_examples=examples, database=None, deadline=timedelta(seconds=5))
+    @settings(max_examples=EXAMPLES, database=None, deadline=timedelta(seconds=5))
     @given(damaged(reader.kind, reader.seeds()) | never_sound())
     def read(content: bytes) -> None:
         outcome(reader, content, folder)
