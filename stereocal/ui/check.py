@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,7 @@ from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.residuals import Residuals, residuals_of
 from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.inputs import images_in
-from stereocal.matching.application import PAIRS
+from stereocal.matching.application import PAIRS, digest_of
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.projects.application import ProjectApplication, parameters_in
 from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck
@@ -82,9 +81,7 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
         return None
     rig, parameters = found
     label, content = given
-    # `created` differs from draw to draw.
-    of_rig = json.dumps({**rig.to_json(), "created": ""}, sort_keys=True)
-    digest = hashlib.sha256(of_rig.encode() + label.encode() + content).hexdigest()
+    digest = hashlib.sha256(f"{digest_of(rig)} {label} ".encode() + content).hexdigest()
     images = _images_of(digest, rig, label, content)
     if not images.bars:
         with noise:
@@ -230,17 +227,14 @@ def show_check(chosen: Chosen) -> None:
         st.caption(escape_markdown(note))
 
 
+@st.cache_resource(
+    show_spinner="Checking.",
+    max_entries=16,
+    hash_funcs={Chosen: lambda one: (one.digest, one.images.stated_px, one.smallest)},
+)
 def checked(chosen: Chosen) -> tuple[Recheck, Residuals]:
     """The check, and the errors frame by frame."""
-    return _checked(chosen.digest, chosen.images.stated_px, chosen.smallest, chosen)
-
-
-@st.cache_resource(show_spinner="Checking.", max_entries=16)
-def _checked(
-    key: str, stated_px: float, smallest: Smallest, _chosen: Chosen
-) -> tuple[Recheck, Residuals]:
-    assert key and stated_px >= 0
-    found = jobs.compute(recheck, prior_of(_chosen.rig), _chosen.images, smallest)
+    found = jobs.compute(recheck, prior_of(chosen.rig), chosen.images, chosen.smallest)
     return found, residuals_of(found)
 
 

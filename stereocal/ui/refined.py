@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import get_args
+from typing import Any, get_args
 
 import streamlit as st
 
@@ -40,6 +40,29 @@ MAP_SIZE = 45
 MOST_ANSWERS = 32
 """More than people at work at once; one takes 12 to 18 MB."""
 ANSWER_STEPS = ("refined", "forecast")
+
+
+def key_of(calibration: Calibration) -> str:
+    """Identifies a calibration with its refined set: equal for equal content."""
+    refined = calibration.refined
+    assert refined is not None
+    key = [_key(calibration.dataset, refined.settings), refined.q.tolist(), _poses(calibration)]
+    return json.dumps(key)
+
+
+BY_CONTENT: dict[str | type, Callable[[Any], Any]] = {
+    Dataset: lambda dataset: dataset.identity,
+    RefineSettings: RefineSettings.to_json,
+    CalibrationSettings: CalibrationSettings.to_json,
+    Calibration: key_of,
+}
+"""What tells inputs of kept results apart: Streamlit would hash only a sample of large arrays."""
+
+
+@st.cache_resource(show_spinner="Forecasting.", max_entries=MOST_ANSWERS, hash_funcs=BY_CONTENT)
+def outlook_for(calibration: Calibration) -> Outlook | None:
+    """What the files of a calibration with its refined set will do; None if that is unknown."""
+    return jobs.compute(outlook_of, calibration)
 
 
 def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
@@ -99,9 +122,10 @@ def _free(project: Project) -> Field:
     )
 
 
+@st.cache_resource(show_spinner="Refining.", max_entries=16, hash_funcs=BY_CONTENT)
 def refined_of(dataset: Dataset, settings: RefineSettings) -> RefinedResult:
     """The refined set. Raises as `refine`."""
-    return _refined(_key(dataset, settings), dataset, settings)
+    return jobs.compute(refine, dataset, settings)
 
 
 def refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedResult | None:
@@ -115,22 +139,10 @@ def refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedRe
         return None
 
 
+@st.cache_resource(show_spinner="Calibrating.", max_entries=16, hash_funcs=BY_CONTENT)
 def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
     """The paper's sets, for data not calibrated yet. Raises as `calibrate`."""
-    return _calibrated(_key(dataset, settings), dataset, settings)
-
-
-def outlook_for(calibration: Calibration) -> Outlook | None:
-    """What the files of a calibration will do on frames to come; None if that cannot be said."""
-    return None if calibration.refined is None else _outlook(key_of(calibration), calibration)
-
-
-def key_of(calibration: Calibration) -> str:
-    """Identifies a calibration with its refined set: equal for equal content."""
-    refined = calibration.refined
-    assert refined is not None
-    key = [_key(calibration.dataset, refined.settings), refined.q.tolist(), _poses(calibration)]
-    return json.dumps(key)
+    return jobs.compute(calibrate, dataset, settings, refined=None)
 
 
 def answer_of(project: Project, calibration: Calibration) -> Answer | None:
@@ -180,7 +192,8 @@ def answer_for(
         step("refined")
         whole = replace(calibration, refined=refined_for(calibration, settings))
         step("forecast")
-        found = jobs.compute(answer, whole, outlook_for(whole), evaluation)
+        outlook = None if whole.refined is None else outlook_for(whole)
+        found = jobs.compute(answer, whole, outlook, evaluation)
         _answers().keep(key, found)
     return found
 
@@ -211,14 +224,19 @@ def _answers() -> Latest[Answer]:
     return Latest(MOST_ANSWERS)
 
 
+@st.cache_resource(
+    show_spinner="Predicting errors by position.", max_entries=16, hash_funcs=BY_CONTENT
+)
 def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
     """Predicted errors by position, from above and from the side. Raises as `refine`."""
-    return _maps(_key(dataset, settings), dataset, settings)
+    result = refined_of(dataset, settings)
+    return [jobs.compute(accuracy_map, result, MAP_SIZE, plane) for plane in get_args(Plane)]
 
 
+@st.cache_resource(show_spinner="Looking at the residuals.", max_entries=16, hash_funcs=BY_CONTENT)
 def misfit_for(dataset: Dataset, settings: RefineSettings) -> Misfit:
     """Residuals of the refined set over the images. Raises as `refine`."""
-    return _misfit(_key(dataset, settings), dataset, settings)
+    return jobs.compute(misfit_of, refined_of(dataset, settings))
 
 
 def curves_of(
@@ -252,35 +270,3 @@ def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> st
     """Includes name and notes: another project with equal numbers must not show them."""
     words = [*dataset.identity, settings.to_json()]
     return json.dumps(words, sort_keys=True)
-
-
-# Cached by our own key: Streamlit would hash only a sample of large arrays.
-
-
-@st.cache_resource(show_spinner="Refining.", max_entries=16)
-def _refined(key: str, _dataset: Dataset, _settings: RefineSettings) -> RefinedResult:
-    assert key
-    return jobs.compute(refine, _dataset, _settings)
-
-
-@st.cache_resource(show_spinner="Calibrating.", max_entries=16)
-def _calibrated(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Calibration:
-    assert key
-    return jobs.compute(calibrate, _dataset, _settings, refined=None)
-
-
-@st.cache_resource(show_spinner="Forecasting.", max_entries=MOST_ANSWERS)
-def _outlook(key: str, _calibration: Calibration) -> Outlook | None:
-    assert key
-    return jobs.compute(outlook_of, _calibration)
-
-
-@st.cache_resource(show_spinner="Looking at the residuals.", max_entries=16)
-def _misfit(key: str, _dataset: Dataset, _settings: RefineSettings) -> Misfit:
-    return jobs.compute(misfit_of, _refined(key, _dataset, _settings))
-
-
-@st.cache_resource(show_spinner="Predicting errors by position.", max_entries=16)
-def _maps(key: str, _dataset: Dataset, _settings: RefineSettings) -> list[AccuracyMap]:
-    result = _refined(key, _dataset, _settings)
-    return [jobs.compute(accuracy_map, result, MAP_SIZE, plane) for plane in get_args(Plane)]

@@ -37,8 +37,8 @@ def forget() -> None:
     """What a server that starts has not in memory."""
     for cache in (
         screening._screened,
-        refined._refined,
-        refined._outlook,
+        refined.refined_of,
+        refined.outlook_for,
         refined._answers,
         refined._traced,
     ):
