@@ -42,8 +42,10 @@ DRAWN: dict[str, Callable[[], Drawn]] = {
 }
 
 
-@pytest.mark.parametrize("width_mm", [COLUMN_MM, PAGE_MM])
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize(
+    ("name", "width_mm"),
+    [*((name, COLUMN_MM) for name in DRAWN), ("validation", PAGE_MM), ("rig", PAGE_MM)],
+)
 def test_svg_and_pdf_hold_the_figure_on_their_page(name: str, width_mm: float) -> None:
     draw, word = DRAWN[name]()
     found = rendered(draw, width_mm)

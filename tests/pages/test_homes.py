@@ -61,13 +61,10 @@ def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
         "start": [
             lambda app: app.text_input(key=f"name_{project.id}").set_value("New name"),
             lambda app: app.button(key=f"duplicate_{project.id}").click(),
-            lambda app: app.button(key="demo").click(),
         ],
         "data": [
             lambda app: app.number_input(key="baseline_m_value").set_value(300.0),
             lambda app: app.checkbox(key="use_frame_2").set_value(False),
-            lambda app: app.button(key="look_2").click(),
-            lambda app: app.button(key="pair_again").click(),
             lambda app: app.button(key="no_photographs").click(),
         ],
         "calibrate": [
@@ -75,10 +72,8 @@ def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
             lambda app: app.number_input(key="seed").set_value(9),
         ],
         "validate": [lambda app: app.slider(key="validate_runs").set_value(20)],
-        "one_set": [lambda app: app.slider(key="along").set_value(20)],
         "cameras": [
             lambda app: app.button(key="no_boards_primary").click(),
-            lambda app: app.button(key="use_lens_primary").click(),
             lambda app: app.number_input(key="board_columns").set_value(9),
         ],
         "apply": [lambda app: app.number_input(key="apply_threshold").set_value(2.0)],
