@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 
@@ -14,11 +14,11 @@ from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import Listed, duplicate, remove
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
+from stereocal.ui.messages import callback
 from stereocal.ui.project import is_open, open_project
 from stereocal.ui.texts import escape_markdown
 
 REMOVED = "removed_project"
-FAILED = "failed_project"
 OPENED = "opened_project"
 """The project whose card was pressed: the next run opens it."""
 WIDTH = 250
@@ -35,14 +35,6 @@ def show_cards(projects: Sequence[Listed]) -> None:
 def date_of(seconds: float) -> str:
     """A time in seconds since 1970, as shown."""
     return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
-
-
-def try_action(action: Callable[[], object]) -> None:
-    """Do something with a project; an error is shown by the next run."""
-    try:
-        action()
-    except StereocalError as error:
-        st.session_state[FAILED] = str(error)
 
 
 def _show(one: Listed) -> None:
@@ -87,9 +79,9 @@ def _card(project_id: str, changed: float) -> Card:
     return card_of(Project.open(default_home(), project_id))
 
 
+@callback
 def _rename(project_id: str, key: str) -> None:
-    name = st.session_state[key].strip()
-    try_action(lambda: Project.open(default_home(), project_id).rename(name))
+    Project.open(default_home(), project_id).rename(st.session_state[key].strip())
 
 
 def _open(project_id: str) -> None:
@@ -97,22 +89,18 @@ def _open(project_id: str) -> None:
     st.session_state[OPENED] = project_id
 
 
+@callback
 def _duplicate(project_id: str) -> None:
-    def act() -> None:
-        copy = duplicate(default_home(), project_id)
-        if ServerSettings.from_environment().shared:  # there is no list to find it in
-            open_project(copy.id)
-
-    try_action(act)
+    copy = duplicate(default_home(), project_id)
+    if ServerSettings.from_environment().shared:  # there is no list to find it in
+        open_project(copy.id)
 
 
+@callback
 def _remove(project_id: str) -> None:
-    def act() -> None:
-        name = ""
-        with suppress(StereocalError):  # a damaged one can be removed too
-            name = title_of(Project.open(default_home(), project_id))
-        remove(default_home(), project_id)
-        if not is_open(project_id):  # for the open one, `offer_removed` does
-            st.session_state[REMOVED] = (project_id, name)
-
-    try_action(act)
+    name = ""
+    with suppress(StereocalError):  # a damaged one can be removed too
+        name = title_of(Project.open(default_home(), project_id))
+    remove(default_home(), project_id)
+    if not is_open(project_id):  # for the open one, `offer_removed` does
+        st.session_state[REMOVED] = (project_id, name)

@@ -32,14 +32,14 @@ from stereocal.system.limits import MB
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.messages import readable
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
     offer_removed,
     open_project,
 )
-from stereocal.ui.project_cards import FAILED, OPENED, REMOVED, date_of, show_cards, try_action
+from stereocal.ui.project_cards import OPENED, REMOVED, date_of, show_cards
 from stereocal.ui.refined import answer_of
 
 ON_A_PAGE = 9
@@ -74,8 +74,6 @@ def show_projects() -> Project | None:
     project = None if offer_removed() else current_project()
     if not settings.shared:
         _offer_undo()
-    if failure := st.session_state.pop(FAILED, None):
-        st.error(escape_markdown(failure))
     if settings.shared:
         if project is not None:
             st.markdown("#### The open project")
@@ -177,8 +175,8 @@ def _show_removed() -> None:
                 st.button(
                     "Delete for good",
                     key=f"delete_{one.id}",
-                    on_click=_delete,
-                    args=(one.id,),
+                    on_click=callback(delete),
+                    args=(default_home(), one.id),
                     help="Frees its space on the disk at once.",
                 )
 
@@ -264,7 +262,3 @@ def _offer_undo() -> None:
     text, button = st.columns([6, 2], vertical_alignment="center")
     text.info(f"{escape_markdown(name or 'The project')} was removed.")
     button.button("Undo", key="undo_remove", on_click=bring_project_back, args=(project_id,))
-
-
-def _delete(project_id: str) -> None:
-    try_action(lambda: delete(default_home(), project_id))
