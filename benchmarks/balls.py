@@ -97,6 +97,7 @@ def cluttered(pairs: int) -> None:
     rng = np.random.default_rng(0)
     counts: Counter[str] = Counter()
     seconds: list[float] = []
+    z: list[FloatArray] = []
     for _ in range(0, pairs, SCENE):
         frames, truth = scene(rng, seconds)
         for frame in frames:
@@ -106,7 +107,17 @@ def cluttered(pairs: int) -> None:
                 for centre, (u, v) in zip(centres, truth[name], strict=True)
             )
             counts[f"{'right' if right else 'wrong'}, {frame.state}"] += 1
+            z += [
+                np.array([centre.u - u, centre.v - v]) / centre.sigma_px
+                for name, centres in zip(frame.files, frame.centres, strict=True)
+                for centre, (u, v) in zip(centres, truth[name], strict=True)
+                if right and centre is not None and centre.sigma_px
+            ]
     print(f"{counts.total()} cluttered pairs: {dict(counts)}")
+    print(
+        f"error over stated error {rms(np.array(z)):.2f} rms, "
+        f"{np.median(np.abs(z)) / 0.674:.2f} by the median"
+    )
     print(f"{1.0 / np.median(seconds):.0f} photographs of 1280x1024 px a second, one thread")
 
 

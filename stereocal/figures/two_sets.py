@@ -28,6 +28,7 @@ from stereocal.figures.style import (
 )
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.numbers import rounded
+from stereocal.verdict.in_words import percent
 
 IMAGE_HEIGHT, SPACE_HEIGHT = 480, 480
 DOMAINS = (((0.0, 1.0), (0.478, 1.0)), ((0.0, 0.47), (0.0, 0.378)), ((0.53, 1.0), (0.0, 0.378)))
@@ -203,4 +204,6 @@ def describe_two_sets(views: Mapping[Method, FrameView]) -> str:
 
 
 def _too_long(error: float) -> str:
-    return f"{rounded(100 * abs(error))} % too {'long' if error > 0 else 'short'}"
+    if abs(error) < 5e-6:
+        return "as long as measured"
+    return f"{percent(abs(error))} % too {'long' if error > 0 else 'short'}"

@@ -8,7 +8,12 @@ from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.formats.evaluation_files import validation_figures
-from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
+from stereocal.projects.photographs import (
+    BOARDS_LABEL,
+    FOUND_LABELS,
+    TABLE_LABEL,
+    ProjectPhotographs,
+)
 from stereocal.projects.point_files import POINT_FILES
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
@@ -58,11 +63,11 @@ def title_of(project: Project) -> str:
 def _unnamed(project: Project) -> str:
     labels = project.inputs.labels
     table = labels.get("correspondences", TABLE_LABEL)
-    if table != TABLE_LABEL:
+    if table not in FOUND_LABELS:
         return Path(table).stem
     points = [file.label for file in project.database.files(POINT_FILES).values()]
     parts = ProjectRecording(project).parts
-    files = [label for label in (*points, *labels.values(), *parts) if label != TABLE_LABEL]
+    files = [label for label in (*points, *labels.values(), *parts) if label not in FOUND_LABELS]
     return _photographs_of(project) or (files[0] if files else "Nothing yet")
 
 
@@ -82,7 +87,8 @@ def _data_of(project: Project) -> str:
 
 def _photographs_of(project: Project) -> str:
     photographs = len(ProjectPhotographs(project).photographs)
-    return f"{photographs} photographs" if photographs else ""
+    held = "of a board" if BOARDS_LABEL in project.inputs.labels.values() else ""
+    return f"{photographs} photographs {held}".rstrip() if photographs else ""
 
 
 def _result_of(project: Project) -> str:

@@ -25,6 +25,7 @@ from stereocal.system.records import of_plain
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
+FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
 
 
 class ProjectPhotographs(ProjectPart):

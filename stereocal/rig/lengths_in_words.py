@@ -5,6 +5,7 @@ A rig whose lengths are all in another unit is consistent: no residual shows it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -53,6 +54,12 @@ def word_of(dataset: Dataset) -> str:
     """What was moved before the cameras: a bar, a board or another object."""
     own = dataset.correspondences.rigid_object
     return "bar" if own is None else own.word
+
+
+def as_held(sentence: str, dataset: Dataset) -> str:
+    """A sentence about bars, of boards where a board was held."""
+    held = word_of(dataset)
+    return re.sub(r"\bbar(?=s?\b)", held, sentence) if held == "board" else sentence
 
 
 def question_about_units(dataset: Dataset, pose: Pose | None) -> str:

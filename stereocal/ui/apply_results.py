@@ -28,12 +28,13 @@ from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_frames import are_own, show_frames
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, number, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.sets_in_use import PAPERS
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
@@ -88,7 +89,9 @@ def _show_result(
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
         return None
     where = "" if outcome.world is None else " Points are in the world frame."
-    st.success(escape_markdown(tables.answer + where))
+    dataset = readable(lambda: project.dataset)
+    answer = tables.answer if dataset is None else as_held(tables.answer, dataset)
+    st.success(escape_markdown(answer + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
     show_frames(project, store, outcome, tables.pairs, tables.points)

@@ -27,6 +27,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui.chosen_frame import (
     choose_frame,
     frame_field,
@@ -110,8 +111,12 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
     with scrolled_part(OPENED):
         frame = choose_frame(project, found)
         views = views_of(found, frame)
-        st.markdown(escape_markdown(f"{state_of(found, frame)} {describe_two_sets(views)}"))
+        st.markdown(escape_markdown(f"{state_of(found, frame)} {_in_words(found, views)}"))
         _show_images(project, views, answer.recommendation.match.method if answer else "2d")
+
+
+def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
+    return as_held(describe_two_sets(views), found.dataset)
 
 
 @callback
@@ -148,7 +153,7 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
     method = choose(
         project, "two_sets_method", "Set", methods, format_func=METHOD_NAMES.__getitem__
     )
-    st.markdown(f"**{escape_markdown(describe_two_sets(views))}**")
+    st.markdown(f"**{escape_markdown(_in_words(found, views))}**")
     photographs = photographs_of(project, frame)
     *images, space = st.columns(3)
     for camera, column in enumerate(images):

@@ -9,6 +9,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.figures.style import count
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
@@ -115,7 +116,7 @@ def from_photographs(project: Project | None, which: CameraName) -> ProjectLens 
         if not photographs:
             return None
         left, right = st.columns([3, 1], vertical_alignment="center")
-        left.markdown(f"{len(photographs)} photographs of the {which} camera are here.")
+        left.markdown(f"Of the {which} camera: {count(len(photographs), 'photograph')}.")
         right.button("Remove them", on_click=_clear, args=(store,), key=f"no_boards_{which}")
         pattern, settings = board_form(project), lens_form(project)
         work = _act(store, pattern, settings)

@@ -12,6 +12,7 @@ from stereocal.figures.lens import (
     plot_view_errors,
 )
 from stereocal.figures.residual_field import describe_residual_field, plot_residual_field
+from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.intrinsics.calibrate_lens import LensCalibration, digest_of
 from stereocal.intrinsics.files import about
@@ -37,7 +38,7 @@ def show_lens(store: ProjectLens) -> None:
     lens = readable(lambda: store.calibration, told=False)
     search = readable(lambda: store.search, told=False)
     if search is not None and search.refused:
-        with st.expander(f"{len(search.refused)} photographs without a usable board"):
+        with st.expander(f"{count(len(search.refused), 'photograph')} without a usable board"):
             for item in search.refused:
                 st.markdown(f"- {escape_markdown(item.name)}: {escape_markdown(item.reason)}.")
     if lens is None:

@@ -13,7 +13,7 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.lengths_in_words import word_of
+from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.downloads import offer
@@ -65,7 +65,8 @@ def show_recommendation(answer: Answer) -> None:
     recommendation = answer.recommendation
     if recommendation.caution:
         st.error(escape_markdown(f"Do not rely on this result: {recommendation.caution}"))
-    first, *others = map(escape_markdown, recommendation.sentences)
+    dataset = answer.calibration.dataset
+    first, *others = (escape_markdown(as_held(s, dataset)) for s in recommendation.sentences)
     accused = any(item.accused for item in answer.inputs)
     sound = recommendation.forecast_holds and not recommendation.caution and not accused
     (st.success if sound else st.info)("\n\n".join([f"**{first}**", *others]))

@@ -20,6 +20,7 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import as_held
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field
 from stereocal.ui.intake import clear_refusal, refuse
@@ -95,7 +96,7 @@ def describe_uncertainties(dataset: Dataset) -> str:
     for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
         stated = "" if camera.uncertainty else " (not stated, assumed)"
         parts.append(f"{which} lens {_of_lens(camera)}{stated}")
-    return f"How well the inputs are known: {'; '.join(parts)}."
+    return as_held(f"How well the inputs are known: {'; '.join(parts)}.", dataset)
 
 
 def _of_length(what: str, sigma_m: float | None, assumed_m: float) -> str:

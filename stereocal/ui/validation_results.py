@@ -20,6 +20,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
@@ -194,7 +195,11 @@ def _show_answer(
     caution = why_validation_not_trusted(summaries, screenings)
     if caution:
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
-    (st.info if caution else st.success)(validation_answer(summaries))
+    (st.info if caution else st.success)(
+        as_held(validation_answer(summaries), screenings[0].dataset)
+        if len(screenings) == 1
+        else validation_answer(summaries)
+    )
 
 
 def describe_protocol(evaluation: Evaluation) -> str:

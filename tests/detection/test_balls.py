@@ -14,7 +14,14 @@ from stereocal.frames.review import centre_at
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from tests.ball_bars import CAMERA, COLOURS, plain
-from tools.photographs.balls import RED, YELLOW, BallSettings, photograph_balls, side_light
+from tools.photographs.balls import (
+    RED,
+    YELLOW,
+    BallSettings,
+    clutter,
+    photograph_balls,
+    side_light,
+)
 
 
 def balls(text: str) -> Balls:
@@ -32,8 +39,10 @@ def centres(sighting: Sighting) -> FloatArray:
     return np.array([(spot.u, spot.v) for spot in sighting.spots if spot])
 
 
-def errors(radius_px: float, side: bool, count: int) -> tuple[FloatArray, FloatArray]:
-    """Errors (n, 2) px and stated sigmas (n, 1) of balls of this size."""
+def errors(
+    radius_px: float, side: bool, count: int, shapes: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Errors (n, 2) px and stated sigmas (n, 1) of balls of this size, in front of clutter."""
     rng = np.random.default_rng([int(radius_px), side])
     off, sigma = [], []
     for _ in range(count):
@@ -47,6 +56,8 @@ def errors(radius_px: float, side: bool, count: int) -> tuple[FloatArray, FloatA
             gamma=float(rng.choice([1.0, 2.2])),
         )
         behind = plain(float(rng.uniform(0.05, 0.5)))
+        if shapes:
+            behind = clutter(CAMERA.image_size, rng, shapes)
         image = photograph_balls(CAMERA, behind, ends, 0.03, (RED, YELLOW), settings, rng)
         found = find_balls(image, TARGET, CAMERA)
         off.append(centres(found) - CAMERA.project(ends))
@@ -59,7 +70,13 @@ def test_centres_of_lit_balls(side: bool, limit: float) -> None:
     parts = [errors(radius, side, 8) for radius in (10.0, 18.0, 30.0)]
     off, sigma = (np.concatenate(part) for part in zip(*parts, strict=True))
     assert np.sqrt((off**2).mean()) < limit
-    assert 0.3 < np.sqrt(((off / sigma) ** 2).mean()) < 1.6
+    assert 0.6 < np.sqrt(((off / sigma) ** 2).mean()) < 1.3
+
+
+def test_an_outline_before_clutter_states_a_larger_error() -> None:
+    """Measured: 0.9; with all edges alike 1.5."""
+    off, sigma = errors(30.0, True, 12, shapes=45)
+    assert 0.6 < np.sqrt(((off / sigma) ** 2).mean()) < 1.3
 
 
 def test_the_centre_is_not_that_of_the_ellipse() -> None:

@@ -11,6 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.projects.card import title_of
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
@@ -52,6 +53,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     # Upside down or not: to 2 % (measured: 0.2 %), from boards of 0.21 m.
     assert dataset.baseline_m == pytest.approx(rig.baseline, rel=0.02)
     assert {project.inputs.labels[which] for which in CAMERAS} == {"lens from the boards"}
+    assert title_of(project).startswith("20 photographs of a board")
     back = parse_dataset(pack_dataset(dataset), "x")
     assert back.sha256 == dataset.sha256
     # The bar's own controls are gone, and nothing is missing.

@@ -8,7 +8,7 @@ import pytest
 
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.rig.lengths_in_words import METRES_PER, question_about_units, rig_in_words
+from stereocal.rig.lengths_in_words import METRES_PER, as_held, question_about_units, rig_in_words
 from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
 from tests.rigs.objects import BOARD, recorded
 
@@ -34,6 +34,9 @@ def test_a_person_can_check_it() -> None:
 def test_a_board_says_what_counts_as_a_bar() -> None:
     assert "two bars" in rig_in_words(recorded(BOARD, 4), RIG)
     assert "two bars" not in rig_in_words(DATA, RIG)
+    sentence = "95 % of bars within 1 %, and the bar is sound."
+    assert as_held(sentence, DATA) == sentence
+    assert "boards within 1 %, and the board is" in as_held(sentence, recorded(BOARD, 4))
 
 
 @pytest.mark.parametrize("unit", ["cm", "inches"])  # 2370 "m" is refused as millimetres
