@@ -1,14 +1,15 @@
 """Rigs of three and four cameras: are the stated errors true, and how does a joint adjustment in
 SciPy compare?
 
-    python -m benchmarks.rigs [truth|scipy|size|real] [--rigs N] [--cameras 3] [--frames 100]
+    python -m benchmarks.rigs [truth|scipy|size|real|time] [--rigs N] [--cameras 3] [--frames 100]
 
 - truth: root mean square of the errors of poses over the stated ones, of simulated rigs;
 - scipy: held-out px and time against one `least_squares` with the same unknowns and priors, finite
   differences with the structure of the Jacobian;
 - size: seconds of 4 cameras with 400 frames, and of 9 with 450;
 - real: eWand's cameras 1, 2, 3 (STEREOCAL_REAL_DATA), beside SciPy and, in the venv of
-  `benchmarks.peers`, aniposelib and Caliscope.
+  `benchmarks.peers`, aniposelib and Caliscope;
+- time: the same recording cut in time: one half fitted, the other tested; and runs of frames.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from stereocal.network.fit import RigFit
 from stereocal.network.placings import images_of, placings_of, rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
 from stereocal.refined.views import EACH
@@ -60,9 +62,7 @@ def truth(rigs: int, cameras: int, frames: int) -> None:
         sigma = np.sqrt(np.diag(rig.covariance))
         for number, name in enumerate(rig.names[1:], 1):
             own, true = rig.poses[name], scene.poses[name]
-            turn = Rotation.from_matrix(own.R @ true.R.T).as_rotvec()
-            error = np.concatenate([turn, own.T - true.T])
-            z.append(error / sigma[EACH * number : EACH * number + OF_POSE])
+            z.append(_between(own, true) / sigma[EACH * number : EACH * number + OF_POSE])
     rms = np.sqrt(np.mean(np.square(z)))
     print(f"{rigs} rigs of {cameras} cameras, {frames} frames: rms of z of the poses {rms:.3f}")
 
@@ -232,6 +232,52 @@ def real(folder: str) -> None:
             _tested(f"Caliscope, {name} lenses (focal {focal} %)", odd, lens, own, spent)
 
 
+def cut_in_time(folder: str) -> None:
+    """Halves, and sixteen runs of frames of which every second is fitted, each against the rest."""
+    recording = replace(read_recording(folder), baselines_m={})
+    frames = np.unique(recording.frame)
+    for name, runs in (("even frames", len(frames)), ("16 runs", 16), ("halves", 2)):
+        part = (np.arange(len(frames)) * runs // len(frames))[
+            np.searchsorted(frames, recording.frame)
+        ]
+        rigs = []
+        for fitted in (0, 1):
+            rig = calibrate_rig(rows_where(recording, part % 2 == fitted))
+            rest = rows_where(recording, part % 2 != fitted)
+            _tested(f"{name}, part {fitted + 1} fitted", rest, rig.cameras, rig.poses, 0.0)
+            _, images = images_of(rest)
+            thirds = third_cameras(rig, images.reshape(-1, len(rig.names), 2))
+            print(
+                "  third camera, median px: "
+                + ", ".join(
+                    f"{'-'.join(own.cameras[:2])} in {own.cameras[2]} {own.before_px:.2f} with "
+                    f"pairs, {own.after_px:.2f}"
+                    for own in thirds
+                )
+            )
+            rigs.append(rig)
+        z = [
+            _between(*(rig.poses[camera] for rig in rigs))
+            / np.sqrt(sum(_variances(rig, camera) for rig in rigs))
+            for camera in rigs[0].names[1:]
+        ]
+        effects = ", ".join(f"{rig.design_effect:.1f}" for rig in rigs)
+        print(
+            f"  poses of the two parts differ by {np.sqrt(np.mean(np.square(z))):.2f} stated errors"
+            f" (rms of 12, at most {np.abs(z).max():.1f}); design effects {effects}"
+        )
+
+
+def _between(one: Pose, other: Pose) -> FloatArray:
+    """(6,): small rotation about the camera's axes, and translation."""
+    return np.concatenate([Rotation.from_matrix(one.R @ other.R.T).as_rotvec(), one.T - other.T])
+
+
+def _variances(rig: RigCalibration, camera: str) -> FloatArray:
+    at = EACH * rig.names.index(camera)
+    return np.diag(rig.covariance)[at : at + OF_POSE]
+
+
 def _tested(
     program: str,
     recording: Recording,
@@ -279,7 +325,7 @@ def size() -> None:
 def main() -> None:
     """The parts that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", nargs="?", choices=("truth", "scipy", "size", "real"))
+    parser.add_argument("part", nargs="?", choices=("truth", "scipy", "size", "real", "time"))
     parser.add_argument("--rigs", type=int, default=12)
     parser.add_argument("--cameras", type=int, default=3)
     parser.add_argument("--frames", type=int, default=100)
@@ -291,8 +337,9 @@ def main() -> None:
         scipy(*shape)
     if parsed.part in (None, "size"):
         size()
-    if parsed.part == "real":
-        real(f"{os.environ['STEREOCAL_REAL_DATA']}/ewand123")
+    if parsed.part in ("real", "time"):
+        chosen = real if parsed.part == "real" else cut_in_time
+        chosen(f"{os.environ['STEREOCAL_REAL_DATA']}/ewand123")
 
 
 if __name__ == "__main__":

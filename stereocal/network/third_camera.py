@@ -17,14 +17,16 @@ FEWEST_POINTS = 10
 MOST_TRIPLES = 120
 
 
-def third_cameras(rig: RigCalibration) -> list[ThirdCamera]:
+def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list[ThirdCamera]:
     """Of every two calibrated pairs of three cameras that see enough points together.
 
-    The points are those that the rig was fitted to.
+    Args:
+        images: (n, c, 2): of points; None for those that the rig was fitted to.
     """
     found: list[ThirdCamera] = []
-    used = rig.fit.pixels[~rig.fit.outlying[rig.fit.frame_of]]
-    images = used.reshape(-1, len(rig.names), 2)
+    if images is None:
+        used = rig.fit.pixels[~rig.fit.outlying[rig.fit.frame_of]]
+        images = used.reshape(-1, len(rig.names), 2)
     for trio in combinations(range(len(rig.names)), 3):
         seen = images[:, trio]
         seen = seen[np.isfinite(seen[..., 0]).all(axis=1)]
