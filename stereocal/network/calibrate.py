@@ -93,7 +93,7 @@ def calibrate_rig(
         tuple(sorted(left_out)),
         unreached,
         offsets,
-        tuple(camera_warnings(fit)),
+        tuple(camera_warnings(fit, noise)),
     )
 
 
@@ -109,7 +109,7 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
     fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), found.pose], settings)
     fit.end_at(found)
     left_out = tuple(sorted({*screening.left_out, *found.outlying_frames}))
-    warnings = tuple(camera_warnings(fit))
+    warnings = tuple(camera_warnings(fit, fit.sigma_px))
     return RigCalibration(fit, pairs, fused, (), left_out, {}, np.zeros(2), warnings)
 
 

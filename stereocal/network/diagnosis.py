@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from stereocal.network.fit import RigFit
+from stereocal.network.pairs import LEAST_NOISE_PX, MOST_NOISE
 from stereocal.network.unknowns import lens_places
 from stereocal.refined.unknowns import LensPrior, lens_prior
 from stereocal.refined.views import EACH
@@ -28,8 +29,20 @@ OUT_OF_STEP = (
 )
 
 
-def camera_warnings(fit: RigFit) -> list[str]:
-    """What to check, of a joint fit that has ended."""
+def camera_warnings(fit: RigFit, noise_px: float) -> list[str]:
+    """What to check, of a joint fit that has ended.
+
+    Args:
+        noise_px: of the pairs by themselves.
+    """
+    if fit.sigma_px > max(MOST_NOISE * noise_px, LEAST_NOISE_PX):
+        return [
+            f"The cameras do not fit together: {rounded(fit.sigma_px)} px in the rig, "
+            f"{rounded(noise_px)} px in pairs by themselves. The points or the file of a camera "
+            "are wrong, as of mirrored images or of another recording, and it cannot be told which:"
+            " calibrate without one camera after the other.",
+            *_moved_warnings(fit),
+        ]
     return [*_lens_warnings(fit), *_moved_warnings(fit)]
 
 

@@ -39,7 +39,7 @@ def rig_notes(rig: RigFile) -> list[str]:
     about = rig.about
     notes = [*about.get("warnings", []), *about.get("not_connected", {}).values()]
     notes += [
-        f"The pair {name} was not used: {own['failed']}."
+        f"The pair {name} was not used: {own['failed'].rstrip('.')}."
         for name, own in about.get("pairs", {}).items()
         if "failed" in own
     ]

@@ -70,6 +70,17 @@ def test_a_camera_that_was_turned_away_agrees_with_no_other() -> None:
     assert "stand still" in rig.unreached["c2"]
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_mirrored_images_are_reported(seed: int) -> None:
+    truth = simulated(seed, 4)
+    rows, points = truth.recording, truth.recording.points.copy()
+    mirrored = rows.camera == 2
+    points[mirrored, 0] = IMAGE_SIZE[0] - 1 - points[mirrored, 0]
+    rig = calibrate_rig(replace(rows, points=points))
+    assert "c3" in rig.unreached or "cannot be told which" in rig.warnings[0]
+    assert not any("zoom" in warning for warning in rig.warnings)
+
+
 def test_cameras_that_face_each_other() -> None:
     truth = simulated_rig(np.random.default_rng(4), 3, 150, arc_deg=180.0)
     rig = calibrate_rig(truth.recording)
