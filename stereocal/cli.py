@@ -15,26 +15,32 @@ from stereocal.rig.compilations import compilations
 from stereocal.version import __version__
 
 COMMANDS = {
-    "calibrate": "calibrate",
-    "evaluate": "evaluate",
-    "import": "import_archive",
-    "detect": "detect",
-    "intrinsics": "intrinsics",
-    "match": "match",
-    "reconstruct": "reconstruct",
-    "convert": "convert",
-    "rig": "rig",
-    "check": "check",
-    "world": "world",
-    "simulate": "simulate",
-    "plan": "plan",
-    "print": "print_files",
-    "reproduce": "reproduce",
-    "sample": "sample",
-    "serve": "serve",
-    "compile": "compiling",
+    "calibrate": ("calibrate", "the parameter files of a data set"),
+    "evaluate": ("evaluate", "FCP and 3D error over random splits"),
+    "import": ("import_archive", "a data set from the files of other programs"),
+    "detect": ("detect", "the targets in photographs, as a table of points"),
+    "intrinsics": ("intrinsics", "the lens, from photographs of a board"),
+    "match": ("match", "which points of the two cameras belong together"),
+    "reconstruct": ("reconstruct", "3D points of matched pairs"),
+    "convert": ("convert", "parameters to and from the formats of other programs"),
+    "rig": ("rig", "one rig of three cameras and more"),
+    "check": ("check", "has a camera moved? repaired parameters if so"),
+    "world": (
+        "world",
+        "a world frame with a known vertical: from surveyed points, lines, or a throw",
+    ),
+    "simulate": ("simulate", "the synthetic sample data"),
+    "plan": ("plan", "what a planned field day will measure"),
+    "print": ("print_files", "targets, boards and a field sheet to print"),
+    "reproduce": (
+        "reproduce",
+        "compute the parameter files of a paper kit's archive again, and compare them",
+    ),
+    "sample": ("sample", "data to try the commands with"),
+    "serve": ("serve", "the dashboard, in a browser"),
+    "compile": ("compiling", "compile everything now, so that later commands start at once"),
 }
-"""Their files in `commands`; only that of the command in use is imported."""
+"""Their files in `commands`, of which only that in use is imported; and their help."""
 EXTRA = ("matplotlib", "plotly", "reportlab", "streamlit")
 """What the extra `dashboard` brings and some commands need."""
 INSTALL = "pip install 'stereocal[dashboard]'"
@@ -78,15 +84,14 @@ def _path(text: str) -> Path:
 
 
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
-    """The parser of one command, or of all."""
+    """The parser, with the options of one command."""
     parser = _Parser(prog="stereocal", description=__doc__)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name in [asked] if asked else COMMANDS:
-        try:
-            importlib.import_module(f"stereocal.commands.{COMMANDS[name]}").add(commands)
-        except ModuleNotFoundError as error:
-            if asked or error.name not in EXTRA:
-                raise
-            commands.add_parser(name, help=f"needs {error.name}: {INSTALL}")
+    for name, (file, about) in COMMANDS.items():
+        command = commands.add_parser(name, help=about)
+        if name == asked:
+            module = importlib.import_module(f"stereocal.commands.{file}")
+            command.set_defaults(run=module.run)
+            module.add(command)
     return parser

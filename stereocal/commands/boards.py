@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import tempfile
 from concurrent.futures import Executor
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 from stereocal.commands.options import workers_from
-from stereocal.commands.progress import ProgressBar, say
+from stereocal.commands.progress import Stages, say
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_cameras
@@ -66,7 +65,7 @@ def detect_board(parsed: argparse.Namespace, target: Board) -> None:
 
 def search(photographs: Photographs, pattern: BoardPattern, executor: Executor) -> StereoBoards:
     """The boards of both cameras, with progress; says what was found."""
-    with _Stages() as stages:
+    with Stages() as stages:
         boards = find_stereo_boards(photographs, pattern, executor, stages.begin, stages.show)
     assert boards is not None  # nobody cancels here
     say(f"{boards.pairing.sentence} {boards.sentence}")
@@ -77,7 +76,7 @@ def lenses_of(
     boards: StereoBoards, settings: LensSettings, executor: Executor
 ) -> tuple[LensCalibration, LensCalibration]:
     """The lenses from the same boards, with progress; says how good they are."""
-    with _Stages() as stages:
+    with Stages() as stages:
         stages.begin("draws calibrated")
         lenses = lenses_of_boards(boards, settings, executor, stages.show)
     assert lenses is not None  # nobody cancels here
@@ -114,15 +113,3 @@ def _size_found(photographs: Photographs) -> str:
         )
     say(f"The board has {board} inner corners, as the first photographs show; else state them.")
     return str(board)
-
-
-class _Stages(ExitStack):
-    """A progress bar for each stage of a search."""
-
-    def begin(self, stage: str) -> None:
-        """Start the next one."""
-        self._bar = self.enter_context(ProgressBar(stage))
-
-    def show(self, done: int, total: int) -> None:
-        """Progress of the present one."""
-        self._bar.show(done, total)

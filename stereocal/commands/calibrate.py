@@ -18,7 +18,7 @@ from stereocal.commands.options import (
     settings_from,
     with_sigmas,
 )
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.description import DESCRIPTION
@@ -45,10 +45,8 @@ FILES: dict[Method, str] = {
 }
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("calibrate", help="the parameter files of a data set")
-    command.set_defaults(run=run)
     command.add_argument("dataset", type=Path, help="folder or zip with dataset.json")
     command.add_argument("--out", type=Path, required=True, help="folder for the files")
     add_search_options(command)
@@ -137,13 +135,10 @@ def run(parsed: argparse.Namespace) -> None:
     if found.outlook:
         print(forecast_lines(found.outlook.predictive, found.thresholds_px))
     print_notes(calibration, found.inputs, question_about_units(dataset, pose))
-    if found.outlook and (seeds := conclusions_of_seeds(calibration, found.outlook)):
-        print(f"Note: {seeds}")
     if found.outlook:
-        print(f"Note: {found.outlook.advice}")
-    print(f"Recommendation: {found.recommendation.text}")
-    for path in files:
-        print(f"wrote {path}")
+        seeds = conclusions_of_seeds(calibration, found.outlook)
+        report(notes=filter(None, (seeds, found.outlook.advice)))
+    report(f"Recommendation: {found.recommendation.text}", written=files)
 
 
 def validate(
@@ -183,9 +178,8 @@ def print_notes(calibration: Calibration, inputs: list[Input], question: str) ->
         question += f" If not, correct {DESCRIPTION}: no residual shows a wrong unit."
     accused = [item.advice for item in inputs if item.accused]
     timing = calibration.screening.time_note
-    for note in [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]:
-        if note:
-            print(f"Note: {note}")
+    notes = [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]
+    report(notes=filter(None, notes))
 
 
 def refined_lines(result: RefinedResult) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from stereocal.commands.calibrate import FILES
 from stereocal.commands.options import add_lens_model, add_pair, with_sigmas
+from stereocal.commands.progress import report
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.new_images import NewImages, images_of_bars
@@ -30,10 +31,8 @@ from stereocal.system.atomic_files import write_all
 ANSWER = "check.json"
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("check", help="has a camera moved? repaired parameters if so")
-    command.set_defaults(run=run)
     command.add_argument("parameters", type=Path, help="the parameter file to check, or rig.json")
     command.add_argument(
         "dataset",
@@ -91,13 +90,9 @@ def run(parsed: argparse.Namespace) -> None:
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         files[parsed.out / REPAIRED] = repaired_parameters(found, sha256).dumps().encode()
     write_all(files)
-    print(sentence(found))
-    if path != parsed.parameters:
-        print(f"Note: {path} was checked instead: of this calibration, it fits the images best.")
-    for note in notes(found):
-        print(f"Note: {note}")
-    for written in files:
-        print(f"wrote {written}")
+    instead = f"{path} was checked instead: of this calibration, it fits the images best."
+    other = [instead] if path != parsed.parameters else []
+    report(sentence(found), notes=(*other, *notes(found)), written=files)
 
 
 def _check_rig(parsed: argparse.Namespace) -> None:
@@ -108,10 +103,7 @@ def _check_rig(parsed: argparse.Namespace) -> None:
     about = {"parameters": str(parsed.parameters), "dataset": str(parsed.dataset)}
     text = json.dumps({**rig_to_json(found), **about}, indent=2, allow_nan=False) + "\n"
     write_all({parsed.out / ANSWER: text.encode()})
-    print(rig_sentence(found))
-    for note in rig_notes(found):
-        print(f"Note: {note}")
-    print(f"wrote {parsed.out / ANSWER}")
+    report(rig_sentence(found), notes=rig_notes(found), written=[parsed.out / ANSWER])
 
 
 def _prior(path: Path) -> tuple[Path, Prior]:

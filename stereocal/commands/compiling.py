@@ -11,12 +11,8 @@ from stereocal.commands.progress import ProgressBar
 from stereocal.commands.warming import compile_all
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(_: argparse.ArgumentParser) -> None:
     """The options of the command: none."""
-    command = commands.add_parser(
-        "compile", help="compile everything now, so that later commands start at once"
-    )
-    command.set_defaults(run=run)
 
 
 def run(_: argparse.Namespace) -> None:

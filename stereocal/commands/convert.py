@@ -5,7 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.commands.options import add_lens_model, add_questions, answers, image_size
+from stereocal.commands.options import (
+    add_lens_model,
+    add_questions,
+    add_world,
+    answers,
+    image_size,
+    world_from,
+)
+from stereocal.commands.progress import report
 from stereocal.formats.exchange.exchange import (
     FORMATS,
     export,
@@ -15,18 +23,13 @@ from stereocal.formats.exchange.exchange import (
 )
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.questions import ORIGIN
-from stereocal.formats.world_file import read_world
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser(
-        "convert", help="parameters to and from the formats of other programs"
-    )
-    command.set_defaults(run=run)
     command.add_argument(
         "parameters",
         type=Path,
@@ -47,13 +50,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     add_lens_model(command)
     dlt = command.add_argument_group("DLT coefficients")
     add_questions(dlt, *ORIGIN)
-    dlt.add_argument(
-        "--world",
-        type=Path,
-        metavar="FILE",
-        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
-        "camera's coordinates to yours",
-    )
+    add_world(dlt)
     for which in CAMERAS:
         command.add_argument(
             f"--image-size-{which}",
@@ -66,22 +63,18 @@ def run(parsed: argparse.Namespace) -> None:
     """Convert, and print the files written."""
     options = ExchangeOptions(
         (image_size(parsed.image_size_primary), image_size(parsed.image_size_secondary)),
-        world=None if parsed.world is None else read_world(parsed.world),
+        world=world_from(parsed),
         **answers(parsed),
     )
     if parsed.to is not None:
         if holds_rig(parsed.parameters):
             own = RigFile.load(parsed.parameters)
             posed = [(name, own.cameras[name], own.poses[name]) for name in own.names]
-            for path in export_rig(posed, parsed.to, parsed.out, options):
-                print(f"wrote {path}")
+            report(written=export_rig(posed, parsed.to, parsed.out, options))
             return
         rig = RigParameters.load(parsed.parameters)
         written = export(rig, parsed.to, parsed.out, options)
-        for note in export_notes(rig, parsed.to):
-            print(f"Note: {note}")
+        report(notes=export_notes(rig, parsed.to), written=written)
     else:
         import_parameters(parsed.parameters, parsed.origin_format, options).save(parsed.out)
-        written = [parsed.out]
-    for path in written:
-        print(f"wrote {path}")
+        report(written=[parsed.out])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from contextlib import ExitStack
 from pathlib import Path
 
 from stereocal.commands.boards import detect_board
 from stereocal.commands.options import add_lens_model, add_workers, workers_from
-from stereocal.commands.progress import ProgressBar, say
+from stereocal.commands.progress import ProgressBar, Stages, say
 from stereocal.detection.target import (
     BOARDS,
     BRIGHT,
@@ -29,10 +28,8 @@ from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import of_the_bar, photographs_in
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("detect", help="the targets in photographs, as a table of points")
-    command.set_defaults(run=run)
     command.add_argument(
         "dataset", type=Path, help="folder or zip with dataset.json and photographs"
     )
@@ -92,15 +89,14 @@ def run(parsed: argparse.Namespace) -> None:
         say(f"{len(photographs_of_bar)} photographs. {pairing.sentence}")
         if not pairing.pairs or pairing.ambiguous:
             raise StereocalError(f"{parsed.dataset}: {pairing.sentence}")
-        with workers_from(parsed, compile_detection) as executor, ExitStack() as stack:
-            bars: list[ProgressBar] = []
+        with workers_from(parsed, compile_detection) as executor, Stages() as stages:
             frames = detect_frames(
                 pairing.pairs,
                 photographs_of_bar,
                 (survey.primary, survey.secondary),
                 executor,
-                begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
-                progress=lambda done, total: bars[-1].show(done, total),
+                stages.begin,
+                stages.show,
                 target=target,
             )
     assert frames is not None  # nobody cancels here
@@ -126,14 +122,13 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
         coloured,
     )
     first, second = parsed.videos
-    with ExitStack() as stack:
-        bars: list[ProgressBar] = []
+    with Stages() as stages:
         report = extract(
             (first, second),
             settings,
             lambda name, content: write_atomically(parsed.dataset / name, content),
-            begin=lambda stage: bars.append(stack.enter_context(ProgressBar(stage))),
-            progress=lambda done, total: bars[-1].show(done, total),
+            stages.begin,
+            stages.show,
         )
     assert report is not None  # nobody cancels here
     for sentence in report.sentences:

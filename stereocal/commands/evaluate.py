@@ -19,7 +19,7 @@ from stereocal.commands.options import (
     with_sigmas,
     workers_from,
 )
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
@@ -35,10 +35,8 @@ from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import Answer, answer, calibrate
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("evaluate", help="FCP and 3D error over random splits")
-    command.set_defaults(run=run)
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders, zips")
     command.add_argument("--out", type=Path, required=True, help="folder for the two files")
     add_search_options(command)
@@ -83,24 +81,19 @@ def run(parsed: argparse.Namespace) -> None:
     only = answers[0] if len(answers) == 1 else None
     recommended = (only.calibration, only.recommendation) if only else None
     about = datasets, settings, screenings
-    report = report_html(pooled, by_dataset, *about, recommended)
-    write_all(
-        {
-            parsed.out / "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
-            parsed.out / "report.html": report.encode(),
-        }
-    )
+    files = {
+        parsed.out / "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
+        parsed.out / "report.html": report_html(pooled, by_dataset, *about, recommended).encode(),
+    }
+    write_all(files)
     for screening in screenings:
         for line in (screening.time_note, left_out_line(screening)):
             if line:
                 print(f"{screening.full_dataset.name}: {line}")
     if caution := why_validation_not_trusted(pooled, screenings):
         print(f"Do not rely on this result: {caution}")
-    print(validation_answer(pooled))
-    if only:
-        print(f"Recommendation: {only.recommendation.text}")
-    for path in (parsed.out / "summary.json", parsed.out / "report.html"):
-        print(f"wrote {path}")
+    recommendation = [f"Recommendation: {only.recommendation.text}"] if only else []
+    report(validation_answer(pooled), *recommendation, written=files)
 
 
 def answer_of(

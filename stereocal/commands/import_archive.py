@@ -11,11 +11,13 @@ from stereocal.commands.options import (
     add_lens_model,
     add_questions,
     answers,
+    contents,
     image_size,
     with_sigmas,
 )
 from stereocal.commands.point_options import two_cameras
-from stereocal.errors import StereocalError, disk_errors
+from stereocal.commands.progress import report
+from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.every_camera import ENDS, gather_all
 from stereocal.formats.archives.gather import WANTED, gather
@@ -26,17 +28,14 @@ from stereocal.formats.point_layouts import LAYOUTS
 from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
-from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded
 
 EVERY = "all"
 BAR_LAYOUTS = tuple(name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8"))
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("import", help="a data set from the files of other programs")
-    command.set_defaults(run=run)
     command.add_argument("files", type=Path, nargs="+", metavar="FILE", help=WANTED)
     command.add_argument("--out", type=Path, required=True, help="folder of the data set")
     command.add_argument(
@@ -72,7 +71,7 @@ def run(parsed: argparse.Namespace) -> None:
     baseline = _baseline(parsed.baseline)
     size = image_size(parsed.image_size)
     found = gather(
-        _contents(parsed.files),
+        contents(parsed.files),
         ExchangeOptions(
             image_sizes=(size, size),
             cameras=None if parsed.cameras is None else two_cameras(parsed.cameras),
@@ -89,9 +88,7 @@ def run(parsed: argparse.Namespace) -> None:
     if found.throw is not None:
         files[parsed.out / THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()
     write_all(files)
-    for note in notes_on(found, dataset):
-        print(f"Note: {note}")
-    print(f"wrote {parsed.out}")
+    report(notes=notes_on(found, dataset), written=[parsed.out])
 
 
 def _import_every(parsed: argparse.Namespace) -> None:
@@ -99,13 +96,11 @@ def _import_every(parsed: argparse.Namespace) -> None:
     size = image_size(parsed.image_size)
     options = ExchangeOptions(image_sizes=(size, size), layout=parsed.layout, **answers(parsed))
     lengths = {} if parsed.distance is None else {ENDS[1]: parsed.distance}
-    found = gather_all(_contents(parsed.files), options, parsed.out.name, lengths)
+    found = gather_all(contents(parsed.files), options, parsed.out.name, lengths)
     print(table_of(found.taken))
     packed = pack_recording(found.recording)
     write_all({parsed.out / name: content for name, content in packed.items()})
-    for note in found.remarks:
-        print(f"Note: {note}")
-    print(f"wrote {parsed.out}")
+    report(notes=found.remarks, written=[parsed.out])
 
 
 def table_of(lines: Sequence[Taken]) -> str:
@@ -129,21 +124,6 @@ def notes_on(found: Archive, dataset: Dataset) -> list[str]:
             f"The lengths of the bars give a baseline of {rounded(dataset.baseline_m, 4)} m."
         )
     return notes
-
-
-def _contents(paths: Sequence[Path]) -> dict[str, bytes]:
-    limits = Limits.from_environment()
-    limits.check_count(len(paths), "The command")
-    found: dict[str, bytes] = {}
-    for path in paths:
-        with disk_errors(f"{path} cannot be read"):
-            limits.check_size(path.stat().st_size, str(path))
-            content = path.read_bytes()
-        name = path.name if path.name not in found else str(path)
-        if name in found:
-            raise StereocalError(f"{path}: the file is given twice.")
-        found[name] = content
-    return found
 
 
 def _baseline(text: str | None) -> float | None:

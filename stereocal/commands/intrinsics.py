@@ -8,8 +8,14 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from stereocal.commands.boards import lenses_of, search, write_recording
-from stereocal.commands.options import add_settings, add_workers, workers_from
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.options import (
+    add_board,
+    add_settings,
+    add_workers,
+    pattern_of,
+    workers_from,
+)
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_boards
@@ -26,19 +32,12 @@ from stereocal.system.photograph_files import Photographs, photographs_in
 OPENCV_SUFFIXES = (".yml", ".yaml")
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("intrinsics", help="the lens, from photographs of a board")
-    command.set_defaults(run=run)
     command.add_argument(
         "images", type=Path, nargs="+", metavar="IMAGES", help="photographs, folders, zips"
     )
-    command.add_argument(
-        "--board", required=True, metavar="18x12", help="inner corners, where four squares meet"
-    )
-    command.add_argument(
-        "--square", type=float, required=True, metavar="M", help="side of a square, in metres"
-    )
+    add_board(command)
     command.add_argument(
         "--out",
         type=Path,
@@ -48,8 +47,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "cameras",
     )
     add_settings(command, LensSettings)
-    command.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
-    command.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
+
     command.add_argument(
         "--leave-out", nargs="+", default=[], metavar="NAME", help="photographs not to use"
     )
@@ -58,7 +56,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the boards, calibrate, write the file, print the table."""
-    pattern = BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
+    pattern = pattern_of(parsed)
     settings = LensSettings(**{name: getattr(parsed, name) for name in descriptions(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
@@ -117,5 +115,4 @@ def _print(search: BoardSearch, lens: LensCalibration) -> None:
     for row in lens_rows(lens):
         print(" ".join(f"{cell:>16}" for cell in row))
     model = note_on_model(search, lens.settings)
-    for sentence in filter(None, (*advice(lens), hint(lens), model)):
-        print(f"Note: {sentence}")
+    report(notes=filter(None, (*advice(lens), hint(lens), model)))

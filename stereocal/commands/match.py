@@ -11,7 +11,7 @@ import numpy as np
 
 from stereocal.commands.options import add_workers, workers_from
 from stereocal.commands.point_options import add_point_options, point_tables
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
@@ -24,10 +24,8 @@ from stereocal.rig.parameters import RigParameters
 A_POINT = np.zeros((1, 2))
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("match", help="which points of the two cameras belong together")
-    command.set_defaults(run=run)
     command.add_argument(
         "primary",
         type=Path,
@@ -86,7 +84,7 @@ def run(parsed: argparse.Namespace) -> None:
         primary, secondary = point_tables(parsed, rig, Path(folder))
         compile_first = partial(match_points, rig, A_POINT, A_POINT, 1.0)
         with workers_from(parsed, compile_first) as executor, ProgressBar("frames") as bar:
-            report = match_tables(
+            matched = match_tables(
                 rig,
                 primary,
                 secondary,
@@ -98,14 +96,9 @@ def run(parsed: argparse.Namespace) -> None:
                 executor=executor,
                 sigma_px=parsed.sigma_px,
             )
-    assert report is not None  # nobody cancels here
-    print(report.chosen.sentence())
-    print(report.sentence())
-    for note in report.notes:
-        print(f"Note: {note}")
-    for path in (parsed.out, parsed.unmatched):
-        if path is not None:
-            print(f"wrote {path}")
+    assert matched is not None  # nobody cancels here
+    sentences = matched.chosen.sentence(), matched.sentence()
+    report(*sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
 
 
 def _run_rig(parsed: argparse.Namespace) -> None:
@@ -121,12 +114,8 @@ def _run_rig(parsed: argparse.Namespace) -> None:
             raise StereocalError(f"{text}: give each camera's points once, as NAME=FILE.")
         tables[name] = PointTable(Path(file), POINT)
     with ProgressBar("frames") as bar:
-        report = match_rig(RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px, bar.show)
-    for sentence in report.sentences():
-        print(sentence)
-    for note in report.notes:
-        print(f"Note: {note}")
-    print(f"wrote {parsed.out}")
+        found = match_rig(RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px, bar.show)
+    report(*found.sentences(), notes=found.notes, written=[parsed.out])
 
 
 def _threshold(text: str | None) -> float | None:

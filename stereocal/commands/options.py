@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.questions import QUESTIONS
+from stereocal.formats.world_file import read_world
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.system.described import descriptions
 from stereocal.system.executors import engine
+from stereocal.system.limits import Limits
 
 
 def add_search_options(parser: argparse.ArgumentParser) -> None:
@@ -75,6 +80,22 @@ def answers(parsed: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name, value in vars(parsed).items() if name in QUESTIONS}
 
 
+def contents(paths: Sequence[Path]) -> dict[str, bytes]:
+    """The contents of files by name; of a second file of a name by its path."""
+    limits = Limits.from_environment()
+    limits.check_count(len(paths), "The command")
+    found: dict[str, bytes] = {}
+    for path in paths:
+        with disk_errors(f"{path} cannot be read"):
+            limits.check_size(path.stat().st_size, str(path))
+            content = path.read_bytes()
+        name = path.name if path.name not in found else str(path)
+        if name in found:
+            raise StereocalError(f"{path}: the file is given twice.")
+        found[name] = content
+    return found
+
+
 def image_size(text: str | None) -> tuple[int, int] | None:
     """An image size written as 1280x1024; None if there is none."""
     if text is None:
@@ -88,6 +109,39 @@ def image_size(text: str | None) -> tuple[int, int] | None:
     if width < 1 or height < 1:
         raise StereocalError(f'The image size "{text}" is not possible.')
     return width, height
+
+
+def add_board(parser: argparse.ArgumentParser) -> None:
+    """The options of a board, which `pattern_of` reads."""
+    parser.add_argument(
+        "--board", required=True, metavar="18x12", help="inner corners, where four squares meet"
+    )
+    parser.add_argument(
+        "--square", type=float, required=True, metavar="M", help="side of a square, in metres"
+    )
+    parser.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
+    parser.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
+
+
+def pattern_of(parsed: argparse.Namespace) -> BoardPattern:
+    """The board of `add_board`."""
+    return BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
+
+
+def add_world(parser: argparse._ActionsContainer) -> None:
+    """The option of the world frame of points, which `world_from` reads."""
+    parser.add_argument(
+        "--world",
+        type=Path,
+        metavar="FILE",
+        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
+        "camera's coordinates to yours",
+    )
+
+
+def world_from(parsed: argparse.Namespace) -> Pose | None:
+    """The world frame of `add_world`; None: the primary's."""
+    return None if parsed.world is None else read_world(parsed.world)
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:

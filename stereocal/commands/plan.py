@@ -6,22 +6,19 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-from stereocal.commands.options import add_workers, workers_from
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.options import add_questions, add_workers, workers_from
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import draw_rigs
 from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, forecast
 from stereocal.field.planning.in_words import answer
 from stereocal.figures.plan_report import plan_report
 from stereocal.formats.plan_file import read_plan
-from stereocal.rig.camera import LENS_MODELS
 from stereocal.system.atomic_files import write_all
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("plan", help="what a planned field day will measure")
-    command.set_defaults(run=run)
     command.add_argument("plan", type=Path, help="plan.json")
     command.add_argument("--out", type=Path, required=True, help="folder for the two files")
     command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
@@ -31,11 +28,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="N",
         help="rigs drawn from the plan (default: 128, fewer for many frames)",
     )
-    command.add_argument(
-        "--lens-model",
-        choices=LENS_MODELS,
-        help="the model of four distortion coefficients, if a camera file does not state it",
-    )
+    add_questions(command, "lens_model")
     add_workers(command)
 
 
@@ -56,8 +49,5 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.out / "report.html": plan_report(found).encode(),
     }
     write_all(files)
-    print(answer(found))
-    for sentence in found.advice.sentences:
-        print(f"  {sentence}")
-    for path in files:
-        print(f"wrote {path}")
+    sentences = [f"  {sentence}" for sentence in found.advice.sentences]
+    report(answer(found), *sentences, written=files)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.commands.options import add_lens_model
+from stereocal.commands.options import add_board, add_lens_model, contents, pattern_of
 from stereocal.detection.target import Tags, parse_target
-from stereocal.errors import StereocalError, disk_errors
+from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
 from stereocal.field.printing.print_board import print_board
 from stereocal.field.printing.print_tags import print_tags
@@ -15,16 +15,14 @@ from stereocal.field.printing.print_target import GOOD_PX, print_targets, target
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.plan_file import read_plan
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.atomic_files import write_atomically
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command and of what it prints."""
-    command = commands.add_parser("print", help="targets, boards and a field sheet to print")
     kinds = command.add_subparsers(dest="kind", required=True, metavar="target|board|tags|sheet")
     target = kinds.add_parser("target", help="the two targets of the bar")
-    target.set_defaults(run=_target)
+
     size = target.add_mutually_exclusive_group(required=True)
     size.add_argument("--side", type=float, metavar="M", help="side of a target, in metres")
     size.add_argument("--camera", type=Path, metavar="FILE", help="a camera file, with --far")
@@ -39,17 +37,10 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help=f"width in the photographs at the largest distance (default: {GOOD_PX:g})",
     )
     board = kinds.add_parser("board", help="the board for the lens calibration")
-    board.set_defaults(run=_board)
-    board.add_argument(
-        "--board", required=True, metavar="18x12", help="inner corners, where four squares meet"
-    )
-    board.add_argument(
-        "--square", type=float, required=True, metavar="M", help="side of a square, in metres"
-    )
-    board.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
-    board.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
+
+    add_board(board)
     tags = kinds.add_parser("tags", help="two tags for the ends of the bar")
-    tags.set_defaults(run=_tags)
+
     tags.add_argument(
         "--target", required=True, metavar="KIND", help="as for detect: tags:4X4_50:3,7"
     )
@@ -57,7 +48,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--side", type=float, required=True, metavar="M", help="side of a black square, in metres"
     )
     sheet = kinds.add_parser("sheet", help="a plan on one page, to take along")
-    sheet.set_defaults(run=_sheet)
+
     sheet.add_argument("plan", type=Path, metavar="PLAN.json")
     add_lens_model(sheet)
     drawn = ".pdf or .svg"
@@ -66,6 +57,12 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
             "--paper", default="A4", metavar="NAME", help=f"{', '.join(PAPERS)} (default: A4)"
         )
         one.add_argument("--out", type=Path, required=True, metavar="FILE", help=suffixes)
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Print, and say what was written."""
+    kinds = {"target": _target, "board": _board, "tags": _tags, "sheet": _sheet}
+    kinds[parsed.kind](parsed)
 
 
 def _target(parsed: argparse.Namespace) -> None:
@@ -83,15 +80,13 @@ def _target(parsed: argparse.Namespace) -> None:
 def _focal_px(parsed: argparse.Namespace) -> float:
     if parsed.camera is None:
         return float(parsed.focal)
-    with disk_errors(f"{parsed.camera} cannot be read"):
-        content = parsed.camera.read_bytes()
+    (content,) = contents([parsed.camera]).values()
     camera = read_camera(content, str(parsed.camera))
     return float(min(camera.K[0, 0], camera.K[1, 1]))
 
 
 def _board(parsed: argparse.Namespace) -> None:
-    pattern = BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
-    _write(print_board(pattern, paper_named(parsed.paper)), parsed.out)
+    _write(print_board(pattern_of(parsed), paper_named(parsed.paper)), parsed.out)
 
 
 def _tags(parsed: argparse.Namespace) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterable
+from contextlib import ExitStack, suppress
+from pathlib import Path
 
 _open: list[ProgressBar] = []
 """The progress bar on the current line, if any."""
@@ -14,6 +16,26 @@ def say(line: str) -> None:
     """Write a line to stderr, below an open progress bar."""
     _end_line()
     _write(f"{line}\n")
+
+
+def report(*lines: str, notes: Iterable[str] = (), written: Iterable[Path | None] = ()) -> None:
+    """Write what a command has found, its notes, and its files, a line each."""
+    for line in (*lines, *(f"Note: {note}" for note in notes)):
+        print(line)
+    for path in filter(None, written):
+        print(f"wrote {path}")
+
+
+class Stages(ExitStack):
+    """A progress bar for each stage of a long work."""
+
+    def begin(self, stage: str) -> None:
+        """Start the next one."""
+        self._bar = self.enter_context(ProgressBar(stage))
+
+    def show(self, done: int, total: int) -> None:
+        """Progress of the present one."""
+        self._bar.show(done, total)
 
 
 class ProgressBar:

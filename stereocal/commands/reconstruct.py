@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.options import add_workers, workers_from
-from stereocal.commands.progress import ProgressBar
-from stereocal.formats.world_file import read_world
+from stereocal.commands.options import add_workers, add_world, workers_from, world_from
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
@@ -22,10 +21,8 @@ from stereocal.rig.parameters import RigParameters
 A_POINT = np.zeros((1, 2))
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("reconstruct", help="3D points of matched pairs")
-    command.set_defaults(run=run)
     command.add_argument(
         "pairs", type=Path, help="pairs.csv or pairs.parquet of match; with --rig its tracks.csv"
     )
@@ -35,13 +32,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--rig", type=Path, metavar="FILE", help="rig.json: points from all cameras that see them"
     )
     command.add_argument("--out", type=Path, required=True, help="points.csv or points.parquet")
-    command.add_argument(
-        "--world",
-        type=Path,
-        metavar="FILE",
-        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
-        "camera's coordinates to yours",
-    )
+    add_world(command)
     command.add_argument(
         "--sigma-px",
         type=float,
@@ -61,24 +52,18 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Reconstruct, write the points, print their errors."""
     if parsed.rig is not None:
-        world = None if parsed.world is None else read_world(parsed.world)
-        own = RigFile.load(parsed.rig)
-        print(reconstruct_rig(own, parsed.pairs, parsed.out, world, parsed.sigma_px).sentence())
-        print(f"wrote {parsed.out}")
+        files = RigFile.load(parsed.rig), parsed.pairs, parsed.out
+        found = reconstruct_rig(*files, world_from(parsed), parsed.sigma_px)
+        report(found.sentence(), written=[parsed.out])
         return
     rig = RigParameters.load(parsed.parameters)
     if parsed.matched_with is not None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)
-    world = None if parsed.world is None else read_world(parsed.world)
     pairs = PointTable(parsed.pairs, PIXELS)
     compile_first = partial(reconstruct_points, rig, A_POINT, A_POINT)
     with workers_from(parsed, compile_first) as executor, ProgressBar("pairs") as bar:
-        report = reconstruct_table(
-            rig, pairs, parsed.out, world, parsed.sigma_px, bar.show, executor=executor
+        measured = reconstruct_table(
+            rig, pairs, parsed.out, world_from(parsed), parsed.sigma_px, bar.show, executor=executor
         )
-    assert report is not None  # nobody cancels here
-    print(report.sentence())
-    print(report.about_errors)
-    for note in report.notes:
-        print(f"Note: {note}")
-    print(f"wrote {parsed.out}")
+    assert measured is not None  # nobody cancels here
+    report(measured.sentence(), measured.about_errors, notes=measured.notes, written=[parsed.out])

@@ -24,15 +24,12 @@ DIFFERENT = 1
 MOST_SHOWN = 5
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser(
-        "reproduce",
-        help="compute the parameter files of a paper kit's archive again, and compare them",
-        epilog="Exit status: 0 if all files are identical or within the tolerance, "
-        "1 if one differs, 2 for bad input.",
+    command.epilog = (
+        "Exit status: 0 if all files are identical or within the tolerance, 1 if one differs, "
+        "2 for bad input."
     )
-    command.set_defaults(run=run)
     command.add_argument(
         "archive", type=Path, help="a paper kit, its archive.zip, or a project's zip"
     )

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.options import add_questions
+from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.formats.dataset_files import read_recording
@@ -16,14 +17,11 @@ from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RIG, RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
 from stereocal.pairs_of_rig import files_of_pairs
-from stereocal.rig.camera import LENS_MODELS
 from stereocal.system.atomic_files import write_all
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("rig", help="one rig of three cameras and more")
-    command.set_defaults(run=run)
     command.add_argument(
         "inputs",
         type=Path,
@@ -41,11 +39,7 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         help="of every pair also the two sets of the paper, with forecast and threshold",
     )
     command.add_argument("--baseline-sigma", type=float, metavar="S", help="of baselines, m")
-    command.add_argument(
-        "--lens-model",
-        choices=LENS_MODELS,
-        help="the model of four distortion coefficients, if a camera file does not state it",
-    )
+    add_questions(command, "lens_model")
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -81,10 +75,5 @@ def _write(
         **{out / own: content for own, content in pairs.items()},
     }
     write_all(files)
-    print(rig_sentence(rig))
-    if loops := loops_sentence(rig):
-        print(loops)
-    for note in [*rig_notes(rig), *notes]:
-        print(f"Note: {note}")
-    for path in files:
-        print(f"wrote {path}")
+    sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
+    report(*sentences, notes=(*rig_notes(rig), *notes), written=files)

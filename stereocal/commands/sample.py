@@ -22,10 +22,8 @@ SAMPLES = {
 }
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("sample", help="data to try the commands with")
-    command.set_defaults(run=run)
     about = "; ".join(f"{name}: {what}" for name, what in SAMPLES.items())
     command.add_argument("name", choices=SAMPLES, metavar="SAMPLE", help=about)
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for it")

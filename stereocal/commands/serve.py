@@ -12,10 +12,8 @@ from stereocal.errors import StereocalError
 from stereocal.system.resources import ROOT
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("serve", help="the dashboard, in a browser")
-    command.set_defaults(run=run)
     command.add_argument(
         "--port", type=int, metavar="N", help="default: 8501, or the next free one"
     )

@@ -9,10 +9,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.simulated import write_field, write_nineteen
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser("simulate", help="the synthetic sample data")
-    command.set_defaults(run=run)
     command.add_argument("--datasets", type=int, default=19, metavar="N", help="default: 19")
     command.add_argument("--frames", type=int, default=25, metavar="N", help="default: 25")
     command.add_argument("--out", type=Path, required=True, help="folder for the data sets")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.errors import StereocalError
+from stereocal.commands.options import contents
+from stereocal.commands.progress import report
 from stereocal.field.world.find import WorldSettings, find_world
 from stereocal.field.world.frame import Axes
 from stereocal.field.world.survey import SURVEY_SIGMA_M
@@ -13,15 +14,10 @@ from stereocal.formats.world_file import write_world
 from stereocal.formats.world_tables import read_observed
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_atomically
-from stereocal.system.limits import Limits
 
 
-def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(command: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    command = commands.add_parser(
-        "world", help="a world frame with a known vertical: from surveyed points, lines, or a throw"
-    )
-    command.set_defaults(run=run)
     command.add_argument(
         "observed",
         type=Path,
@@ -84,7 +80,8 @@ def add(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(parsed: argparse.Namespace) -> None:
     """Find the world frame, write it, print what it rests on."""
     rig = RigParameters.load(parsed.parameters)
-    observed = read_observed(_content(parsed.observed), str(parsed.observed), parsed.frame_rate)
+    (content,) = contents([parsed.observed]).values()
+    observed = read_observed(content, str(parsed.observed), parsed.frame_rate)
     settings = WorldSettings(
         Axes(parsed.origin, parsed.x_axis, parsed.heading),
         parsed.sigma_px,
@@ -94,18 +91,8 @@ def run(parsed: argparse.Namespace) -> None:
     )
     found = find_world(rig, observed, settings)
     write_atomically(parsed.out, write_world(found, rig))
-    print(found.sentence)
-    residuals = found.about.get("residuals_m", {})
-    for name, (x, y, z) in residuals.items():
-        print(f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m")
-    for note in found.notes:
-        print(f"Note: {note}")
-    print(f"wrote {parsed.out}")
-
-
-def _content(path: Path) -> bytes:
-    try:
-        Limits.from_environment().check_size(path.stat().st_size, str(path))
-        return path.read_bytes()
-    except OSError as error:
-        raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
+    residuals = [
+        f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m"
+        for name, (x, y, z) in found.about.get("residuals_m", {}).items()
+    ]
+    report(found.sentence, *residuals, notes=found.notes, written=[parsed.out])
