@@ -44,7 +44,8 @@ def easywand_camera(camera: Camera) -> Camera:
 
 
 def from_bottom(points: FloatArray, camera: Camera) -> FloatArray:
-    return LOWER_LEFT.to_theirs(points, camera.image_size[1])
+    matrix = LOWER_LEFT.matrix(camera.image_size[1])
+    return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 2])
 
 
 def wand_table(frames: int, more_cameras: int = 0) -> FloatArray:

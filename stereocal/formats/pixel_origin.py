@@ -37,15 +37,7 @@ class PixelOrigin:
         flip = height + {"h": 0, "h-1": -1, "h+1": 1}[self.flip]
         return np.array([[1.0, 0, self.first_pixel], [0, -1.0, flip], [0, 0, 1.0]])
 
-    def to_theirs(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
-        """Convert our pixels (n, 2) to theirs."""
-        return _apply(self.matrix(height), pixels)
-
     def to_ours(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
         """Convert their pixels (n, 2) to ours."""
-        return _apply(np.asarray(np.linalg.inv(self.matrix(height)), np.float64), pixels)
-
-
-def _apply(matrix: FloatArray, pixels: npt.ArrayLike) -> FloatArray:
-    moved: FloatArray = np.asarray(pixels, dtype=np.float64) @ matrix[:2, :2].T + matrix[:2, 2]
-    return moved
+        matrix = np.linalg.inv(self.matrix(height))
+        return np.asarray(np.asarray(pixels, np.float64) @ matrix[:2, :2].T + matrix[:2, 2])

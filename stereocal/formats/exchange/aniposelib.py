@@ -8,7 +8,6 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
@@ -29,7 +28,6 @@ from stereocal.formats.lens_model import lens_model_of
 from stereocal.formats.yaml_text import check_length
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
 from stereocal.system.json_text import check_depth
 
 MOST_DOTS = 100
@@ -37,13 +35,8 @@ MOST_DOTS = 100
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
 
 
-def write_aniposelib(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
+def write_aniposelib(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`calibration.toml`."""
-    return write_aniposelib_rig(_posed(rig), options)
-
-
-def write_aniposelib_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
-    """The same of any number of cameras, with their poses from the first."""
     text = _header(cameras)
     for k, own in enumerate(cameras):
         text += f"\n[cam_{k}]\nname = {json.dumps(own[0])}\n"
@@ -51,23 +44,13 @@ def write_aniposelib_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[s
     return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
 
 
-def write_caliscope(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
-    """`camera_array.toml`."""
-    return write_caliscope_rig(_posed(rig), options)
-
-
-def write_caliscope_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
-    """The same of any number of cameras, whose names there are numbers."""
+def write_caliscope(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`camera_array.toml`, where the names of cameras are numbers."""
     text = _header(cameras)
     for k, own in enumerate(cameras):
         text += f"\n# {json.dumps(own[0])}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
         text += f"fisheye = {json.dumps(own[1].is_fisheye)}\n{_values(own, 'Caliscope')}"
     return {"camera_array.toml": text.encode()}
-
-
-def _posed(rig: Rig) -> tuple[Posed, Posed]:
-    still = Pose(np.eye(3), np.zeros(3))
-    return ("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)
 
 
 def _header(cameras: Sequence[Posed]) -> str:

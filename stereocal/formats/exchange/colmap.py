@@ -7,7 +7,7 @@ w x y z. The rig's frame is the primary's, so the secondary's `sensor_from_rig` 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import RATIONAL, lens
-from stereocal.formats.exchange.options import (
-    ExchangeOptions,
-    header,
-    number,
-    refuse_skew,
-)
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, number, refuse_skew
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -32,7 +27,6 @@ from stereocal.formats.exchange.reading import (
 )
 from stereocal.rig.camera import FISHEYE_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.rig import Rig
 
 FIRST_PIXEL = 0.5
 FISHEYE = FISHEYE_UNKNOWNS[4:]
@@ -47,7 +41,7 @@ MODELS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
+def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`cameras.txt` and `rigs.txt`, the other files of a model (empty), and `rig_config.json`."""
     comment = header(
         "#",
@@ -56,9 +50,7 @@ def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
     )
     cameras = comment + "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
     config: list[dict[str, Any]] = []
-    for k, (which, camera) in enumerate(
-        (("primary", rig.primary), ("secondary", rig.secondary)), start=1
-    ):
+    for k, (which, camera, _pose) in enumerate(two, start=1):
         model, parameters = _parameters(camera, which)
         width, height = camera.image_size
         cells = " ".join(number(value) for value in parameters)
@@ -70,14 +62,15 @@ def write_colmap(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
                 "camera_params": [float(value) for value in parameters],
             }
         )
-    quaternion = Rotation.from_matrix(rig.pose.R).as_quat(scalar_first=True, canonical=True)
-    moved = " ".join(number(value) for value in [*quaternion, *rig.pose.T])
+    pose = two[1][2]
+    quaternion = Rotation.from_matrix(pose.R).as_quat(scalar_first=True, canonical=True)
+    moved = " ".join(number(value) for value in [*quaternion, *pose.T])
     rigs = comment + "#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as\n"
     rigs += "#   (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n"
     rigs += f"1 2 CAMERA 1 CAMERA 2 1 {moved}\n"
     config[0]["ref_sensor"] = True
     config[1]["cam_from_rig_rotation"] = quaternion.tolist()
-    config[1]["cam_from_rig_translation"] = rig.pose.T.tolist()
+    config[1]["cam_from_rig_translation"] = pose.T.tolist()
     empty = dict.fromkeys(("frames.txt", "images.txt", "points3D.txt"), comment.encode())
     return {
         "cameras.txt": cameras.encode(),

@@ -27,7 +27,6 @@ from stereocal.formats.exchange.reading import (
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
 from stereocal.system.arrays import LARGEST
 
 ORIGIN_BEHIND_M = 1e-6
@@ -35,17 +34,11 @@ ORIGIN_BEHIND_M = 1e-6
 frame of the user, the origin is put 0.001 mm in front of the primary camera."""
 
 
-def write_dlt(rig: Rig, options: ExchangeOptions) -> dict[str, bytes]:
-    """`dlt.csv`."""
-    still = Pose(np.eye(3), np.zeros(3))
-    return write_dlt_rig(
-        (("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)), options
-    )
-
-
-def write_dlt_rig(cameras: Sequence[Posed], options: ExchangeOptions) -> dict[str, bytes]:
-    """The same of any number of cameras, with their poses from the first; a column a camera."""
-    first = _first_from_world(options.world)
+def write_dlt(cameras: Sequence[Posed], options: ExchangeOptions) -> dict[str, bytes]:
+    """`dlt.csv`, a column a camera."""
+    first = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
+    if options.world is not None:
+        first = options.world.inverse()
     columns = [dlt_coefficients(camera, pose @ first, options) for _, camera, pose in cameras]
     rows = zip(*columns, strict=True)
     text = "".join(",".join(number(value) for value in row) + "\n" for row in rows)
@@ -55,7 +48,7 @@ def write_dlt_rig(cameras: Sequence[Posed], options: ExchangeOptions) -> dict[st
 def dlt_coefficients(
     camera: Camera, camera_from_world: Pose, options: ExchangeOptions
 ) -> FloatArray:
-    """(11,): the coefficients of a camera, for undistorted pixels with the origin of `options`."""
+    """(11,): of a camera, for undistorted pixels with the origin of `options`."""
     origin = options.origin().matrix(camera.image_size[1])
     P = origin @ camera.K @ np.column_stack([camera_from_world.R, camera_from_world.T])
     if abs(P[2, 3]) < 1e-9:
@@ -94,13 +87,6 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     )
     pose = poses[1] @ poses[0].inverse()
     return CameraPair(cameras[0], cameras[1], pose, stated="m" if ours else None)
-
-
-def _first_from_world(world: Pose | None) -> Pose:
-    """The pose of the first camera."""
-    if world is None:
-        return Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
-    return world.inverse()
 
 
 def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:

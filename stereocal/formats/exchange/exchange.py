@@ -12,9 +12,7 @@ from stereocal.formats.exchange.aniposelib import (
     aniposelib_names,
     read_aniposelib,
     write_aniposelib,
-    write_aniposelib_rig,
     write_caliscope,
-    write_caliscope_rig,
 )
 from stereocal.formats.exchange.camera_files import (
     is_camera,
@@ -23,17 +21,12 @@ from stereocal.formats.exchange.camera_files import (
     read_parameters,
 )
 from stereocal.formats.exchange.colmap import read_colmap, write_colmap
-from stereocal.formats.exchange.dlt import read_dlt, write_dlt, write_dlt_rig
-from stereocal.formats.exchange.kalibr import (
-    kalibr_names,
-    read_kalibr,
-    write_kalibr,
-    write_kalibr_rig,
-)
+from stereocal.formats.exchange.dlt import read_dlt, write_dlt
+from stereocal.formats.exchange.kalibr import kalibr_names, read_kalibr, write_kalibr
 from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.matlab import is_matlab_file, read_matlab, write_matlab
 from stereocal.formats.exchange.opencv_stereo import is_opencv, read_opencv, write_opencv
-from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions, Posed
+from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions, Posed, posed
 from stereocal.formats.exchange.reading import LARGEST_BYTES, CameraPair, Files, ForeignFile
 from stereocal.formats.exchange.ros import is_ros, read_ros, write_ros
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
@@ -64,7 +57,9 @@ class CameraFormat:
 class ExchangeFormat(CameraFormat):
     """A format that is written too."""
 
-    write: Callable[[Rig, ExchangeOptions], dict[str, bytes]]
+    write: Callable[[Sequence[Posed], ExchangeOptions], dict[str, bytes]]
+    of_rigs: bool = False
+    """Whether any number of cameras can be written; else two, which have the names of `posed`."""
     ignores_skew: bool = False
     without_lens: bool = False
     coefficients: int | None = None
@@ -86,6 +81,7 @@ FORMATS: Mapping[str, ExchangeFormat] = {
         kalibr_names,
         unit="m",
         write=write_kalibr,
+        of_rigs=True,
         coefficients=4,
     ),
     "ros": ExchangeFormat(
@@ -110,6 +106,7 @@ FORMATS: Mapping[str, ExchangeFormat] = {
         lambda file: file.ends_with(".toml"),
         aniposelib_names,
         write=write_aniposelib,
+        of_rigs=True,
         ignores_skew=True,
         coefficients=5,
     ),
@@ -119,12 +116,17 @@ FORMATS: Mapping[str, ExchangeFormat] = {
         None,
         aniposelib_names,
         write=write_caliscope,
+        of_rigs=True,
         ignores_skew=True,
         coefficients=5,
     ),
     "colmap": ExchangeFormat("COLMAP (rig)", read_colmap, write=write_colmap),
     "dlt": ExchangeFormat(
-        "DLT coefficients (DLTdv, easyWand, Argus)", read_dlt, write=write_dlt, without_lens=True
+        "DLT coefficients (DLTdv, easyWand, Argus)",
+        read_dlt,
+        write=write_dlt,
+        of_rigs=True,
+        without_lens=True,
     ),
 }
 READ: Mapping[str, CameraFormat] = {
@@ -132,15 +134,6 @@ READ: Mapping[str, CameraFormat] = {
     "camera": CameraFormat("camera files", read_cameras, is_camera, one_camera=True),
     "stereocal": CameraFormat("stereocal", read_parameters, is_parameters),
 }
-
-
-RIG_WRITERS: Mapping[str, Callable[[Sequence[Posed], ExchangeOptions], dict[str, bytes]]] = {
-    "aniposelib": write_aniposelib_rig,
-    "caliscope": write_caliscope_rig,
-    "dlt": write_dlt_rig,
-    "kalibr": write_kalibr_rig,
-}
-"""Formats of any number of cameras."""
 
 
 def format_of(name: str, content: bytes) -> str | None:
@@ -189,7 +182,7 @@ def _read(
 
 def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) -> dict[str, bytes]:
     """The files of a format by name."""
-    return _format(name).write(rig, options or ExchangeOptions())
+    return _format(name).write(posed(rig), options or ExchangeOptions())
 
 
 def export_rig(
@@ -200,12 +193,13 @@ def export_rig(
     Args:
         cameras: the first is the reference.
     """
-    if name not in RIG_WRITERS:
+    known = _format(name)
+    if not known.of_rigs:
+        others = ", ".join(key for key, each in FORMATS.items() if each.of_rigs)
         raise StereocalError(
-            f"The format {name} is written for two cameras; for a rig there are "
-            f"{', '.join(RIG_WRITERS)}."
+            f"The format {name} is written for two cameras; for a rig there are {others}."
         )
-    return _placed(RIG_WRITERS[name](cameras, options or ExchangeOptions()), path)
+    return _placed(known.write(cameras, options or ExchangeOptions()), path)
 
 
 def export(
@@ -241,7 +235,7 @@ def export_notes(rig: Rig, name: str) -> list[str]:
         )
     if known.without_lens and any(c.distortion.any() for c in (rig.primary, rig.secondary)):
         notes.append("The file does not contain the lenses: undistort points before using it.")
-    for which, camera in (("primary", rig.primary), ("secondary", rig.secondary)):
+    for which, camera, _ in posed(rig):
         count = known.coefficients
         if count is not None and not camera.is_fisheye and camera.distortion[count:].any():
             notes.append(

@@ -25,19 +25,10 @@ from stereocal.formats.exchange.reading import (
 from stereocal.formats.lens_model import FISHEYE
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
 
 
-def write_kalibr(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
+def write_kalibr(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`camchain.yaml`."""
-    still = Pose(np.eye(3), np.zeros(3))
-    return write_kalibr_rig(
-        (("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)), _
-    )
-
-
-def write_kalibr_rig(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
-    """The same of any number of cameras, with their poses from the first."""
     names = ", ".join(f"cam{k} is the {name} camera" for k, (name, _, _) in enumerate(cameras))
     text = header(
         "#",

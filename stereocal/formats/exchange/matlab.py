@@ -7,14 +7,14 @@ is the inverse of our pose. The first pixel is (1, 1).
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import ExchangeOptions, header, number
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, number
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -32,7 +32,6 @@ from stereocal.formats.units import Unit
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
 
 PARTS = ("CameraParameters1", "CameraParameters2")
 FIRST_PIXEL = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
@@ -51,7 +50,7 @@ stereoParams = stereoParameters(camera1, camera2, RotationOfCamera2, Translation
 """
 
 
-def write_matlab(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
+def write_matlab(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`stereo_parameters.m`, which creates `stereoParams` in the workspace."""
     text = header(
         "%",
@@ -60,15 +59,16 @@ def write_matlab(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
         "points are rows: x_secondary = x_primary * RotationOfCamera2 + TranslationOfCamera2.",
         "ImageSize: rows, columns. RadialDistortion: k1 k2 k3. TangentialDistortion: p1 p2.",
     )
-    for k, which, camera in ((1, "primary", rig.primary), (2, "secondary", rig.secondary)):
+    for k, (which, camera, _pose) in enumerate(two, start=1):
         k1, k2, p1, p2, k3 = lens(camera, 5, which, "MATLAB's cameraParameters")
         width, height = camera.image_size
         text += _assign(f"K{k}", camera.K + FIRST_PIXEL)
         text += _assign(f"RadialDistortion{k}", np.array([[k1, k2, k3]]))
         text += _assign(f"TangentialDistortion{k}", np.array([[p1, p2]]))
         text += f"ImageSize{k} = [{height} {width}];\n"
-    text += _assign("RotationOfCamera2", rig.pose.R.T)
-    text += _assign("TranslationOfCamera2", rig.pose.T[None])
+    pose = two[1][2]
+    text += _assign("RotationOfCamera2", pose.R.T)
+    text += _assign("TranslationOfCamera2", pose.T[None])
     return {"stereo_parameters.m": (text + BUILD).encode()}
 
 

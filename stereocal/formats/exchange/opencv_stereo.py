@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import K_NAMES
-from stereocal.formats.exchange.options import ExchangeOptions, header, number
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, number, rig_of
 from stereocal.formats.exchange.reading import (
     STORAGES,
     CameraPair,
@@ -38,8 +38,9 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 """Common names of the matrices; we write those of OpenCV's sample."""
 
 
-def write_opencv(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
+def write_opencv(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """The two files; R1, R2, P1, P2, Q are those of `cv2.stereoRectify`."""
+    rig = rig_of(two)
     fisheye = rig.primary.is_fisheye
     if fisheye != rig.secondary.is_fisheye:
         raise StereocalError(

@@ -13,6 +13,7 @@ from stereocal.formats.units import Unit
 from stereocal.rig.camera import Camera, LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.version import __version__
 
 ImageSize = tuple[int, int]
@@ -53,6 +54,18 @@ class ExchangeOptions:
             usual.first_pixel if self.first_pixel is None else self.first_pixel,
             self.flip or usual.flip,
         )
+
+
+def posed(rig: Rig) -> tuple[Posed, Posed]:
+    """Two cameras, with their poses from the primary."""
+    still = Pose(np.eye(3), np.zeros(3))
+    return ("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)
+
+
+def rig_of(two: Sequence[Posed]) -> Rig:
+    """The inverse of `posed`."""
+    (_, primary, _), (_, secondary, pose) = two
+    return Rig(primary, secondary, pose)
 
 
 def header(mark: str, *lines: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.lens_fit import lens
 from stereocal.formats.exchange.opencv_stereo import rectification
-from stereocal.formats.exchange.options import ExchangeOptions, header, numbers
+from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, numbers, rig_of
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -21,21 +23,17 @@ from stereocal.formats.lens_model import FISHEYE, lens_model_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
 
 ONE_LENS, PRIMARY_FIRST = "one lens for both cameras", "primary first"
 SINGLE_FILES = "camera files"
 """Program and words of cameras that were calibrated one by one."""
 
 
-def write_ros(rig: Rig, _: ExchangeOptions) -> dict[str, bytes]:
+def write_ros(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`primary.yaml` and `secondary.yaml`."""
-    R1, R2, P1, P2, _Q = rectification(rig)
+    R1, R2, P1, P2, _Q = rectification(rig_of(two))
     files = {}
-    for which, camera, R, P in (
-        ("primary", rig.primary, R1, P1),
-        ("secondary", rig.secondary, R2, P2),
-    ):
+    for (which, camera, _pose), R, P in zip(two, (R1, R2), (P1, P2), strict=True):
         model, coefficients = _distortion(camera, which)
         width, height = camera.image_size
         text = header(
