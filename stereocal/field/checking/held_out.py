@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,8 +10,6 @@ from stereocal.field.checking.fits import Fit
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.refined.unknowns import rig_of
-from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.rig import Rig
 
 FOLDS = 5
 """Runs of neighbouring groups, each held out once: neighbours share their errors."""
@@ -59,30 +57,11 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
         outlying = best.outlying.copy()
         outlying[held] = True
         q, old = fit.minimise(outlying).q, prior.rig
-        repaired = rig_of(old.primary, old.secondary, q)
-        errors.append(
-            np.stack([_errors(images, held, old), _errors(images, held, repaired)], axis=1)
-        )
+        part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, q)
+        errors.append(np.stack([part.errors_with(old), part.errors_with(repaired)], axis=1))
     whole = np.concatenate(errors, axis=2)
     (px, new_px), lengths = np.nanmean(whole[0], axis=1).tolist(), None
     if np.isfinite(whole[1]).any(axis=1).all():
         was, now = np.nanmean(whole[1], axis=1).tolist()
         lengths = was, now
     return HeldOut((px, new_px), lengths)
-
-
-def _errors(images: NewImages, groups: IntArray, rig: Rig) -> FloatArray:
-    """(2, groups): mean reprojection error, and length error (NaN without a bar)."""
-    part = images.of_groups(groups).dataset
-    seen = replace(part, primary=rig.primary, secondary=rig.secondary)
-    rows = seen.correspondences
-    at = np.searchsorted(rows.frames, rows.frame)
-    px = rig.reprojection_errors(rows.primary, rows.secondary).mean(axis=1)
-    found = np.full((2, len(rows.frames)), np.nan)
-    found[0] = np.bincount(at, px) / np.bincount(at)
-    if len(rows.bars):
-        stated = seen.bar_distances_m
-        found[1, at[rows.bars[:, 0]]] = np.abs(
-            seen.reconstructed_lengths_m(rig.pose) / stated - 1.0
-        )
-    return found

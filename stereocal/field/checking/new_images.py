@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stereocal.calibration.results import errors_of
 from stereocal.errors import StereocalError
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.matching.reconstruction_files import PIXELS, points_outside_images
@@ -13,6 +14,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 
 LARGEST = 1000
 """Pairs that are used; of more, as many are taken evenly."""
@@ -47,6 +49,15 @@ class NewImages:
     def stating(self, sigma_px: float | None) -> NewImages:
         """The same with the noise of the points as stated (px); None: as they state it."""
         return self if sigma_px is None else replace(self, stated_px=sigma_px)
+
+    def errors_with(self, rig: Rig) -> tuple[FloatArray, FloatArray]:
+        """Errors of each group with a rig, (f,) each: reprojection in px, the mean of its points;
+        and |reconstructed - stated| / stated length, NaN without a bar."""
+        seen = replace(self.dataset, primary=rig.primary, secondary=rig.secondary)
+        rows, own = seen.correspondences, errors_of(seen, rig.pose)
+        at, length = np.searchsorted(rows.frames, rows.frame), np.full(len(rows.frames), np.nan)
+        length[at[rows.bars[:, 0]]] = own.length
+        return np.bincount(at, own.reprojection_px) / np.bincount(at), length
 
     def of_groups(self, kept: IntArray) -> NewImages:
         """Some of the groups, by their indices."""

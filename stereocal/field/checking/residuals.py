@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,25 +36,12 @@ class Residuals:
 
 def residuals_of(check: Recheck) -> Residuals:
     """The errors with the old and, if they are offered, the repaired parameters."""
-    return Residuals(
-        np.unique(check.images.numbers),
-        _errors(check, check.prior.rig),
-        _errors(check, check.repaired) if check.offers_repair else None,
-    )
-
-
-def _errors(check: Recheck, rig: Rig) -> Errors:
     images = check.images
-    seen = replace(images.dataset, primary=rig.primary, secondary=rig.secondary)
-    rows = seen.correspondences
-    px = rig.reprojection_errors(rows.primary, rows.secondary).mean(axis=1)
-    numbers = np.unique(images.numbers)
-    of_groups = np.searchsorted(numbers, images.numbers)
-    at = of_groups[np.searchsorted(rows.frames, rows.frame)]
-    reprojection = np.bincount(at, px) / np.bincount(at)
-    if not images.bars:
-        return Errors(reprojection, None)
-    length = np.full(len(numbers), np.nan)
-    stated = seen.bar_distances_m
-    length[at[rows.bars[:, 0]]] = np.abs(seen.reconstructed_lengths_m(rig.pose) / stated - 1.0)
-    return Errors(reprojection, length)
+    numbers, at = np.unique(images.numbers, return_inverse=True)
+
+    def errors(rig: Rig) -> Errors:
+        px, length = images.errors_with(rig)  # bars are one group a frame
+        return Errors(np.bincount(at, px) / np.bincount(at), length if images.bars else None)
+
+    repaired = errors(check.repaired) if check.offers_repair else None
+    return Residuals(numbers, errors(check.prior.rig), repaired)
