@@ -42,7 +42,7 @@ pictures: $(VENV)/.dev $(VENV)/.compiled
 	$(BIN)/python -m docs.screenshots
 
 benchmark: $(VENV)/.dev
-	$(BIN)/python -m pytest benchmarks --benchmark-enable
+	$(BIN)/python -m pytest benchmarks
 	$(BIN)/python -m benchmarks.ratios
 
 # Known vulnerabilities of everything that requirements.txt brings; asks the package index.

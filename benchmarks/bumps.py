@@ -16,13 +16,14 @@ stated); then come 5 new bars, or matched points alone.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.studies import exact_interval, run_studies
 from stereocal.field.checking.findings import FOCAL_LEVEL
-from stereocal.field.checking.new_images import images_of_bars
+from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.power import ENOUGH
 from stereocal.field.checking.recheck import recheck
 from stereocal.refined.unknowns import pose_of
@@ -57,12 +58,18 @@ def print_unmoved(trials: int) -> None:
     print(f"unmoved, 50 points: moved {exact_interval(points, trials)}", flush=True)
 
 
-def print_power(trials: int, move: Callable[[Case], Rig], what: str, seed: int) -> None:
+def print_power(
+    trials: int,
+    move: Callable[[Case], Rig],
+    what: str,
+    seed: int,
+    images_of: Callable[[Case, Rig], NewImages] = new_bars,
+) -> None:
     """Movements found, against the bound."""
     found, bounds, verdicts = [], [], []
     for case in cases(trials, seed):
         rig = move(case)
-        images = new_bars(case, rig)
+        images = images_of(case, rig)
         result = recheck(case.prior, images)
         found.append(result.changed)
         verdicts.append(result.verdict)
@@ -127,17 +134,8 @@ def print_repaired(trials: int) -> None:
 
 def print_points(trials: int) -> None:
     """Turns of 0.1 degrees from 50 matched points."""
-    found, bounds = [], []
-    for case in cases(trials, 5):
-        rig = bumped(case, np.radians(0.1))
-        images = matched(case, rig, 50)
-        found.append(recheck(case.prior, images).changed)
-        bounds.append(bound(case, images, rig))
-    print(
-        f"0.1 degrees, 50 points: found {exact_interval(sum(found), trials)}, bound "
-        f"{100 * np.mean(bounds):.1f} %",
-        flush=True,
-    )
+    turned = partial(bumped, angle_rad=np.radians(0.1))
+    print_power(trials, turned, "0.1 degrees, 50 points", 5, partial(matched, pairs=50))
 
 
 def print_focus(trials: int) -> None:

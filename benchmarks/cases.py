@@ -16,7 +16,6 @@ from stereocal.rig.compiled import FloatArray, compiled
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, fill_pose
 from stereocal.simulation.simulate import Scene, simulate_field
-from tests.calibration import reference
 
 PlainCost = Callable[[FloatArray, FloatArray], float]
 
@@ -36,21 +35,15 @@ class Case:
     problem: Problem
     pose: Pose
     plain: PlainCost
-    """The cost of (R, T) in fast NumPy, from `benchmarks.vectorised`."""
-    solving: PlainCost
-    """The cost of (R, T) in NumPy by solving, from `tests.calibration.reference`."""
+    """The cost of (R, T) in NumPy, from `benchmarks.vectorised`."""
 
     def compiled_cost(self) -> float:
         """One evaluation, called from Python."""
         return self.problem.cost(self.pose)
 
     def plain_cost(self) -> float:
-        """The same evaluation in fast NumPy."""
+        """The same evaluation in NumPy."""
         return self.plain(self.pose.R, self.pose.T)
-
-    def solving_cost(self) -> float:
-        """The same evaluation in NumPy by solving a system for each point."""
-        return self.solving(self.pose.R, self.pose.T)
 
     def compiled_costs(self, times: int) -> float:
         """`times` evaluations in a compiled loop, as the search does them: no call from Python."""
@@ -64,7 +57,7 @@ class Case:
         return found.cost, found.evaluations
 
     def plain_search(self) -> tuple[float, int]:
-        """The same search, same random numbers, in Python with the fast NumPy cost."""
+        """The same search, same random numbers, in Python with the NumPy cost."""
         return plain_search(self.plain, self.pose, SEARCH_SETTINGS)
 
 
@@ -86,15 +79,9 @@ def repeat_cost(
     return total
 
 
-def plain_search(
-    cost: PlainCost,
-    start: Pose,
-    settings: SearchSettings,
-    seed: np.random.SeedSequence | None = None,
-) -> tuple[float, int]:
+def plain_search(cost: PlainCost, start: Pose, settings: SearchSettings) -> tuple[float, int]:
     """`montecarlo.search` line by line in plain Python, with the same random numbers."""
-    sequence = seed or np.random.SeedSequence(settings.seed)
-    rng = np.random.Generator(np.random.PCG64(sequence))
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(settings.seed)))
     angles, delta = np.array(start.angles), settings.delta
     R, T = _pose_of(angles, start.baseline)
     best = cost(R, T)
@@ -147,21 +134,18 @@ def _cases(scene: Scene, dataset: Dataset, frames: int, pose: Pose) -> tuple[Cas
             Problem(costs.REPROJECTION, rays, np.empty((0, 0)), scale),
             pose,
             lambda R, T: vectorised.reprojection_cost(R, T, rays, scale),
-            lambda R, T: reference.reprojection_cost(R, T, rays, scale),
         ),
         Case(
             "3d",
             Problem(costs.DISTANCE, ends, lengths, scale),
             pose,
             lambda R, T: vectorised.distance_cost(R, T, ends, lengths),
-            lambda R, T: reference.distance_cost(R, T, ends, lengths),
         ),
         Case(
             "points",
             Problem(costs.POINTS, rays, points, scale),
             pose,
             lambda R, T: vectorised.points_cost(R, T, rays, points),
-            lambda R, T: reference.points_cost(R, T, rays, points),
         ),
     )
 

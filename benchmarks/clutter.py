@@ -1,18 +1,14 @@
 """Full-size pairs of the bar among houses, leaves, fences and a chessboard: labels and seconds.
 
-python -m benchmarks.clutter [--pairs 200] [--seed 4] [--saved FILE]
-
-With a file, each background's result is a line of it, and a run that was broken off goes on.
+python -m benchmarks.clutter [--pairs 200] [--seed 4]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -89,7 +85,7 @@ def judged_labels(labelling: Labelling, found: Found, truth: Truth) -> dict[str,
 
 
 def scene_result(seed: int, number: int) -> dict[str, Any]:
-    """One background, as a line of the saved file."""
+    """One background."""
     rig = field_rig()
     cameras: tuple[Camera, Camera] = (rig.primary, rig.secondary)
     found, truth, seconds = detected(seed, number)
@@ -108,8 +104,6 @@ def scene_result(seed: int, number: int) -> dict[str, Any]:
         if report.state not in ("agreed", "swapped"):
             remarks.append(f"frame {report.frame} {report.state}: {report.sentence}")
     return {
-        "seed": seed,
-        "scene": number,
         "pairs": len(truth),
         "states": dict(states),
         "frames": dict(Counter(report.state for report in labelling.frames)),
@@ -149,22 +143,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=4)
-    parser.add_argument("--saved", type=Path)
     asked = parser.parse_args()
     detect_targets(np.zeros((64, 64), np.uint8))  # compiled before anything is timed
     results = []
-    if asked.saved is not None and asked.saved.exists():
-        results = [json.loads(line) for line in asked.saved.read_text().splitlines()]
-        results = [result for result in results if result["seed"] == asked.seed]
-    done = {result["scene"] for result in results}
     for number in range(asked.pairs // PER_SCENE):
-        if number in done:
-            continue
         result = scene_result(asked.seed, number)
         results.append(result)
-        if asked.saved is not None:
-            with asked.saved.open("a") as file:
-                file.write(json.dumps(result) + "\n")
         print(
             f"background {number}: {result['labelled']} of {result['pairs']} rightly labelled, "
             f"{dict(result['states'])}; load {os.getloadavg()[0]:.1f}",

@@ -10,9 +10,7 @@ of the intervals over the value.
 from __future__ import annotations
 
 import argparse
-import json
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 
@@ -46,12 +44,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rigs", type=int, default=20)
     parser.add_argument("--frames", type=int, nargs="+", default=[25, 50, 200])
-    parser.add_argument("--cases", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--out", type=Path)
     parsed = parser.parse_args()
     everything = []
-    for case, off in [list(CASES.items())[at] for at in parsed.cases]:
+    for case, off in CASES.items():
         for frames in parsed.frames:
             found = []
             for seed in range(parsed.first, parsed.first + parsed.rigs):
@@ -64,8 +60,6 @@ def main() -> None:
             everything += found
     print("all")
     report(everything)
-    if parsed.out:
-        parsed.out.write_text(json.dumps(everything))
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ import argparse
 
 import numpy as np
 
-from benchmarks.halves import FIGURES
-from stereocal.calibration.methods import Method
+from benchmarks.quarters import FIGURES, METHODS
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import forecast_files
@@ -30,7 +29,6 @@ from tests.rigs.refined_rigs import (
 
 NOISE_PX, MISFIT_PX = 0.2, 0.2
 FRAMES, FURTHER = 200, 100
-METHODS: tuple[Method, ...] = ("2d", "3d", "refined")
 
 
 def held(length: int, seed: int) -> list[tuple[bool, float]]:
