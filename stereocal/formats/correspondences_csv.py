@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -149,30 +146,19 @@ def _contradictions(
 
 def write_table(rows: Correspondences) -> bytes:
     """The table of `rows`, read back exactly by `read_table`."""
-    optional = {
-        "distance_m": rows.distance_m,
-        **{name: rows.known_points_m[:, i] for i, name in enumerate(KNOWN_POINT)},
-        **{name: getattr(rows, name) for name in SIGMAS},
-    }
-    known = {name: column for name, column in optional.items() if np.isfinite(column).any()}
-    if known.keys() & set(KNOWN_POINT):
-        known = {name: optional[name] for name in OPTIONAL if name in known or name in KNOWN_POINT}
-    times = [TIME] * rows.has_times
-    own = rows.rigid_object
-    with_source = bool((rows.source != UNKNOWN_SOURCE).any())
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\n")
-    placed = OBJECT if own is not None else ()
-    writer.writerow([*REQUIRED, *known, *[SOURCE] * with_source, *times, *placed])
-    recorded = rows.recorded_secondary
-    for i in range(len(rows)):
-        numbers = [*rows.primary[i], *recorded[i], *(column[i] for column in known.values())]
-        cells = ["" if math.isnan(x) else repr(float(x)) for x in numbers]
-        if with_source:
-            code = rows.source[i]
-            cells.append("" if code == UNKNOWN_SOURCE else SOURCES[code])
-        cells += [str(int(rows.time_frame[i])) for _ in times]
-        if own is not None:
-            cells += [repr(float(x)) for x in own.points[rows.target[i]]]
-        writer.writerow([int(rows.frame[i]), rows.names[rows.target[i]], *cells])
-    return out.getvalue().encode()
+    table = pd.DataFrame({"frame": rows.frame, "target": np.array(rows.names)[rows.target]})
+    table[list(PIXELS)] = np.hstack([rows.primary, rows.recorded_secondary])
+    seen = np.column_stack(
+        [rows.distance_m, rows.known_points_m, rows.sigma_primary_px, rows.sigma_secondary_px]
+    )
+    known = np.asarray(np.isfinite(seen).any(axis=0))
+    known[1:4] = known[1:4].any()
+    names = [name for name, there in zip(OPTIONAL, known.tolist(), strict=True) if there]
+    table[names] = seen[:, known]
+    if (rows.source != UNKNOWN_SOURCE).any():
+        table[SOURCE] = np.array(("", *SOURCES))[rows.source - UNKNOWN_SOURCE]
+    if rows.has_times:
+        table[TIME] = rows.time_frame
+    if rows.rigid_object is not None:
+        table[list(OBJECT)] = rows.rigid_object.points[rows.target]
+    return table.to_csv(index=False, lineterminator="\n").encode()

@@ -10,6 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.rig.camera import Camera, LensModel
 from stereocal.system.json_text import read_json
+from stereocal.system.records import of_plain
 
 DATASET_FORMAT = "stereocal-dataset/1"
 """Two cameras and a bar, with `correspondences.csv`."""
@@ -80,11 +81,9 @@ def length(description: Mapping[str, Any], key: str, where: str) -> float:
 def optional_length(description: Mapping[str, Any], key: str, where: str) -> float | None:
     """An entry in metres; None if there is none. Its value is not checked here."""
     value = description.get(key)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise StereocalError(f"{where}: {key} is {value!r}; it must be a number, in metres.")
     try:
-        return float(value)
-    except OverflowError as error:
-        raise StereocalError(f"{where}: {key} is far too large; state it in metres.") from error
+        return of_plain(value, float | None)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise StereocalError(
+            f"{where}: {key} is {str(value)[:60]!r}; it must be a number, in metres."
+        ) from error

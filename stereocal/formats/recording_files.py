@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -29,6 +27,7 @@ from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.recording import Pair, Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.limits import Limits
+from stereocal.system.records import of_plain, plain, settings_of
 from stereocal.system.tables import EMPTY, Column, Rows, read_rows
 
 POINTS = "points.csv"
@@ -41,7 +40,6 @@ NUMBERS = (
     Column(SIGMA, may_be_empty=True, is_positive=True),
 )
 BOARD = "board"
-_BOARD = ("columns", "rows", "square_m", "dictionary", "marker_m")
 
 
 def parse_recording(
@@ -104,7 +102,7 @@ def object_of(description: Mapping[str, Any], where: str) -> RigidObject:
                 '[0.39, 0, 0]}, or a board: {"board": {"columns": 9, "rows": 6, "square_m": 0.03}}.'
             )
         if BOARD in given:
-            found = RigidObject.of_board(_board(given[BOARD]), sigma)
+            found = RigidObject.of_board(settings_of(given[BOARD], BoardPattern, "board"), sigma)
         else:
             points = [_point(name, xyz) for name, xyz in given.items()]
             found = RigidObject(tuple(given), np.array(points), sigma)
@@ -114,28 +112,13 @@ def object_of(description: Mapping[str, Any], where: str) -> RigidObject:
         return found
 
 
-def _board(given: Any) -> BoardPattern:
-    if not isinstance(given, dict) or not {*_BOARD[:3]} <= {*given} <= {*_BOARD}:
+def _point(name: str, xyz: Any) -> tuple[float, float, float]:
+    try:
+        return of_plain(xyz, tuple[float, float, float])
+    except ValueError as error:
         raise StereocalError(
-            'the board must have "columns", "rows" and "square_m"; a ChArUco board "dictionary" '
-            'and "marker_m" too.'
-        )
-    numbers = [given[name] for name in ("columns", "rows", "square_m", "marker_m") if name in given]
-    if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers) or not all(
-        isinstance(n, int) for n in numbers[:2]
-    ):
-        raise StereocalError("the board's columns and rows must be whole numbers, its sides metres")
-    return BoardPattern(**given)
-
-
-def _point(name: str, xyz: Any) -> list[float]:
-    if not (
-        isinstance(xyz, list)
-        and len(xyz) == 3
-        and all(isinstance(x, int | float) and not isinstance(x, bool) for x in xyz)
-    ):
-        raise StereocalError(f"the point {name[:40]!r} must be three numbers, in metres.")
-    return [float(x) for x in xyz]
+            f"the point {name[:40]!r} must be three numbers, in metres."
+        ) from error
 
 
 def _baselines(
@@ -228,7 +211,7 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
     names = {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)}
     described: Any = dict(zip(own.names, own.points.tolist(), strict=True))
     if board is not None:
-        described = {BOARD: {k: getattr(board, k) for k in _BOARD if getattr(board, k) is not None}}
+        described = {BOARD: {k: v for k, v in plain(board).items() if v is not None}}
     description = {
         "format": RECORDING_FORMAT,
         "name": recording.name,
@@ -249,21 +232,10 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
 
 def write_points(recording: Recording) -> bytes:
     """`points.csv`, read back exactly by `read_points`."""
-    cameras, targets = list(recording.cameras), recording.object.names
-    with_sigma = bool(np.isfinite(recording.sigma_px).any())
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*REQUIRED, *[SIGMA] * with_sigma])
-    for i, (u, v) in enumerate(recording.points.tolist()):
-        sigma = float(recording.sigma_px[i])
-        writer.writerow(
-            [
-                int(recording.frame[i]),
-                cameras[recording.camera[i]],
-                targets[recording.target[i]],
-                repr(u),
-                repr(v),
-                *(["" if np.isnan(sigma) else repr(sigma)] * with_sigma),
-            ]
-        )
-    return out.getvalue().encode()
+    named = np.array([*recording.cameras])[recording.camera]
+    targets = np.array(recording.object.names)[recording.target]
+    table = pd.DataFrame({"frame": recording.frame, "camera": named, "target": targets})
+    table[["u", "v"]] = recording.points
+    if np.isfinite(recording.sigma_px).any():
+        table[SIGMA] = recording.sigma_px
+    return table.to_csv(index=False, lineterminator="\n").encode()

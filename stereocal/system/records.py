@@ -51,17 +51,17 @@ def unpack(content: bytes, kind: type[T]) -> T:
     return of_plain(json.loads(content), kind)
 
 
-def settings_of(data: Mapping[str, Any], kind: type[T]) -> T:
-    """As `of_plain`, for settings that a person may have written."""
+def settings_of(data: Mapping[str, Any], kind: type[T], what: str = "settings") -> T:
+    """As `of_plain`, for settings that a person may have written; `what` they are."""
     names = {each.name for each in fields(cast(Any, kind))}
     try:
-        if unknown := sorted(set(data) - names):
+        if isinstance(data, Mapping) and (unknown := sorted(set(data) - names)):
             raise ValueError(f"unknown: {', '.join(unknown)}")
         return of_plain(data, kind)
     except StereocalError:
         raise
     except ValueError as error:
-        raise StereocalError(f"The settings cannot be read: {error}.") from error
+        raise StereocalError(f"The {what} cannot be read: {error}.") from error
 
 
 def _parts_of(value: Any) -> Any:
