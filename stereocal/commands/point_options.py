@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stereocal.commands.options import add_questions, answers
-from stereocal.errors import StereocalError, disk_errors
+from stereocal.errors import StereocalError
 from stereocal.formats.exchange.questions import ORIGIN, QUESTIONS
 from stereocal.formats.exchange.reading import camera_index
 from stereocal.formats.point_answers import (
@@ -26,6 +26,7 @@ from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import read_whole
 
 BY_HAND = "columns"
 COUNTED = "-"
@@ -112,8 +113,7 @@ def _theirs(
     parsed: argparse.Namespace, which: int, path: Path, camera: Camera, folder: Path
 ) -> PointTable:
     source = str(path)
-    with disk_errors(f"{source} cannot be read"):
-        content = point_text(path.read_bytes(), source)
+    content = point_text(read_whole(path), source)
     by_hand = parsed.layout == BY_HAND
     layout = (
         layout_by_hand(content, source)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import DAMAGED, StereocalError, disk_errors
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation.compiled_run import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, Run
 from stereocal.evaluation.summary import MethodSummary, summarise
@@ -22,6 +22,7 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast
 from stereocal.system.arrays import Array, read_arrays, shaped
+from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
 from stereocal.version import __version__
 
@@ -98,9 +99,7 @@ def validation_figures(
 
 def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
     """The result of `validation_figures` for a data set, from a `summary.json`."""
-    with disk_errors(f"{path} cannot be read"):
-        packed = path.read_bytes()
-    content = read_json(packed, str(path))
+    content = read_json(read_whole(path), str(path))
     try:
         known = {entry["sha256"]: entry["methods"] for entry in content["datasets"]}
         protocol = {name: content["settings"][name] for name in ("runs", "calibration_frames")}

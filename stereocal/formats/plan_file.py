@@ -15,6 +15,7 @@ from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertain
 from stereocal.formats.camera_file import CAMERA_FORMAT, read_camera, write_camera
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.geometry import Pose
+from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
 from stereocal.system.records import of_plain
 
@@ -54,9 +55,11 @@ def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
                 f"{path}: the camera file {name!r} is not beside the plan; copy it there, and give "
                 "its name."
             )
-        return _content(path.parent / beside)
+        if not (path.parent / beside).is_file():  # a pipe would never end
+            raise StereocalError(f"{path.parent / beside}: there is no such file.")
+        return read_whole(path.parent / beside, LARGEST_BYTES)
 
-    return parse_plan(_content(path), str(path), file_beside, lens_model)
+    return parse_plan(read_whole(path, LARGEST_BYTES), str(path), file_beside, lens_model)
 
 
 def parse_plan(
@@ -185,16 +188,3 @@ def _part(entry: Any, kind: type[T], where: str, optional: tuple[str, ...] = ())
             raise
         except ValueError as error:
             raise StereocalError(f"{error}.") from error
-
-
-def _content(path: Path) -> bytes:
-    try:
-        if not path.is_file():  # a pipe would never end
-            raise StereocalError(f"{path}: there is no such file.")
-        if path.stat().st_size > LARGEST_BYTES:
-            raise StereocalError(f"{path}: the file is too large for a plan or a camera.")
-        return path.read_bytes()
-    except OSError as error:
-        raise StereocalError(
-            f"{path}: the file cannot be read ({error.strerror or error})."
-        ) from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import datetime
-import io
 import json
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
 from stereocal.version import __version__
 
@@ -58,14 +58,7 @@ def read_world(path: str | Path) -> Pose:
 
     `x_world = R @ x_primary + t`; the last row is 0 0 0 1; metres.
     """
-    path = Path(path)
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise StereocalError(f"{path}: the file is too large for a world frame.")
-        content = path.read_bytes()
-    except OSError as error:
-        raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
-    return parse_world(content, str(path))
+    return parse_world(read_whole(path, LARGEST_BYTES), str(path))
 
 
 def is_json(source: str) -> bool:
@@ -103,11 +96,8 @@ def _table(content: bytes, source: str) -> FloatArray:
             _check_format(rows, source)
             rows = rows["world_from_primary"]
         return np.array(rows, dtype=np.float64)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise StereocalError(f"{source}: the file cannot be read ({error}).") from error
-    cells = [row for row in csv.reader(io.StringIO(text)) if any(c.strip() for c in row)]
+    lines = content.decode("utf-8-sig").splitlines()
+    cells = [row for row in csv.reader(lines) if any(c.strip() for c in row)]
     return np.array(cells, dtype=np.float64)
 
 

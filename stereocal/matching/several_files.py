@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import StereocalError, disk_errors
+from stereocal.errors import StereocalError
 from stereocal.matching.matching_files import check_points
 from stereocal.matching.pairs import ERROR_DECIMALS, POINT, pixels_of
 from stereocal.matching.point_noise import PointNoise, check_sigma
@@ -32,6 +32,7 @@ from stereocal.matching.threshold import choose_threshold
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.atomic_files import read_whole
 from stereocal.system.numbers import rounded
 from stereocal.system.tables import EMPTY, Column, read_rows
 from stereocal.system.tasks import Progress
@@ -234,8 +235,7 @@ def reconstruct_rig(
 
 def read_tracks(rig: RigFile, path: Path) -> tuple[FloatArray, FloatArray]:
     """Frames (n,) and pixels (n, c, 2) of tracks.csv; NaN where a camera does not see a point."""
-    with disk_errors(f"{path} cannot be read"):
-        content = path.read_bytes()
+    content = read_whole(path)
     names = [f"{axis}_{name}".lower() for name in rig.names for axis in POINT]
     columns = [Column(name, may_be_empty=True) for name in names]
     rows = read_rows(

@@ -28,6 +28,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
+from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
 
 RIG = "rig.json"
@@ -152,14 +153,10 @@ class RigFile:
     @classmethod
     def load(cls, path: str | Path) -> RigFile:
         """Read a file."""
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
-        return cls.loads(text, str(path))
+        return cls.loads(read_whole(path), str(path))
 
     @classmethod
-    def loads(cls, text: str, source: str = "rig.json") -> RigFile:
+    def loads(cls, text: str | bytes, source: str = "rig.json") -> RigFile:
         """As `load`, from text."""
         data = read_json(text, source)
         found = data.get("format") if isinstance(data, dict) else None

@@ -26,7 +26,7 @@ from stereocal.rig.geometry import (
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
-from stereocal.system.atomic_files import write_atomically
+from stereocal.system.atomic_files import read_whole, write_atomically
 from stereocal.system.json_text import read_json
 from stereocal.version import __version__
 
@@ -168,18 +168,16 @@ class RigParameters(Rig):
     @classmethod
     def load(cls, path: str | Path) -> RigParameters:
         """Read a parameter file."""
-        path = Path(path)
-        try:
-            _check_size(path.stat().st_size, str(path))
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise StereocalError(f"{path}: the file cannot be read ({error}).") from error
-        return cls.loads(text, str(path))
+        return cls.loads(read_whole(path, LARGEST_TEXT), str(path))
 
     @classmethod
-    def loads(cls, text: str, source: str = "parameters") -> RigParameters:
+    def loads(cls, text: str | bytes, source: str = "parameters") -> RigParameters:
         """As `load`, from text."""
-        _check_size(len(text), source)
+        if len(text) > LARGEST_TEXT:
+            raise StereocalError(
+                f"{source}: {len(text)} bytes are too many for a parameter file (at most "
+                f"{LARGEST_TEXT})."
+            )
         data = read_json(text, source)
         if not isinstance(data, dict) or data.get("format") != PARAMETERS_FORMAT:
             found = data.get("format") if isinstance(data, dict) else None
@@ -259,14 +257,6 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
         "target_distance_m": dataset.target_distance_m,
         "frames": [int(frame) for frame in frames],
     }
-
-
-def _check_size(size: int, source: str) -> None:
-    if size > LARGEST_TEXT:
-        raise StereocalError(
-            f"{source}: a file of {size} bytes is too large for a parameter file "
-            f"(at most {LARGEST_TEXT})."
-        )
 
 
 def _number_or_none(value: Any) -> float | None:

@@ -12,7 +12,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from stereocal.errors import StereocalError
+import numpy as np
+
+from stereocal.errors import StereocalError, disk_errors
 
 
 def make_folder(path: Path) -> None:
@@ -52,6 +54,14 @@ def flush_file(path: Path) -> None:
     """
     with path.open("r+b") as file:  # Windows flushes writable files only
         os.fsync(file.fileno())
+
+
+def read_whole(path: str | Path, most: float = np.inf) -> bytes:
+    """The content of a file of at most `most` bytes."""
+    with disk_errors(f"{path} cannot be read"):
+        if (size := Path(path).stat().st_size) > most:
+            raise StereocalError(f"{path}: {size} bytes are too many (at most {most:.0f}).")
+        return Path(path).read_bytes()
 
 
 def write_atomically(path: Path, content: bytes) -> None:

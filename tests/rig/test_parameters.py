@@ -164,7 +164,7 @@ class TestRefusals:
         with pytest.raises(StereocalError, match="cannot be read"):
             RigParameters.load(tmp_path / "none.json")
         (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
-        with pytest.raises(StereocalError, match="cannot be read"):
+        with pytest.raises(StereocalError, match="not a text file"):
             RigParameters.load(tmp_path / "binary.json")
 
     def test_nan_is_never_written(self) -> None:
