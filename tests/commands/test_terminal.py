@@ -137,10 +137,10 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
 @pytest.mark.parametrize(
     ("arguments", "both"),
     [
-        ("calibrate", True),
+        ("--help", True),
         ("--help", False),
+        pytest.param("calibrate", True, marks=pytest.mark.soak),
         pytest.param("calibrate", False, marks=pytest.mark.soak),
-        pytest.param("--help", True, marks=pytest.mark.soak),
     ],
 )
 def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) -> None:

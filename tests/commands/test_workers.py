@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -68,12 +69,9 @@ OUT = {
 }
 
 
-@pytest.fixture(scope="module")
-def by_threads(
-    commands: dict[str, list[str]], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, bytes]:
-    folder = tmp_path_factory.mktemp("threads")
-    return {name: written(name, words, folder) for name, words in commands.items()}
+def one_of_all(usual: str) -> list[Any]:
+    """One command, and in the soak all others."""
+    return [usual, *(pytest.param(name, marks=pytest.mark.soak) for name in OUT if name != usual)]
 
 
 def written(name: str, words: list[str], folder: Path, *options: str) -> bytes:
@@ -83,23 +81,18 @@ def written(name: str, words: list[str], folder: Path, *options: str) -> bytes:
     return (out / "summary.json" if name == "evaluate" else out).read_bytes()
 
 
-@pytest.mark.parametrize("name", [name for name in OUT if name != "evaluate"])
-def test_processes(
-    name: str, commands: dict[str, list[str]], by_threads: dict[str, bytes], tmp_path: Path
-) -> None:
-    """Of evaluate in tests/commands/test_evaluate_command.py."""
-    assert written(name, commands[name], tmp_path, "--workers", "2") == by_threads[name]
+@pytest.mark.parametrize("name", one_of_all("match"))
+def test_processes(name: str, commands: dict[str, list[str]], tmp_path: Path) -> None:
+    by_threads = written(name, commands[name], tmp_path / "threads")
+    assert written(name, commands[name], tmp_path, "--workers", "2") == by_threads
 
 
-@pytest.mark.parametrize("name", OUT)
+@pytest.mark.parametrize("name", one_of_all("detect"))
 def test_a_cluster(
-    name: str,
-    commands: dict[str, list[str]],
-    by_threads: dict[str, bytes],
-    scheduler: str,
-    tmp_path: Path,
+    name: str, commands: dict[str, list[str]], scheduler: str, tmp_path: Path
 ) -> None:
-    assert written(name, commands[name], tmp_path, "--scheduler", scheduler) == by_threads[name]
+    by_threads = written(name, commands[name], tmp_path / "threads")
+    assert written(name, commands[name], tmp_path, "--scheduler", scheduler) == by_threads
 
 
 def test_photographs_need_no_shared_disk(scheduler: str, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ def whole(seed: int = 0) -> PlanForecast:
     return forecast(FIELD, seed=seed)
 
 
+@pytest.mark.soak
 def test_the_forecast_comes_true_on_simulated_field_days() -> None:
     """25 field days have a standard error of 15 % in the 2D set, whose errors scatter most."""
     days = [observed(FIELD, seed) for seed in range(25)]

@@ -63,6 +63,7 @@ def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
     assert "only a turn of" in sentence(strict)
 
 
+@pytest.mark.soak
 def test_false_alarms_and_power_agree_with_the_bound() -> None:
     """1,500 and 2,000 trials are in docs/check.md."""
     alarms, found, expected = 0, 0, 0.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from stereocal.field.checking.check_words import notes
 from stereocal.field.checking.new_images import NewImages, images_of_bars
@@ -57,6 +58,7 @@ def waved_bars(case: Case, *rigs: Rig) -> NewImages:
     return images_of_bars(data, case.prior.rig)
 
 
+@pytest.mark.soak
 def test_runs_are_no_movement_and_a_turn_is_still_found() -> None:
     """With new frames taken as independent, 4 of the first 12 unmoved rigs had moved."""
     alarms = found = since = 0

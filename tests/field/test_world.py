@@ -229,6 +229,7 @@ class TestThrow:
         assert off_vertical(calibrated, found.pose, 7.0) < 2 * found.uncertainty["vertical_deg"]
         assert "the bar had no part" in found.notes[-1]
 
+    @pytest.mark.soak
     def test_intervals_hold(self) -> None:
         """Exact rigs here; 1,000 throws of calibrated rigs are in `tests.rigs.worlds`."""
         trials = 25

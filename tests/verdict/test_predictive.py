@@ -43,6 +43,7 @@ def outlook() -> Outlook:
     return forecast_files(calibrate(rig.dataset(25, 0.2), refined=RefineSettings()))
 
 
+@pytest.mark.soak
 def test_the_intervals_hold_the_population() -> None:
     """8 rigs with misjudged lenses; 85 to 100 % of each figure held on many (docs/trust.md)."""
     held = dict.fromkeys(FIGURES, 0)
