@@ -85,7 +85,8 @@ def _path(text: str) -> Path:
 
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
     """The parser, with the options of one command."""
-    parser = _Parser(prog="stereocal", description=__doc__)
+    needs = f"Reports, printed sheets, paper kits and serve need more: {INSTALL}"
+    parser = _Parser(prog="stereocal", description=__doc__, epilog=needs)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (file, about) in COMMANDS.items():
