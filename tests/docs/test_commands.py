@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.cli import _parser, main
+from stereocal.cli import COMMANDS, _parser, main
 from tests.docs.pages import PAGES, code_of, name_of
 from tests.docs.prepared import prepare
 from tests.terminal import ROOT
@@ -112,7 +112,8 @@ def test_commands_in_outline_are_of_the_program() -> None:
                 for line in map(str.strip, code.text.replace("\\\n", " ").splitlines()):
                     if OURS.match(line):
                         (command,) = commands_in(line)
-                        _parser().parse_args(as_command(command))
+                        words = as_command(command)
+                        _parser(words[0]).parse_args(words)
 
 
 def options_of(parser: argparse.ArgumentParser) -> set[str]:
@@ -126,7 +127,7 @@ def options_of(parser: argparse.ArgumentParser) -> set[str]:
 
 
 def test_options_that_are_named_are_there() -> None:
-    ours = options_of(_parser())
+    ours = set().union(*(options_of(_parser(name)) for name in COMMANDS))
     for page in PAGES:
         inline = re.findall(
             r"`(?!python -m (?:benchmarks|tools|tests)\.)[^`\n]+`", page.read_text(encoding="utf-8")
