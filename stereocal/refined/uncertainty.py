@@ -19,8 +19,7 @@ from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
 from stereocal.refined.views import EACH, fill_jacobians
-from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.compiled import FloatArray
 
 LENS = ("fx", "fy", "cx", "cy")
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
@@ -140,7 +139,7 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
     across, z = np.linspace(-half, half, size), np.linspace(far / size, far, size)
     points = np.full((size * size, 3), at)
     points[:, [axis, 2]] = np.stack([*np.meshgrid(across, z)], axis=-1).reshape(-1, 2)
-    seen = in_view(result.primary, points) & in_view(result.secondary, result.pose.apply(points))
+    seen = result.primary.sees(points) & result.secondary.sees(result.pose.apply(points))
     point, distance = np.full(len(points), np.nan), np.full(len(points), np.nan)
     if seen.any():
         covariances = point_covariances(result, points[seen])
@@ -153,19 +152,6 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
         distance[seen] = np.mean(sigmas, axis=0) / length
     shape = (size, size)
     return AccuracyMap(plane, at, across, z, point.reshape(shape), distance.reshape(shape))
-
-
-def in_view(camera: Camera, points_m: FloatArray) -> BoolArray:
-    """(n,): whether points (n, 3) in the camera's own frame are inside its image."""
-    pixels = camera.project(points_m)
-    with np.errstate(invalid="ignore"):
-        size = np.array(camera.image_size)
-        inside = np.asarray(((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1))
-        # Far outside the view a distortion polynomial can fold back and map points into the image.
-        seen = np.flatnonzero(inside)
-        rays = points_m[seen, :2] / points_m[seen, 2:]
-        inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0) < 1e-6
-    return inside
 
 
 def point_errors(

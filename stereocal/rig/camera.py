@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, contiguous
-from stereocal.rig.fisheye import fill_distorted, fill_undistorted, largest_angle
+from stereocal.rig.compiled import BoolArray, FloatArray, contiguous
+from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorted, largest_angle
 
 LensModel = Literal["brown", "fisheye"]
 """OpenCV's usual lens (Brown), or the one of `fisheye`."""
@@ -233,14 +233,14 @@ class Camera:
     def corner_rays(self) -> FloatArray:
         """(4, 2): points of z = 1 of the image's corners, clockwise, without distortion.
 
-        Of a fisheye with its distortion, and at most at its largest angle.
+        Of a fisheye with its distortion, and at most at the largest angle that is used.
         """
         right, bottom = np.array(self.image_size) - 0.5
         pixels = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
         rays = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(self.K)[:2].T
         if not self.is_fisheye:
             return np.asarray(rays)
-        edge = self.largest_angle * (1 - 1e-9)
+        edge = min(self.largest_angle, LARGEST_ANGLE) * (1 - 1e-9)
         limit = np.linalg.norm(self._distort(np.array([[np.tan(edge), 0.0]])))
         radius = np.linalg.norm(rays, axis=1, keepdims=True)
         return self.undistort(self._to_pixels(rays * np.minimum(1.0, limit / radius)))
@@ -254,6 +254,28 @@ class Camera:
         points = np.asarray(points, dtype=np.float64)
         depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
         return self.distort(points[:, :2] / depth[:, None])
+
+    def uses(self, rays: FloatArray) -> BoolArray:
+        """(n,): whether points (n, 2) of z = 1 are finite, of a fisheye within its view."""
+        limit = np.tan(LARGEST_ANGLE) if self.is_fisheye else np.finfo(np.float64).max
+        return np.asarray(np.hypot(rays[:, 0], rays[:, 1]) <= limit)
+
+    def sees(self, points_m: FloatArray, margin_px: float = -0.5) -> BoolArray:
+        """(n,): whether points (n, 3) in the camera's frame are in its image.
+
+        Args:
+            margin_px: least distance from the centres of the outermost pixels.
+        """
+        pixels, size = self.project(points_m), np.array(self.image_size)
+        within = (pixels >= margin_px) & (pixels <= size - 1.0 - margin_px)
+        inside = np.asarray(within.all(axis=1))
+        # Far outside the view a distortion polynomial can fold back and map points into the image;
+        # the pixel then undistorts to another ray.
+        seen = np.flatnonzero(inside)
+        rays = points_m[seen, :2] / points_m[seen, 2:]
+        back = np.abs(self.undistort(pixels[seen]) - rays).max(axis=1, initial=0.0) < 1e-6
+        inside[seen] = back & self.uses(rays)
+        return inside
 
     def undistort(self, pixels: npt.ArrayLike) -> FloatArray:
         """Normalised points (n, 2) of raw pixels (n, 2); NaN where the lens model has no inverse.

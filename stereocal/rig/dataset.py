@@ -318,7 +318,8 @@ class Dataset:
         problems = points_outside(self.correspondences, self.primary, self.secondary)
         if problems:
             raise RefusedRowsError("", problems, "with a point outside its image")
-        lost = np.flatnonzero(~np.isfinite(self.rays).all(axis=0))
+        used = self.primary.uses(self.rays[:2].T) & self.secondary.uses(self.rays[2:].T)
+        lost = np.flatnonzero(~used)
         if len(lost):
             raise StereocalError(self._not_inverted(int(lost[0])))
 
@@ -326,14 +327,15 @@ class Dataset:
         """The message for a point where the lens model cannot be inverted."""
         which, camera = (
             ("secondary", self.secondary)
-            if np.isfinite(self.rays[:2, row]).all()
+            if self.primary.uses(self.rays[:2, [row]].T)[0]
             else ("primary", self.primary)
         )
         width, height = camera.image_size
         if camera.is_fisheye:
+            largest = min(camera.largest_angle, LARGEST_ANGLE)
             return (
                 f"The {which} camera's fisheye lens images {self.correspondences.name_of(row)} "
-                f"more than {np.degrees(camera.largest_angle):.0f} degrees from its axis: at most "
+                f"more than {np.degrees(largest):.0f} degrees from its axis: at most "
                 f"{np.degrees(LARGEST_ANGLE):.0f} degrees can be used (a field of view of "
                 f"{2 * np.degrees(LARGEST_ANGLE):.0f}). Leave such points out, or check the camera "
                 "file."

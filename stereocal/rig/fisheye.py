@@ -14,6 +14,9 @@ from stereocal.rig.compiled import FloatArray, compiled, inlined, internal
 LARGEST_ANGLE = np.radians(75.0)
 """From the axis: half of the largest field of view. At 75 degrees a pixel on the plane z = 1 is 15
 times as large as on the axis."""
+INVERTED_ANGLE = np.radians(80.0)
+"""To which a lens is inverted: one that a fit has moved within its errors sees a point farther out
+than the stated lens. (With 75 degrees for both, the errors of such points were NaN.)"""
 SAMPLES = 301
 MAXIMUM_ITERATIONS = 60
 
@@ -28,13 +31,13 @@ def image_radius(angle: float, k1: float, k2: float, k3: float, k4: float) -> tu
 
 
 def largest_angle(coefficients: FloatArray) -> float:
-    """The angle to which the image radius increases, at most `LARGEST_ANGLE`."""
-    angles = np.linspace(0.0, LARGEST_ANGLE, SAMPLES)
+    """The angle to which the image radius increases, at most `INVERTED_ANGLE`."""
+    angles = np.linspace(0.0, INVERTED_ANGLE, SAMPLES)
     tt = angles**2
     k1, k2, k3, k4 = coefficients
     slope = 1.0 + tt * (3.0 * k1 + tt * (5.0 * k2 + tt * (7.0 * k3 + tt * 9.0 * k4)))
     falls = np.flatnonzero(slope <= 0.0)
-    return float(angles[falls[0] - 1]) if len(falls) else float(LARGEST_ANGLE)
+    return float(angles[falls[0] - 1]) if len(falls) else float(INVERTED_ANGLE)
 
 
 @internal

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.refined.uncertainty import in_view
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -64,7 +63,7 @@ def simulated_rig(
         own = poses[name].apply(points.reshape(-1, 3))
         images = camera.project(own) + rng.normal(0.0, noise_px, (len(own), 2))
         inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
-        seen = (in_view(camera, own) & inside).reshape(frames, -1)
+        seen = (camera.sees(own) & inside).reshape(frames, -1)
         seen &= rng.random(seen.shape) < rng.uniform(NEAR, FAR)
         if neighbours_only:
             first = np.arange(frames) % (cameras - 1)

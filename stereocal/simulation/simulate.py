@@ -257,13 +257,4 @@ def in_view(
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """(n,): whether points (n, 3) in the camera's frame are in the depth range and in its image."""
     near, far = depths_m
-    pixels = camera.project(points)
-    size = np.array(camera.image_size)
-    inside = ((pixels >= margin_px) & (pixels <= size - 1.0 - margin_px)).all(axis=1)
-    inside &= (points[:, 2] >= near) & (points[:, 2] <= far)
-    # Far outside the view a distortion polynomial can fold back and map points into the image; the
-    # pixel then undistorts to another ray.
-    seen = np.flatnonzero(inside)
-    rays = points[seen, :2] / points[seen, 2:]
-    inside[seen] = np.abs(camera.undistort(pixels[seen]) - rays).max(axis=1, initial=0.0) < 1e-9
-    return inside
+    return camera.sees(points, margin_px) & (points[:, 2] >= near) & (points[:, 2] <= far)

@@ -13,7 +13,6 @@ from stereocal.refined.two_views import SHARED
 from stereocal.refined.uncertainty import (
     Plane,
     accuracy_map,
-    in_view,
     length_errors,
     point_covariances,
 )
@@ -110,8 +109,8 @@ def test_the_map_covers_the_common_view(result: RefinedResult, plane: Plane) -> 
     rest = np.full(across.size, found.at_m)
     columns = [across.ravel(), rest] if plane == "above" else [rest, across.ravel()]
     points = np.column_stack([*columns, Z.ravel()])
-    seen = in_view(result.primary, points)
-    seen &= in_view(result.secondary, result.pose.apply(points))
+    seen = result.primary.sees(points)
+    seen &= result.secondary.sees(result.pose.apply(points))
     np.testing.assert_array_equal(np.isfinite(found.point_m).ravel(), seen)
     assert 20 < seen.sum() < len(seen)
     assert (found.point_m[np.isfinite(found.point_m)] > 0).all()

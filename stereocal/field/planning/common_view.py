@@ -23,7 +23,7 @@ def rays_of_image(camera: Camera) -> FloatArray:
     width, height = camera.image_size
     u, v = np.meshgrid(np.linspace(0, width - 1, COLUMNS), np.linspace(0, height - 1, ROWS))
     rays = camera.undistort(np.column_stack([u.ravel(), v.ravel()]))
-    known = np.isfinite(rays).all(axis=1)
+    known = camera.uses(rays)
     if known.mean() < 0.5:
         raise StereocalError(
             "The lens model of a camera cannot be inverted in most of its image: check its focal "
