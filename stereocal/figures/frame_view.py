@@ -14,6 +14,7 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.rig import Rig
 
 PAPERS: tuple[Method, ...] = ("2d", "3d")
@@ -109,27 +110,31 @@ class FrameView:
         return self.length_m / self.stated_m - 1.0
 
     def line(self, camera: int, target: int) -> FloatArray:
-        """(m, 2): the epipolar line of a target's partner in the image as recorded, in pixels."""
+        """(m, 2): the epipolar line of a target's partner in the image as recorded, in pixels.
+
+        A curve; NaN where it leaves the image of a fisheye, to which it may come back.
+        """
         E = self.rig.pose.essential
         partner = np.append(self.rays[1 - camera][target], 1.0)
         a, b, c = E @ partner if camera == 1 else partner @ E
         own = self.cameras[camera]
         width, height = own.image_size
         corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
-        border = own.corner_rays
-        if not own.is_fisheye:
+        if own.is_fisheye:  # its image is far from a rectangle on the plane z = 1
+            border = np.tan(LARGEST_ANGLE) * np.array([[-1.0, -1.0], [1.0, 1.0]])
+        else:
             border = own.undistort(corners * (1 - 1e-3) + 5e-4 * np.array([width, height]))
         foot = -c * np.array([a, b]) / (a * a + b * b)
         along = np.array([-b, a]) / np.hypot(a, b)
-        reach = (border - foot) @ along
-        steps = np.linspace(reach.min(), reach.max(), ON_LINE)
+        reach, away = (border - foot) @ along, np.hypot(1.0, np.linalg.norm(foot))
+        low, high = np.arctan([reach.min() / away, reach.max() / away])
+        steps = away * np.tan(np.linspace(low, high, ON_LINE))  # evenly in angle
         steps = np.union1d(steps, (self.rays[camera][target] - foot) @ along)
         points = foot + steps[:, None] * along
-        low, high = border.min(axis=0), border.max(axis=0)
-        inside = ((points >= low) & (points <= high)).all(axis=1)
-        pixels = own.distort(points[inside])
-        if own.is_fisheye:  # the image is far from a rectangle on the plane z = 1
-            pixels = pixels[((pixels >= 0) & (pixels <= corners[2])).all(axis=1)]
+        inside = ((points >= border.min(axis=0)) & (points <= border.max(axis=0))).all(axis=1)
+        pixels = own.distort(points[inside & own.uses(points)])
+        if own.is_fisheye:
+            pixels[~((pixels >= 0) & (pixels <= corners[2])).all(axis=1)] = np.nan
         return pixels
 
 

@@ -132,7 +132,11 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
         depth: of the scene, metres: the frusta are drawn in proportion.
         scene: in whose frame they are drawn.
     """
-    for name, camera, path in frusta(rig, depth, scene):
+    # One name above, one below, each inwards: apart with a short baseline, and not cut.
+    inwards = ("right", "left") if rig.pose.inverse().T[0] > 0 else ("left", "right")
+    for (name, camera, path), over, side in zip(
+        frusta(rig, depth, scene), ("top", "bottom"), inwards, strict=True
+    ):
         centre = path[0]
         figure.add_scatter3d(
             **upright(path),
@@ -147,7 +151,7 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
             **upright(centre),
             mode="markers+text",
             text=[name],
-            textposition="bottom center",
+            textposition=f"{over} {side}",
             marker={"color": NEUTRAL, "size": 5},
             textfont={"size": 14},
             showlegend=False,

@@ -21,6 +21,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import (
     OF_OUTER,
+    are_crossings,
     eight_bits,
     find_charuco,
     find_chessboard,
@@ -90,6 +91,8 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
     """The board in a photograph.
 
     A chessboard must be in view whole, a ChArUco board with at least `MINIMUM_CORNERS` corners.
+    Corners that are no crossings of squares are left out: in a strongly tilted board before a
+    fisheye of 150 degrees the finder was up to 26 px off at 2 to 4 of 54 corners.
     """
     height, width = image.shape
     size = (width, height)
@@ -123,7 +126,9 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
             f"and at least {MINIMUM_SPACING_PX:.0f} are needed"
         )
         return Refused(name, reason, size)
-    return BoardView(name, size, ids, refine(image, corners, reach * spacing), turned)
+    corners = refine(image, corners, reach * spacing)
+    sound = are_crossings(grey, corners, 0.5 * reach * spacing)
+    return BoardView(name, size, ids[sound], corners[sound], turned)
 
 
 def nearest_neighbours_px(ids: IntArray, corners: FloatArray, pattern: BoardPattern) -> float:

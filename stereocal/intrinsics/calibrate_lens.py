@@ -74,7 +74,10 @@ class LensSettings:
         between=(MINIMUM_VIEWS, 1000),
     )
     repeats: int = described(
-        50, "Draws", "The result is their median. Paper: 50.", between=(2, 10_000)
+        50,
+        "Draws",
+        "The result is their median; of a fisheye they give the errors only. Paper: 50.",
+        between=(2, 10_000),
     )
     seed: int = described(
         0,
@@ -138,7 +141,13 @@ class LensCalibration:
 
     @cached_property
     def values(self) -> FloatArray:
-        """(9,): the median of each parameter, as in the paper."""
+        """(9,): the medians, as in the paper; of a fisheye those of all photographs at once.
+
+        k1 to k4 are so correlated that the medians of each do not belong together: at 150 degrees
+        they erred by 1.4 % more on held-out boards.
+        """
+        if self.settings.model == "fisheye":
+            return self.of_all
         return np.asarray(np.median(self.draws, axis=0))
 
     @property
@@ -177,7 +186,7 @@ class LensCalibration:
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera with the median parameters and their standard errors."""
+        """The camera with `values` and their standard errors."""
         sigma = self.standard_errors
         fx, fy, cx, cy = (float(value) for value in sigma[:4])
         count = 4 if self.settings.model == "fisheye" else 5

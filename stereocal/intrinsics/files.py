@@ -25,9 +25,10 @@ MAXIMUM_PIXELS = 1_000_000
 def about(calibration: LensCalibration) -> dict[str, Any]:
     """How the camera was calibrated, for its file."""
     search, settings = calibration.search, calibration.settings
+    what = "all photographs at once; errors from" if settings.model == "fisheye" else "median of"
     return {
         "method": (
-            f"median of {settings.repeats} calibrations, each with {calibration.per_draw} of "
+            f"{what} {settings.repeats} calibrations, each with {calibration.per_draw} of "
             f"{len(search.views)} photographs"
         ),
         "uncertainty": "standard errors (delete-d jackknife)",

@@ -9,7 +9,7 @@ import pandas as pd
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.quality import coverage, turned_count
 
-LENS_COLUMNS = ("parameter", "median", "standard error", "spread of draws", "all at once")
+LENS_COLUMNS = ("parameter", "value", "standard error", "spread of draws", "all at once")
 
 
 def lens_answer(lens: LensCalibration) -> str:

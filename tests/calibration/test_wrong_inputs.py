@@ -100,7 +100,7 @@ def test_points_of_resized_images_are_named_with_both_sizes(
 @pytest.mark.parametrize("sides", [("primary",), ("secondary",), ("primary", "secondary")])
 def test_a_lens_of_the_other_model_is_named(sides: tuple[str, ...]) -> None:
     """A fisheye read as a usual lens, and a usual lens read as a fisheye."""
-    fisheyes, _ = recording(90.0, 0)
+    narrow, wide = (recording(degrees, 0)[0] for degrees in (90.0, 150.0))
     rows = SOUND.correspondences
     usual = replace(
         SOUND,
@@ -115,7 +115,7 @@ def test_a_lens_of_the_other_model_is_named(sides: tuple[str, ...]) -> None:
             },
         ),
     )
-    for data, model in ((fisheyes, "brown"), (usual, "fisheye")):
+    for data, model in ((narrow, "brown"), (wide, "brown"), (usual, "fisheye")):
         wrong = {side: replace(getattr(data, side), model=model) for side in sides}
         whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
         said = find_wrong_input(replace(data, **wrong))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.field.planning.advice import LIMITS, advise, with_baseline
+from stereocal.field.planning.common_cameras import COMMON
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.expected import expect
 from stereocal.field.planning.forecast import PlanForecast, forecast
@@ -101,3 +102,15 @@ def test_another_baseline_keeps_the_aim() -> None:
     aim = stated.common_points.mean(axis=0)
     angles = [p.pose.apply(aim)[:2] / p.pose.apply(aim)[2] for p in (stated, moved)]
     assert np.allclose(angles[0], angles[1], atol=1e-9)
+
+
+def test_two_gopros_in_wide_mode() -> None:
+    """From the Plan's list: 118 degrees across the image."""
+    listed = COMMON["GoPro HERO, 4K video, Wide"]
+    lens = listed.lens(listed.focal_mm)
+    middle = lens.camera.K[1, 2]
+    edges = lens.camera.undistort([[-0.5, middle], [listed.image_size[0] - 0.5, middle]])[:, 0]
+    assert np.degrees(np.ptp(np.arctan(edges))) == pytest.approx(118.0, abs=1.0)
+    pair = plan(stated_primary=lens, stated_secondary=lens, near_m=1.0, far_m=4.0, bar_m=0.4)
+    found = expect(replace(pair, stated_pose=AimedPose(1.0, 10.0, 0.0)))
+    assert 0 < found.length_error < 0.01

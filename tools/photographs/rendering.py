@@ -9,7 +9,7 @@ Grey levels are 0 to 255, independent of the bit depth.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -31,6 +31,8 @@ from tools.photographs.area_sampling import (
 
 Picture = npt.NDArray[np.float32]
 """(height, width) grey levels before the sensor; 255 is full scale."""
+Rays = Callable[[npt.NDArray[np.floating], npt.NDArray[np.floating]], FloatArray]
+"""Normalised x or y (rows, columns) as a function of ascending rows and columns in pixels."""
 Photograph = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 WHITE_LEVEL = 255.0
@@ -250,19 +252,26 @@ def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, i
 
 def ray_splines(
     camera: Camera, columns: npt.NDArray[np.floating], rows: npt.NDArray[np.floating]
-) -> tuple[RectBivariateSpline, RectBivariateSpline]:
-    """Splines of normalised x and y as functions of (rows, columns) in pixels.
+) -> tuple[Rays, Rays]:
+    """Normalised x and y; of a fisheye, which has rays in a part of the image only, of each pixel.
 
     Args:
         columns, rows: ascending pixel coordinates; the splines are valid from first to last.
     """
-    nodes = [
+
+    def rays(of: npt.NDArray[np.floating], at: npt.NDArray[np.floating]) -> FloatArray:
+        """(rows, columns, 2)."""
+        grid = np.stack(np.meshgrid(at, of), axis=-1)
+        return camera.undistort(grid.reshape(-1, 2)).reshape(grid.shape)
+
+    if camera.is_fisheye:
+        return lambda of, at: rays(of, at)[..., 0], lambda of, at: rays(of, at)[..., 1]
+    v, u = (
         np.linspace(values[0], values[-1], max(4, int(np.ceil(np.ptp(values) / NODE_PX)) + 1))
-        for values in (columns, rows)
-    ]
-    grid = np.stack(np.meshgrid(*nodes), axis=-1)
-    rays = camera.undistort(grid.reshape(-1, 2)).reshape(grid.shape)
-    x, y = (RectBivariateSpline(nodes[1], nodes[0], rays[..., i]) for i in range(2))
+        for values in (rows, columns)
+    )
+    between = rays(v, u)
+    x, y = (RectBivariateSpline(v, u, between[..., i]) for i in range(2))
     return x, y
 
 

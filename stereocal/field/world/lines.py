@@ -38,7 +38,7 @@ from stereocal.field.world.noise import (
 )
 from stereocal.field.world.observed import Line, Source
 from stereocal.refined.unknowns import rig_errors
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -100,11 +100,6 @@ def world_of_lines(
         sigma_px: noise of an image coordinate; None: as the points scatter about their lines.
         upside_down: whether the cameras hang upside down.
     """
-    if rig.primary.is_fisheye or rig.secondary.is_fisheye:
-        raise StereocalError(
-            "The vertical is not found from lines in images of fisheye lenses: take a thrown "
-            "object or surveyed points instead."
-        )
     for line in lines:
         for side, camera, at in zip(
             CAMERAS, (rig.primary, rig.secondary), line.pixels, strict=True
@@ -157,9 +152,9 @@ def _noise_of_clicks(lines: Sequence[Line], rig: Rig, known: Noise) -> Noise:
     for line in lines:
         for camera, pixels in zip((rig.primary, rig.secondary), line.pixels, strict=True):
             if len(pixels) > 2:
-                flat = camera.undistort_to_pixels(pixels)
-                spread = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[1]
-                scatter.append((spread**2, len(pixels) - 2))
+                rays = camera.undistort(pixels)
+                off = _distances(camera, rays, _plane(rays))
+                scatter.append((off @ off, len(pixels) - 2))
     if not scatter:
         return known
     squares, degrees_of = np.array(scatter).T
@@ -189,12 +184,12 @@ def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
         ):
             if len(pixels) < 2:
                 continue
-            flat = camera.undistort_to_pixels(pixels)
-            centre = flat.mean(axis=0)
-            _, spread, axes = np.linalg.svd(flat - centre, full_matrices=False)
-            if not spread[0] > 0:
+            rays = camera.undistort(pixels)
+            if not np.ptp(rays, axis=0).any():
                 continue
-            off = spread[1] / np.sqrt(max(len(pixels) - 2, 1))
+            normal = _plane(rays)
+            off = np.linalg.norm(_distances(camera, rays, normal))
+            off /= np.sqrt(max(len(pixels) - 2, 1))
             if len(pixels) > 2 and off > BENT * noise.sigma_px:
                 raise StereocalError(
                     f"{line.name}: its points in the {CAMERAS[number]} scatter by {off:.1f} px "
@@ -202,11 +197,20 @@ def _images(rig: Rig, lines: Sequence[Line], noise: Noise) -> Iterator[Image]:
                     "exactly were they clicked? State that as their noise. If it is less than the "
                     "scatter, correct the wrong point, or leave out a line that is not straight."
                 )
-            image_line = np.array([*axes[1], -axes[1] @ centre])
-            normal = camera.K.T @ image_line
-            if number:
-                normal = rig.pose.R.T @ normal
-            yield Image(k, number, pixels, normal / np.linalg.norm(normal))
+            yield Image(k, number, pixels, rig.pose.R.T @ normal if number else normal)
+
+
+def _plane(rays: FloatArray) -> FloatArray:
+    """(3,): unit normal of the plane through the centre nearest to rays (m, 2) of z = 1."""
+    along = np.column_stack([rays, np.ones(len(rays))])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return np.asarray(np.linalg.svd(np.vstack([along, np.zeros(3)]))[2][2])
+
+
+def _distances(camera: Camera, rays: FloatArray, normal: FloatArray) -> FloatArray:
+    """(m,): of rays (m, 2) from the image of a plane, in pixels as of `Camera`."""
+    slopes = normal[:2] @ np.linalg.inv(camera.pixel_jacobians(rays))
+    return np.asarray((rays @ normal[:2] + normal[2]) / np.linalg.norm(slopes, axis=1))
 
 
 def _fit(
@@ -240,14 +244,13 @@ def _fit(
                 normal = n - (n @ e) * e
             camera = of.secondary if image.camera else of.primary
             n = of.pose.R @ normal if image.camera else normal
-            line = np.linalg.solve(camera.K.T, n)
-            found.append((seen @ line[:2] + line[2]) / np.linalg.norm(line[:2]))
+            found.append(_distances(camera, seen, n))
         return np.concatenate(found) / noise.sigma_px
 
-    points = _undistorted(rig, images)
+    points = _rays(rig, images)
 
     def by_rig(x: FloatArray) -> FloatArray:
-        return rig_errors(lambda of: distances(x, of, _undistorted(of, images)), rig, noise.spread)
+        return rig_errors(lambda of: distances(x, of, _rays(of, images)), rig, noise.spread)
 
     block_of = {k: block for block, k in enumerate(free)}
     of_error = [np.full(len(seen), block_of.get(k, -1)) for k, seen in enumerate(points)]
@@ -280,10 +283,10 @@ def _places(rig: RigParameters, images: Sequence[Image]) -> FloatArray:
     return np.array(found) if found else usual_place(rig)
 
 
-def _undistorted(rig: Rig, images: Sequence[Image]) -> list[FloatArray]:
-    """The points of each image, as pixels of the undistorted image."""
+def _rays(rig: Rig, images: Sequence[Image]) -> list[FloatArray]:
+    """The points of each image on the plane z = 1."""
     cameras = rig.primary, rig.secondary
-    return [cameras[image.camera].undistort_to_pixels(image.pixels) for image in images]
+    return [cameras[image.camera].undistort(image.pixels) for image in images]
 
 
 def _start(
