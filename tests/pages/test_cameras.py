@@ -67,7 +67,7 @@ def test_photographs_to_the_projects_camera(
     app: AppTest, home: Path, boards: dict[str, bytes]
 ) -> None:
     upload(app, boards)
-    assert any("7 photographs of the primary camera" in item.value for item in app.markdown)
+    assert any("Of the primary camera: 7 photographs" in item.value for item in app.markdown)
     calibrate(small_board(app))
     assert not app.error
     assert "The focal length fx is" in messages(app)

@@ -41,5 +41,5 @@ def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     for which in CAMERAS:
         assert len(ProjectLens(project, which).photographs) == 22
     app.switch_page("pages/cameras.py").run()
-    assert "22 photographs of the primary camera are here" in said(app)
+    assert "Of the primary camera: 22 photographs" in said(app)
     assert app.number_input(key="board_columns").value == 18
