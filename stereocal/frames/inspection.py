@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import Pair
-from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import photograph_size
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Progress
@@ -38,29 +35,18 @@ def inspect_photographs(
 
 
 def wrong_sizes(
-    pairs: Sequence[Pair], sizes: Mapping[str, Size], expected: Sequence[Size | None]
+    names: Mapping[str, Sequence[str]], sizes: Mapping[str, Size], expected: Mapping[str, Size]
 ) -> dict[str, str]:
     """An error message for each photograph whose size differs from its camera's.
 
     Args:
-        expected: (width, height) from each camera's file; None: the most common size.
+        names: of the photographs of each camera.
+        expected: (width, height) from each camera's file.
     """
-    problems = {}
-    for camera, stated in enumerate(expected):
-        names = [(pair.primary, pair.secondary)[camera] for pair in pairs]
-        counted = Counter(sizes[name] for name in names if name in sizes)
-        if not counted:
-            continue
-        usual, often = counted.most_common(1)[0]
-        wanted = stated or usual
-        reason = (
-            f"the {CAMERAS[camera]} camera's file says {wanted[0]}x{wanted[1]}"
-            if stated
-            else f"{often} of the {len(names)} of the {CAMERAS[camera]} camera have "
-            f"{wanted[0]}x{wanted[1]}"
-        )
-        for name in names:
-            if name in sizes and sizes[name] != wanted:
-                width, height = sizes[name]
-                problems[name] = f"{name}: it has {width}x{height} px, and {reason}."
-    return problems
+    return {
+        name: f"{name}: it has {sizes[name][0]}x{sizes[name][1]} px, and the {camera} camera's "
+        f"file says {expected[camera][0]}x{expected[camera][1]}."
+        for camera, own in names.items()
+        for name in own
+        if name in sizes and sizes[name] != expected[camera]
+    }

@@ -71,24 +71,48 @@ def detect_frames(
         A frame for each pair, in order; None if cancelled. An unusable photograph affects its own
         frame only. Doubtful frames are not used until the user decides.
     """
+    names = {str(camera): [getattr(pair, camera) for pair in pairs] for camera in CAMERAS}
+    lenses: dict[str, Camera] = dict(zip(CAMERAS, cameras, strict=True))
+    seen = search_photographs(
+        names, photographs, lenses, executor, begin, progress, cancelled, pieces, target
+    )
+    return None if seen is None else label_frames(pairs, seen, cameras, target)
+
+
+def search_photographs(
+    names: Mapping[str, Sequence[str]],
+    photographs: Photographs,
+    cameras: Mapping[str, Camera],
+    executor: Executor,
+    begin: Callable[[str], None],
+    progress: Progress,
+    cancelled: Callable[[], bool],
+    pieces: Pieces[Any] | None,
+    target: Target,
+) -> dict[str, Any] | None:
+    """Check the photographs and find the targets in each, as `detect_frames`.
+
+    Args:
+        names: of the photographs of each camera.
+
+    Returns:
+        By photograph a `Detection` of a bar with 2x2 targets, a `Sighting` of others.
+    """
     begin(STAGES[0])
-    wanted = dict.fromkeys(name for pair in pairs for name in (pair.primary, pair.secondary))
-    there = {name: photographs[name] for name in wanted if name in photographs}
+    camera_of = {name: camera for camera, own in names.items() for name in own}
+    there = {name: photographs[name] for name in camera_of if name in photographs}
     inspected = inspect_photographs(there, progress, cancelled)
     if inspected is None:
         return None
     sizes, problems = inspected
-    problems |= {name: f"{name}: there is no such photograph." for name in wanted.keys() - there}
-    problems |= wrong_sizes(pairs, sizes, [camera.image_size for camera in cameras])
+    problems |= {name: f"{name}: there is no such photograph." for name in {*camera_of} - {*there}}
+    problems |= wrong_sizes(names, sizes, {key: own.image_size for key, own in cameras.items()})
     begin(STAGES[1])
-    sound = [name for name in there if name not in problems]
-    searched = {name: there[name] for name in sound}
+    searched = {name: path for name, path in there.items() if name not in problems}
     if not isinstance(target, Bar2x2):
-        camera_of = {pair.secondary: cameras[1] for pair in pairs}
-        camera_of |= {pair.primary: cameras[0] for pair in pairs}
         spots = search_series(
             searched,
-            lambda name: partial(sight_in_file, target, camera_of[name]),
+            lambda name: partial(sight_in_file, target, cameras[camera_of[name]]),
             executor,
             progress,
             cancelled,
@@ -96,13 +120,27 @@ def detect_frames(
         )
         if spots is None:
             return None
-        spots |= {name: Sighting((None, None), why, True) for name, why in problems.items()}
-        return frames_of(pairs, spots, cameras, target)
+        return spots | {name: Sighting((None, None), why, True) for name, why in problems.items()}
     seen = detect_series(searched, executor, progress, cancelled, pieces)
     if seen is None:
         return None
-    seen |= {name: refusal(UNREADABLE, "unreadable", why) for name, why in problems.items()}
-    return _agree(pairs, seen, cameras)
+    return seen | {name: refusal(UNREADABLE, "unreadable", why) for name, why in problems.items()}
+
+
+def label_frames(
+    pairs: Sequence[Pair],
+    seen: Mapping[str, Any],
+    cameras: tuple[Camera, Camera],
+    target: Target,
+) -> list[Frame]:
+    """A frame for each pair, in order, with A and B told apart.
+
+    Args:
+        seen: of `search_photographs`.
+    """
+    if isinstance(target, Bar2x2):
+        return _agree(pairs, seen, cameras)
+    return frames_of(pairs, seen, cameras, target)
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import cv2
@@ -18,6 +20,13 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pairing, pair_names
+from stereocal.frames.several import (
+    Everywhere,
+    Moments,
+    names_by_camera,
+    pairs_of,
+    put_together,
+)
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.rig.board_pattern import BoardPattern
@@ -36,6 +45,7 @@ FITTING_PX = 8.0
 the right order. A wrong order gives tens of pixels."""
 MOST_HYPOTHESES = 40
 STAGES = ("boards of the primary", "boards of the secondary", "lenses")
+BOARDS_STAGE = "photographs searched for boards"
 Begin = Callable[[str], None]
 
 
@@ -195,11 +205,7 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
         StereocalError: the images of one camera are mirrored, or of another size than its lens.
     """
     for which, camera, search in zip(CAMERAS, cameras, boards.searches, strict=True):
-        if camera.image_size != search.image_size:
-            raise StereocalError(
-                f"The {which}'s photographs have {search.image_size[0]}x{search.image_size[1]} px, "
-                f"its camera file {camera.image_size[0]}x{camera.image_size[1]}."
-            )
+        _check_size(which, camera, search)
     frames = {view.name: seen.frame for seen in boards.common for view in seen.views}
     rows = [
         (seen.frame, camera, view.ids, view.corners)
@@ -218,6 +224,61 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
         points=np.concatenate([corners for *_, corners in rows]),
         sigma_px=np.full(sum(len(ids) for _, _, ids, _ in rows), np.nan),
     )
+
+
+def boards_everywhere(
+    moments: Moments,
+    photographs: Photographs,
+    cameras: Mapping[str, Camera],
+    pattern: BoardPattern,
+    executor: Executor,
+    begin: Begin,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    pieces: Pieces[BoardView | Refused] | None = None,
+) -> Everywhere | None:
+    """The boards in the photographs of three cameras and more, as `find_everywhere`."""
+    searches: dict[str, BoardSearch] = {}
+    for camera, names in names_by_camera(moments, cameras).items():
+        begin(BOARDS_STAGE)
+        own = {name: photographs[name] for name in names}
+        search = find_boards(own, pattern, executor, progress, cancelled, pieces) if own else None
+        if search is None and own:
+            return None
+        if search is not None:
+            _check_size(camera, cameras[camera], search)
+            searches[camera] = search
+    found = {}
+    for one, other in combinations(searches, 2):
+        pairing = Pairing(tuple(pairs_of(moments, one, other)), (), (), "", ambiguous=False)
+        with suppress(StereocalError):  # the two see no board in one frame
+            boards = stereo_boards(pairing, (searches[one], searches[other]))
+            found[one, other] = boards.common
+    points = {
+        pair: {
+            seen.frame: (_whole(seen.views[0], pattern), _whole(seen.views[1], pattern))
+            for seen in in_one_order(common, (cameras[pair[0]], cameras[pair[1]]), pattern)
+        }
+        for pair, common in found.items()
+    }
+    why = {item.name: item.reason for each in searches.values() for item in each.refused}
+    own_object = RigidObject.of_board(pattern)
+    return put_together(moments, points, orders_of(pattern), cameras, own_object, why)
+
+
+def _whole(view: BoardView, pattern: BoardPattern) -> FloatArray:
+    """(n, 3): u and v of all corners of the board, NaN if not seen, and no standard error."""
+    points = np.full((len(pattern.points), 3), np.nan)
+    points[view.ids, :2] = view.corners
+    return points
+
+
+def _check_size(which: str, camera: Camera, search: BoardSearch) -> None:
+    if camera.image_size != search.image_size:
+        raise StereocalError(
+            f"The {which}'s photographs have {search.image_size[0]}x{search.image_size[1]} px, "
+            f"its camera file {camera.image_size[0]}x{camera.image_size[1]}."
+        )
 
 
 def _common(pairing: Pairing, searches: tuple[BoardSearch, BoardSearch]) -> list[Seen]:

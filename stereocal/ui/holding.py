@@ -78,12 +78,13 @@ def first_pairs(pairs: Sequence[Pair]) -> list[Pair]:
     return [pairs[at] for at in sorted({0, len(pairs) // 2, len(pairs) - 1})] if pairs else []
 
 
-def propose_held(store: ProjectPhotographs) -> None:
+def propose_held(store: ProjectPhotographs, pairs: Sequence[Pair] | None = None) -> None:
     """Store what the first photographs show, unless the user has said what is held."""
     project = store.project
     if "held" in project.settings:
         return
-    first, files = first_pairs([row.pair for row in store.rows]), store.photographs
+    pairs = [row.pair for row in store.rows] if pairs is None else pairs
+    first, files = first_pairs(pairs), store.photographs
     with suppress(StereocalError):  # a photograph is missing or damaged: the search reports it
         names = [name for pair in first for name in (pair.primary, pair.secondary)]
         board = proposed_board({name: files[name] for name in names}, least=0.5)

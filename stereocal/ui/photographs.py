@@ -71,10 +71,10 @@ KINDS = [
 def choose_kind(project: Project | None) -> str:
     """The kind of input data, as the project has some; photographs at first."""
     usual = PHOTOGRAPHS
-    if project is not None and not has_photographs(project):
+    if project is not None:
         if ProjectRecording(project).parts:
             usual = SEVERAL
-        elif "correspondences" in project.inputs.files:
+        elif "correspondences" in project.inputs.files and not has_photographs(project):
             usual = SINGLE_FILES
     how = given_as(project, usual)
     kind: str = st.segmented_control("I have", GIVEN_AS, required=True, **how.widget())

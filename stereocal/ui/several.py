@@ -1,4 +1,4 @@
-"""The Data page's uploader for three cameras and more: their files, and one table of points."""
+"""The Data page for three cameras and more: their files, and one table of points."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.every_camera import EveryCamera, gather_all, targets_in
+from stereocal.formats.archives.every_camera import (
+    EveryCamera,
+    cameras_in,
+    gather_all,
+    targets_in,
+)
 from stereocal.formats.archives.gather import TABLES
 from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -18,23 +23,26 @@ from stereocal.frames.pairing import natural
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.fields import Fit, number, setting
 from stereocal.ui.foreign import ask
 from stereocal.ui.intake import CAMERA_KINDS, Upload, escape_markdown, take_new
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import project_to_write
 from stereocal.ui.rig import work_of
+from stereocal.ui.several_photographs import photographs_of_all
 from stereocal.ui.texts import escaped_table
 
-FILES = "Camera files of all cameras, and one table of points"
+FILES = "Camera files of all cameras, and one table of points or photographs"
 HELP = (
     "One file for each camera, named as in the table (`left.json`, `camera_1.yaml`), or one of all "
     "(Kalibr, aniposelib, Caliscope). The table is ours (`frame,camera,target,u,v`) or a wand file "
-    "of Argus, easyWand or DLTdv. With a `dataset.json`, nothing is asked."
+    "of Argus, easyWand or DLTdv; with camera files only, photographs are asked for. With a "
+    "`dataset.json`, nothing is asked."
 )
 _ROUND = "several_round"
 GATHERED: Latest[EveryCamera] = Latest(8)
@@ -55,8 +63,16 @@ def several_in(project: Project | None) -> None:
         return
     _show_files(store)
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
+    options = ExchangeOptions()
+    if DESCRIPTION not in parts:
+        options = _questions(store.project)
+        files = {name: part for name, part in parts.items() if not name.lower().endswith(TABLES)}
+        cameras = readable(lambda: _cameras(files, options), told=False) or {}
+        given = len(cameras) > 2 and photographs_of_all(store.project, cameras)
+        if given and len(files) == len(store.parts):
+            return  # the table is still to be made from them
     try:
-        found = _read(store.project, parts)
+        found = _read(store.project, parts, options)
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
@@ -102,14 +118,16 @@ def _show_files(store: ProjectRecording) -> None:
         )
 
 
-def _read(project: Project, parts: dict[str, StoredFile]) -> EveryCamera:
+def _cameras(files: dict[str, StoredFile], options: ExchangeOptions) -> dict[str, Camera]:
+    return cameras_in({name: file.read_bytes() for name, file in files.items()}, options)
+
+
+def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptions) -> EveryCamera:
     """The recording of the files, and of what is answered about them."""
-    name = project.inputs.name or "Rig"
-    options, lengths = ExchangeOptions(), dict[str, float]()
+    name, lengths = project.inputs.name or "Rig", dict[str, float]()
     if DESCRIPTION not in parts:
         for table in (each for each in parts if each.lower().endswith(TABLES)):
             lengths |= _lengths(project, targets_in(parts[table].read_bytes(), table))
-        options = _questions(project)
 
     def gathered() -> EveryCamera:
         files = {each: file.read_bytes() for each, file in parts.items()}

@@ -175,7 +175,7 @@ def _of_points(
             "state it in metres."
         )
     rest = {each: content for each, content in files.items() if each != table}
-    cameras = _named_as(_cameras_in(rest, options), _column(files[table], table, "camera"), table)
+    cameras = _named_as(cameras_in(rest, options), _column(files[table], table, "camera"), table)
     # Those without a length are read too, so that their rows are no errors.
     along = np.array([lengths.get(target, -1.0 - k) for k, target in enumerate(targets)])
     along[0] = 0.0
@@ -212,7 +212,7 @@ def _column(content: bytes, source: str, name: str) -> list[str]:
     return [str(each) for each in raw.str.strip().unique()]
 
 
-def _cameras_in(files: Mapping[str, bytes], options: ExchangeOptions) -> dict[str, Camera]:
+def cameras_in(files: Mapping[str, bytes], options: ExchangeOptions) -> dict[str, Camera]:
     """The cameras by the name in a file of several, or of the file of one."""
     found: dict[str, Camera] = {}
     for name, content in files.items():

@@ -1,0 +1,225 @@
+"""Photographs of three cameras and more: the same targets in all, with the same names.
+
+The pair stays the unit: A and B are told apart in every pair of cameras, as for two. A photograph
+has the same targets in all its pairs, so that these give one order to all photographs of a frame.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from stereocal.detection.sighting import Sighting
+from stereocal.detection.target import Balls, Tags, Target
+from stereocal.errors import StereocalError
+from stereocal.frames.frame import Frame
+from stereocal.frames.pairing import Pair, number_pairs
+from stereocal.frames.search import label_frames, search_photographs
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.photograph_files import Photographs
+from stereocal.system.tasks import Pieces, Progress
+
+Moments = Mapping[int, Mapping[str, str]]
+"""By frame and camera, the photograph."""
+PairPoints = Mapping[tuple[str, str], Mapping[int, tuple[FloatArray, FloatArray]]]
+"""By pair of cameras and frame, u, v and their standard error of every target (n, 3) in both; NaN
+if not seen."""
+EITHER_WAY = [np.array([0, 1]), np.array([1, 0])]
+UNFIT = "no other camera sees its targets, or they do not fit together."
+DISAGREE = "the pairs of cameras name the targets differently; the frame is left out."
+
+
+@dataclass(frozen=True, eq=False)
+class Everywhere:
+    """What the photographs of all cameras show."""
+
+    recording: Recording
+    unused: tuple[str, ...]
+    """Photographs that are not used, and why; a line each."""
+
+
+def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[str]]:
+    """The photographs in the folder of each camera, which has the camera's name."""
+    found: dict[str, list[str]] = {camera: [] for camera in cameras}
+    for name in names:
+        folders = PurePosixPath(name).parent.parts
+        if (camera := next((each for each in folders if each in found), None)) is not None:
+            found[camera].append(name)
+    return found
+
+
+def match_names(folders: Mapping[str, Sequence[str]]) -> Moments:
+    """The photographs of one moment: of the same name, else of the same number in it.
+
+    Args:
+        folders: by camera.
+
+    Raises:
+        StereocalError: the names do not tell.
+    """
+    by_stem: dict[str, dict[str, str]] = {}
+    by_number: dict[int, dict[str, str]] = {}
+    for camera, names in folders.items():
+        own = {PurePosixPath(name).stem.lower(): name for name in names}
+        if len(own) < len(names):
+            raise StereocalError(f"Two photographs of {camera} have the same name: remove one.")
+        for pair in number_pairs({stem: (stem, "") for stem in own}):
+            by_stem.setdefault(pair.primary, {})[camera] = own[pair.primary]
+            if pair.frame in map(int, re.findall("[0-9]+", pair.primary)):  # else it was counted
+                by_number.setdefault(pair.frame, {})[camera] = own[pair.primary]
+    alike = {stem: own for stem, own in by_stem.items() if len(own) > 1}
+    if alike:
+        by_number = {
+            pair.frame: alike[pair.primary]
+            for pair in number_pairs({stem: (stem, "") for stem in alike})
+        }
+    found = {frame: own for frame, own in sorted(by_number.items()) if len(own) > 1}
+    if not found:
+        raise StereocalError(
+            "No two cameras have photographs of the same name: name those of one moment alike, "
+            "apart from the camera, such as left07 and right07, or 07 in the folder of each."
+        )
+    return found
+
+
+def find_everywhere(
+    moments: Moments,
+    photographs: Photographs,
+    cameras: Mapping[str, Camera],
+    target: Target,
+    executor: Executor,
+    begin: Callable[[str], None],
+    progress: Progress,
+    cancelled: Callable[[], bool] = lambda: False,
+    pieces: Pieces[Any] | None = None,
+) -> Everywhere | None:
+    """Find the bar in the photographs of all cameras, and name its ends alike in all.
+
+    Args:
+        photographs, begin, progress, cancelled, pieces: as for `detect_frames`.
+
+    Returns:
+        The recording, of a bar of 1 m; None if cancelled.
+    """
+    names = names_by_camera(moments, cameras)
+    seen = search_photographs(
+        names, photographs, cameras, executor, begin, progress, cancelled, pieces, target
+    )
+    if seen is None:
+        return None
+    found: dict[tuple[str, str], dict[int, tuple[FloatArray, FloatArray]]] = {}
+    for one, other in combinations(cameras, 2):
+        pairs = pairs_of(moments, one, other)
+        both = label_frames(pairs, seen, (cameras[one], cameras[other]), target)
+        found[one, other] = {frame.frame: _points(frame) for frame in both if frame.use}
+    named = isinstance(target, Tags) or (isinstance(target, Balls) and target.named)
+    ways = EITHER_WAY[:1] if named else EITHER_WAY
+    why = {
+        name: one.missing if isinstance(one, Sighting) else one.sentence
+        for name, one in seen.items()
+    }
+    return put_together(moments, found, ways, cameras, RigidObject.bar(1.0), why)
+
+
+def names_by_camera(moments: Moments, cameras: Iterable[str]) -> dict[str, list[str]]:
+    """The photographs of each camera, by frame."""
+    return {
+        camera: [files[camera] for files in moments.values() if camera in files]
+        for camera in cameras
+    }
+
+
+def pairs_of(moments: Moments, one: str, other: str) -> list[Pair]:
+    """The photographs of two cameras."""
+    return [
+        Pair(frame, files[one], files[other])
+        for frame, files in moments.items()
+        if one in files and other in files
+    ]
+
+
+def put_together(
+    moments: Moments,
+    found: PairPoints,
+    ways: Sequence[IntArray],
+    cameras: Mapping[str, Camera],
+    own: RigidObject,
+    why: Mapping[str, str],
+) -> Everywhere:
+    """The recording of what was found pair by pair.
+
+    Args:
+        ways: orders of the targets, each (n,), in which the object looks the same.
+        own: the object, whose targets these are.
+        why: by photograph, what was wrong with it; empty if nothing.
+
+    Raises:
+        StereocalError: no two cameras see the object in one frame.
+    """
+    rows: list[tuple[int, int, int, FloatArray]] = []
+    unused = []
+    for frame, files in moments.items():
+        points, agree = in_one_order(
+            {k: its[frame] for k, its in found.items() if frame in its}, ways
+        )
+        for number, (camera, name) in enumerate((each, files.get(each)) for each in cameras):
+            if name is None:
+                continue
+            if not agree or camera not in points:
+                reason = DISAGREE if not agree else why.get(name) or UNFIT
+                unused.append(reason if reason.startswith(name) else f"{name}: {reason}")
+                continue
+            seen = np.flatnonzero(np.isfinite(points[camera][:, 0]))
+            rows += [(frame, number, target, points[camera][target]) for target in seen.tolist()]
+    if not rows:
+        raise StereocalError(
+            f"No two cameras see the targets in the same frame. The first: {unused[0]}"
+        )
+    frame_of, camera_of, target_of = np.array([row[:3] for row in rows], dtype=np.int64).T
+    values = np.array([row[3] for row in rows])
+    recording = Recording(
+        "", dict(cameras), own, frame_of, camera_of, target_of, values[:, :2], values[:, 2]
+    )
+    return Everywhere(recording, tuple(unused))
+
+
+def in_one_order(
+    pairs: Mapping[tuple[str, str], tuple[FloatArray, FloatArray]], ways: Sequence[IntArray]
+) -> tuple[dict[str, FloatArray], bool]:
+    """The points (n, 3) of one frame by camera, in one order, and whether all pairs agree on it.
+
+    The pairs are joined by the cameras they share, from the first; those that share none with
+    these are not used.
+    """
+    left, points = dict(pairs), dict[str, FloatArray]()
+    while joined := next((pair for pair in left if not points or {*pair} & {*points}), None):
+        both = dict(zip(joined, left.pop(joined), strict=True))
+        known = [camera for camera in joined if camera in points]
+        fitting = (
+            way
+            for way in ways
+            if all(np.array_equal(both[each][way], points[each], equal_nan=True) for each in known)
+        )
+        if (way := next(fitting, None)) is None:
+            return {}, False
+        points |= {camera: own[way] for camera, own in both.items()}
+    return points, True
+
+
+def _points(frame: Frame) -> tuple[FloatArray, FloatArray]:
+    """(2, 3) in both cameras: u, v and the standard error of A and B; NaN if not seen."""
+    first, second = (
+        np.array([(c.u, c.v, c.sigma_px) if c else 3 * (None,) for c in pair], dtype=np.float64)
+        for pair in frame.centres
+    )
+    return first, second
