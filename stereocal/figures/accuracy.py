@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, note, sentence_only
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
@@ -148,7 +149,7 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
             f"{away} {'below' if found.at_m > 0 else 'above'}" if found.at_m else "at the height of"
         )
         text = f"<b>From above</b>, {where} {primary}"
-    left = {"x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
+    left = {"xref": "paper", "x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
     return note(text, number, {"size": 13}) | left
 
 
@@ -187,7 +188,8 @@ def _traces(
         "x": [0.0, centre[2]],
         "y": [0.0, centre[axis]],
         "mode": "markers+text" if found.plane == "above" else "markers",
-        "text": ["primary", "secondary"],
+        # On a narrow page the names reach into the map, where only grey is seen in both themes.
+        "text": [f'<span style="color:{NEUTRAL}">{name}</span>' for name in CAMERAS],
         "textposition": "middle right",
         "cliponaxis": False,
         "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
