@@ -50,8 +50,8 @@ def rig_notes(rig: RigFile) -> list[str]:
         more = f" and {len(frames) - SHOWN} more" if len(frames) > SHOWN else ""
         shown = ", ".join(map(str, frames[:SHOWN])) + more
         notes.append(
-            f"{len(frames)} frames contradict the others, and it cannot be told which camera is "
-            f"wrong in them; they are left out: {shown}."
+            "Left out, since they contradict the others and it cannot be told which camera is "
+            f"wrong in them: frames {shown}."
         )
     for name, late in rig.time_offsets.items():
         if late:
