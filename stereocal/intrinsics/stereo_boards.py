@@ -240,14 +240,15 @@ def boards_everywhere(
     """The boards in the photographs of three cameras and more, as `find_everywhere`."""
     searches: dict[str, BoardSearch] = {}
     for camera, names in names_by_camera(moments, cameras).items():
+        if not names:
+            continue
         begin(BOARDS_STAGE)
         own = {name: photographs[name] for name in names}
-        search = find_boards(own, pattern, executor, progress, cancelled, pieces) if own else None
-        if search is None and own:
+        search = find_boards(own, pattern, executor, progress, cancelled, pieces)
+        if search is None:
             return None
-        if search is not None:
-            _check_size(camera, cameras[camera], search)
-            searches[camera] = search
+        _check_size(camera, cameras[camera], search)
+        searches[camera] = search
     found = {}
     for one, other in combinations(searches, 2):
         pairing = Pairing(tuple(pairs_of(moments, one, other)), (), (), "", ambiguous=False)
