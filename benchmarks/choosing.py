@@ -23,10 +23,7 @@ import numpy as np
 from benchmarks.clutter import Found, Truth
 from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import Labelling, label_targets
-from tests.rigs.third_boards import (
-    small_rig,
-    taken,
-)
+from tests.rigs.third_boards import small_rig, taken
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")
 

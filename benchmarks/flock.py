@@ -40,11 +40,7 @@ class FlockFrame:
 
 
 def flock(
-    rig: Rig,
-    points: int,
-    frames: int,
-    seed: int,
-    depths_m: tuple[float, float] = FIELD_DEPTHS_M,
+    rig: Rig, points: int, frames: int, seed: int, depths_m: tuple[float, float] = FIELD_DEPTHS_M
 ) -> Iterator[FlockFrame]:
     """Frames with about `points` points a camera, everywhere in the common view."""
     rng = np.random.default_rng([seed, points])

@@ -20,13 +20,7 @@ from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.verdict.in_words import why_not_trusted
 from stereocal.workflow import calibrate
 from tests.rigs.accuracy import turned
-from tests.rigs.mistakes import (
-    WRONG,
-    rig,
-    said_of,
-    with_frames_exchanged,
-    with_points_off,
-)
+from tests.rigs.mistakes import WRONG, rig, said_of, with_frames_exchanged, with_points_off
 
 
 def frames(rigs: int) -> None:

@@ -32,11 +32,7 @@ from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertain
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
-from stereocal.refined.unknowns import (
-    DEFAULT_CENTRE_PX,
-    DEFAULT_FOCAL,
-    RefineSettings,
-)
+from stereocal.refined.unknowns import DEFAULT_CENTRE_PX, DEFAULT_FOCAL, RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import field_rig

@@ -26,10 +26,7 @@ from tests.rigs.accuracy import (
     over_bound,
     with_gross_errors,
 )
-from tests.rigs.refined_rigs import (
-    Misjudged,
-    fixed_lenses,
-)
+from tests.rigs.refined_rigs import Misjudged, fixed_lenses
 
 
 def print_coverage(rigs: int) -> None:

@@ -8,12 +8,7 @@ ensure_navigation()
 import streamlit as st
 
 from stereocal.ui.intake import show_refusal
-from stereocal.ui.lens import (
-    choose_camera,
-    from_file,
-    from_photographs,
-    show_cameras_in_use,
-)
+from stereocal.ui.lens import choose_camera, from_file, from_photographs, show_cameras_in_use
 from stereocal.ui.lens_results import show_lens
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project

@@ -27,13 +27,7 @@ from stereocal.ui.one_set import (
     show_verdict,
 )
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.refined import (
-    answer_for,
-    calibrated,
-    refine_form,
-    refined_of,
-    wait_for_answer,
-)
+from stereocal.ui.refined import answer_for, calibrated, refine_form, refined_of, wait_for_answer
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET

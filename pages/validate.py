@@ -12,12 +12,7 @@ from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.texts import VALIDATE
-from stereocal.ui.validation import (
-    bring_up_to_date,
-    choose_data,
-    choose_protocol,
-    without_refined,
-)
+from stereocal.ui.validation import bring_up_to_date, choose_data, choose_protocol, without_refined
 from stereocal.ui.validation_results import show_evaluation, with_refined
 
 st.title("Validate")

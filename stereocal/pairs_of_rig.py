@@ -60,11 +60,7 @@ def files_of_pairs(
 
 
 def _files(
-    recording: Recording,
-    rig: RigFile,
-    name: str,
-    paper: bool,
-    figures: dict[str, dict[str, Any]],
+    recording: Recording, rig: RigFile, name: str, paper: bool, figures: dict[str, dict[str, Any]]
 ) -> dict[str, RigParameters]:
     """The files of a pair by method; `figures` gets those of its forecast."""
     pair = recording.pair_named(name)

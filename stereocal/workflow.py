@@ -141,10 +141,7 @@ def _searches(
 
 
 def _essential(
-    dataset: Dataset,
-    settings: CalibrationSettings,
-    reconstruction: Problem,
-    screening: Screening,
+    dataset: Dataset, settings: CalibrationSettings, reconstruction: Problem, screening: Screening
 ) -> EssentialResult:
     """The essential method, with a check of the scale against the stated lengths.
 

@@ -13,12 +13,7 @@ import numpy as np
 from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
-from tools.photographs.bars import (
-    BarSettings,
-    PhotographPair,
-    photograph_bars,
-    place_visible_bars,
-)
+from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings
 
 SHRINK = 4

@@ -47,10 +47,6 @@ def _pinhole_pixels(camera: Camera, rays: FloatArray) -> FloatArray:
 
 PEERS = (
     Peer(
-        name="PoseLib",
-        solve=solve,
-        scale="measured baseline",
-        lenses="held",
-        outliers="LO-RANSAC",
+        name="PoseLib", solve=solve, scale="measured baseline", lenses="held", outliers="LO-RANSAC"
     ),
 )

@@ -54,10 +54,6 @@ def _camera(camera: Camera) -> pycolmap.Camera:
 
 PEERS = (
     Peer(
-        name="pycolmap",
-        solve=solve,
-        scale="measured baseline",
-        lenses="held",
-        outliers="LO-RANSAC",
+        name="pycolmap", solve=solve, scale="measured baseline", lenses="held", outliers="LO-RANSAC"
     ),
 )

@@ -347,10 +347,7 @@ def _best_factor(
         return None
     at, step = int(np.argmin(values)), tried[1] - tried[0]
     best = minimize_scalar(
-        cost,
-        bounds=(tried[at] - step, tried[at] + step),
-        method="bounded",
-        options={"xatol": 1e-3},
+        cost, bounds=(tried[at] - step, tried[at] + step), method="bounded", options={"xatol": 1e-3}
     )
     return float(np.exp(best.x))
 

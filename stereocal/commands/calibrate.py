@@ -72,10 +72,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="random splits of the validation; 0 for none (default: 100)",
     )
     command.add_argument(
-        "--no-refined",
-        dest="refined",
-        action="store_false",
-        help="the two sets of the paper only",
+        "--no-refined", dest="refined", action="store_false", help="the two sets of the paper only"
     )
     command.add_argument(
         "--free-distortion",

@@ -9,14 +9,7 @@ from pathlib import Path
 from stereocal.commands.boards import detect_board
 from stereocal.commands.options import add_lens_model, add_workers, workers_from
 from stereocal.commands.progress import ProgressBar, Stages, say
-from stereocal.detection.target import (
-    BOARDS,
-    BRIGHT,
-    EXAMPLES,
-    Balls,
-    parse_board,
-    parse_target,
-)
+from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey

@@ -45,10 +45,7 @@ def add(command: argparse.ArgumentParser) -> None:
     add_settings(command, EvaluationSettings)
     command.add_argument("--known-points", action="store_true", help="as for calibrate")
     command.add_argument(
-        "--no-refined",
-        dest="refined",
-        action="store_false",
-        help="the paper's three methods only",
+        "--no-refined", dest="refined", action="store_false", help="the paper's three methods only"
     )
     add_workers(command)
 

@@ -49,9 +49,7 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
         help="which program wrote both files",
     )
     group.add_argument(
-        "--cameras",
-        metavar="P,S",
-        help="primary and secondary camera in the file: 1,2 or names",
+        "--cameras", metavar="P,S", help="primary and secondary camera in the file: 1,2 or names"
     )
     group.add_argument(
         "--columns",
@@ -63,10 +61,7 @@ def add_point_options(parser: argparse.ArgumentParser) -> None:
     add_questions(group, *ORIGIN)
     group.add_argument("--px-per-unit", type=float, metavar="N", help="pixels in one unit")
     group.add_argument(
-        "--least-likelihood",
-        type=float,
-        metavar="P",
-        help="leave out less likely points",
+        "--least-likelihood", type=float, metavar="P", help="leave out less likely points"
     )
 
 

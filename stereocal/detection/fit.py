@@ -11,13 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.detection.corner_model import (
-    ALL,
-    CORE,
-    CURVATURE_SIGMA,
-    GRADIENT_SIGMA,
-    LIGHT_SIGMA,
-)
+from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA, LIGHT_SIGMA
 from stereocal.detection.edges import GreyImage, arm_quality, follow
 from stereocal.detection.solver import covariance_and_noise, minimise
 from stereocal.rig.compiled import FloatArray, compiled
@@ -139,12 +133,7 @@ def _stride(half: FloatArray) -> int:
 
 @compiled
 def window(
-    image: GreyImage,
-    u: float,
-    v: float,
-    along: FloatArray,
-    half: FloatArray,
-    stride: int,
+    image: GreyImage, u: float, v: float, along: FloatArray, half: FloatArray, stride: int
 ) -> FloatArray:
     """The pixels of a parallelogram around (u, v).
 

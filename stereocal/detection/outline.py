@@ -183,13 +183,7 @@ def _circle(
     excess = max(float(np.trace((together - of_edges)[:2, :2])), 0.0)
     either = inverse @ (J.T @ (robust * coded))
     variance = float(np.trace(together[:2, :2])) + STRAYED * excess + float(either[:2] @ either[:2])
-    return Outline(
-        centre,
-        radius,
-        math.sqrt(0.5 * variance),
-        scatter,
-        float(used.sum()) / n,
-    )
+    return Outline(centre, radius, math.sqrt(0.5 * variance), scatter, float(used.sum()) / n)
 
 
 def _axes(camera: Camera, centre: FloatArray) -> FloatArray:

@@ -6,15 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereocal.figures.style import (
-    FAINT,
-    NEUTRAL,
-    count,
-    evenly_drawn,
-    finish,
-    marks_of,
-    n_drawn,
-)
+from stereocal.figures.style import FAINT, NEUTRAL, count, evenly_drawn, finish, marks_of, n_drawn
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -114,11 +106,7 @@ def _add_points(
             x=points[shown, 0],
             y=points[shown, 1],
             mode="markers",
-            marker={
-                "color": colour,
-                "symbol": symbol,
-                "size": 8 if len(rows.frames) <= 100 else 5,
-            },
+            marker={"color": colour, "symbol": symbol, "size": 8 if len(rows.frames) <= 100 else 5},
             customdata=rows.frame[shown],
             legendgroup=target,
             name=f"Target {target} (n = {of_target.sum()})",

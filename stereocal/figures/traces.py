@@ -93,12 +93,7 @@ def _add_line(
         x=moves + 1,
         y=values[moves],
         mode="lines",
-        line={
-            "color": METHOD_COLOURS[method],
-            "dash": DASHES[method],
-            "width": 2,
-            "shape": "hv",
-        },
+        line={"color": METHOD_COLOURS[method], "dash": DASHES[method], "width": 2, "shape": "hv"},
         name=METHOD_NAMES[method],
         legendgroup=method,
         showlegend=row <= 2,

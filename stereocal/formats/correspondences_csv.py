@@ -13,13 +13,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.limits import Limits
-from stereocal.system.tables import (
-    EMPTY,
-    Column,
-    Reasons,
-    Values,
-    read_rows,
-)
+from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
 
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 REQUIRED = ("frame", "target", *PIXELS)

@@ -138,10 +138,7 @@ def _camera_entry(stated: Camera | SensorLens) -> dict[str, Any]:
 
 
 def _camera(
-    entry: Any,
-    where: str,
-    file_beside: Callable[[str], bytes],
-    lens_model: LensModel | None,
+    entry: Any, where: str, file_beside: Callable[[str], bytes], lens_model: LensModel | None
 ) -> Camera | SensorLens:
     if isinstance(entry, str):
         return read_camera(file_beside(entry), f"{where}: {entry}", lens_model)

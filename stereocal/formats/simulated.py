@@ -7,12 +7,7 @@ from pathlib import Path
 
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.simulation.nineteen import DATASETS, FRAMES, NOISE_PX, simulate_nineteen
-from stereocal.simulation.simulate import (
-    FIELD_NOISE_PX,
-    TRUTH,
-    simulate_field,
-    truth_of,
-)
+from stereocal.simulation.simulate import FIELD_NOISE_PX, TRUTH, simulate_field, truth_of
 from stereocal.system.atomic_files import write_atomically
 
 

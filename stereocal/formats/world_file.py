@@ -38,10 +38,7 @@ def write_world(frame: WorldFrame, rig: RigParameters) -> bytes:
         "convention": CONVENTION,
         "name": name_of_world(pose),
         "source": frame.source,
-        "world_from_primary": [
-            *np.column_stack([pose.R, pose.T]).tolist(),
-            [0.0, 0.0, 0.0, 1.0],
-        ],
+        "world_from_primary": [*np.column_stack([pose.R, pose.T]).tolist(), [0.0, 0.0, 0.0, 1.0]],
         "uncertainty": dict(frame.uncertainty),
         **frame.about,
         "sentence": frame.sentence,

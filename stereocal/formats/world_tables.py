@@ -12,14 +12,7 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.field.world.observed import KINDS, Line, LineKind, Observed, Survey, Throw
 from stereocal.formats.world_file import is_json, parse_world
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.tables import (
-    Column,
-    Reasons,
-    Values,
-    names_of,
-    read_rows,
-    text_of,
-)
+from stereocal.system.tables import Column, Reasons, Values, names_of, read_rows, text_of
 
 POINT, LINE, FRAME, KIND, THROW = "point", "line", "frame", "kind", "throw"
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")

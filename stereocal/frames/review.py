@@ -86,10 +86,7 @@ def centre_at(
 
 
 def _spot_at(
-    image: npt.NDArray[Any],
-    point: tuple[float, float],
-    target: Balls | Tags,
-    camera: Camera | None,
+    image: npt.NDArray[Any], point: tuple[float, float], target: Balls | Tags, camera: Camera | None
 ) -> Centre:
     """The centre of the ball or tag near a click."""
     if isinstance(target, Tags):

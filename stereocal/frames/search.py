@@ -128,10 +128,7 @@ def search_photographs(
 
 
 def label_frames(
-    pairs: Sequence[Pair],
-    seen: Mapping[str, Any],
-    cameras: tuple[Camera, Camera],
-    target: Target,
+    pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
 ) -> list[Frame]:
     """A frame for each pair, in order, with A and B told apart.
 

@@ -29,12 +29,7 @@ from stereocal.intrinsics.board_corners import (
 )
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.system.photograph import (
-    FileContent,
-    GreyImage,
-    PhotographFile,
-    read_photograph,
-)
+from stereocal.system.photograph import FileContent, GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 

@@ -86,9 +86,7 @@ class LensSettings:
         between=(0, 2**63 - 1),
     )
     fix_k3: bool = described(
-        False,
-        "Hold k3 at 0",
-        "Steadier for long lenses, which distort little. Paper: not held.",
+        False, "Hold k3 at 0", "Steadier for long lenses, which distort little. Paper: not held."
     )
     zero_tangential: bool = described(
         False,

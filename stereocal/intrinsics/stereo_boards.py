@@ -20,13 +20,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.frames.several import (
-    Everywhere,
-    Moments,
-    names_by_camera,
-    pairs_of,
-    put_together,
-)
+from stereocal.frames.several import Everywhere, Moments, names_by_camera, pairs_of, put_together
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.rig.board_pattern import BoardPattern

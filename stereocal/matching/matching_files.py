@@ -13,11 +13,7 @@ import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.in_step import bring_into_step
-from stereocal.matching.matching import (
-    ANY_DEPTH,
-    check_depths,
-    purpose_warning,
-)
+from stereocal.matching.matching import ANY_DEPTH, check_depths, purpose_warning
 from stereocal.matching.pairs import (
     PAIR_COLUMNS,
     POINT,
@@ -289,9 +285,7 @@ def _settle(
 
 
 def _notes(
-    rig: RigParameters,
-    tables: tuple[PointTable, PointTable],
-    contents: list[Contents],
+    rig: RigParameters, tables: tuple[PointTable, PointTable], contents: list[Contents]
 ) -> list[str]:
     """Warnings, a sentence each."""
     notes = []

@@ -37,9 +37,7 @@ class NearestErrors:
 
 
 def nearest_errors(
-    rig: RigParameters,
-    frames: Sequence[FramePixels],
-    depths_m: tuple[float, float] = ANY_DEPTH,
+    rig: RigParameters, frames: Sequence[FramePixels], depths_m: tuple[float, float] = ANY_DEPTH
 ) -> NearestErrors:
     """The two least errors of each primary point."""
     near, far = check_depths(depths_m)

@@ -15,12 +15,7 @@ from stereocal.refined.two_views import BASELINE, SHARED
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
-from stereocal.rig.geometry import (
-    Pose,
-    reprojection_errors_of_rays,
-    stack_rays,
-    triangulate_rays,
-)
+from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
 from stereocal.rig.parameters import RigParameters
 
 POSE = BASELINE + 1

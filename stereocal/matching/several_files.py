@@ -190,11 +190,7 @@ class RigPointsReport:
 
 
 def reconstruct_rig(
-    rig: RigFile,
-    tracks: Path,
-    out: Path,
-    world: Pose | None = None,
-    sigma_px: float | None = None,
+    rig: RigFile, tracks: Path, out: Path, world: Pose | None = None, sigma_px: float | None = None
 ) -> RigPointsReport:
     """Measure the points of tracks.csv from all cameras that see each, and write them.
 

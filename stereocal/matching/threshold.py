@@ -205,14 +205,7 @@ def _sample(
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
     for number, ((primary, secondary), own) in enumerate(zip(frames, rays, strict=True)):
         first, second, found, _, _ = pairs_within(
-            rig.pose.R,
-            rig.pose.T,
-            own[0],
-            own[1],
-            rig.pixel_scale,
-            np.inf,
-            near,
-            far,
+            rig.pose.R, rig.pose.T, own[0], own[1], rig.pixel_scale, np.inf, near, far
         )
         few = min(len(primary), len(secondary))
         wanted += min(PAIRS_PER_POINT * few, max(len(found) // 2, few + 1))

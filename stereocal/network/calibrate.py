@@ -44,9 +44,7 @@ lengths or lenses is another than theirs. Sound pairs of a real recording: 2 to 
 
 
 def calibrate_rig(
-    recording: Recording,
-    settings: RigSettings | None = None,
-    progress: Progress | None = None,
+    recording: Recording, settings: RigSettings | None = None, progress: Progress | None = None
 ) -> RigCalibration:
     """Calibrate all cameras of a recording together.
 
@@ -68,11 +66,7 @@ def calibrate_rig(
     pairs = replace(pairs, fits=fits, failed={**pairs.failed, **contradicting})
     fused = fused_pairs(kept, list(fits.values()), settings)
     noise = float(np.median([own.noise_px for own in fits.values()]))
-    wide = replace(
-        settings,
-        lenses=dict.fromkeys(names, WIDE_LENS),
-        object_sigma=WIDE_LENGTH_PRIOR,
-    )
+    wide = replace(settings, lenses=dict.fromkeys(names, WIDE_LENS), object_sigma=WIDE_LENGTH_PRIOR)
     report = progress or (lambda *_: None)
     steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
     report(steps - 2, steps)

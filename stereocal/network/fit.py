@@ -32,12 +32,7 @@ from stereocal.rig.recording import Recording
 class RigFit(RobustFit):
     """A fit from first poses."""
 
-    def __init__(
-        self,
-        recording: Recording,
-        poses: Sequence[Pose],
-        settings: RigSettings,
-    ) -> None:
+    def __init__(self, recording: Recording, poses: Sequence[Pose], settings: RigSettings) -> None:
         self.recording, self.rig_settings, self.settings = recording, settings, RefineSettings()
         self.placings = own = placings_of(recording)
         cameras, bars = list(recording.cameras.values()), own.bars

@@ -31,13 +31,7 @@ from stereocal.projects.home import check_size
 from stereocal.projects.photographs import BAR
 from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
-from stereocal.projects.recording import (
-    PARTS,
-    RECORDING,
-    REPLACED,
-    RIG_FILES,
-    ProjectRecording,
-)
+from stereocal.projects.recording import PARTS, RECORDING, REPLACED, RIG_FILES, ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json

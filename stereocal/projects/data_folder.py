@@ -52,9 +52,7 @@ def store_of(home: Path, project_id: str) -> Store:
 
 
 def new_database(
-    home: Path,
-    fill: Callable[[Store], object],
-    make: Callable[[Path], object] = create,
+    home: Path, fill: Callable[[Store], object], make: Callable[[Path], object] = create
 ) -> Store:
     """A new project's file under an unguessable id; it appears once it is complete.
 

@@ -103,8 +103,7 @@ def calibration_of(database: Store) -> Calibration | None:
         if digest is None:
             return None
         return CALIBRATIONS.once(
-            digest,
-            lambda: unpack_calibration(database.result("calibration") or b"", made_from),
+            digest, lambda: unpack_calibration(database.result("calibration") or b"", made_from)
         )
 
 

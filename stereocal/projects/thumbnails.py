@@ -53,9 +53,7 @@ def board_corners(file: StoredFile, pattern: BoardPattern) -> FloatArray:
 
 @lru_cache(maxsize=2000)
 def _thumbnail(
-    primary: StoredFile | None,
-    secondary: StoredFile | None,
-    centres: tuple[CentrePair, CentrePair],
+    primary: StoredFile | None, secondary: StoredFile | None, centres: tuple[CentrePair, CentrePair]
 ) -> bytes:
     return side_by_side(tile(_image(primary), centres[0]), tile(_image(secondary), centres[1]))
 

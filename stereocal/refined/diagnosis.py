@@ -19,12 +19,7 @@ from stereocal.refined.screening import (
     screen,
     wide_settings,
 )
-from stereocal.refined.time_offset import (
-    CLAIMED,
-    MAXIMUM_SIGMA,
-    apparent_offset,
-    bring_into_step,
-)
+from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, bring_into_step
 from stereocal.refined.weak_geometry import geometry_warning
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.tracks import MeasuredOffset

@@ -121,9 +121,7 @@ def compare_inputs(result: RefinedResult) -> Comparison:
     model = result
     if named:
         settings = replace(
-            current.settings,
-            sigma_px=result.settings.sigma_px,
-            scatter_m=result.settings.scatter_m,
+            current.settings, sigma_px=result.settings.sigma_px, scatter_m=result.settings.scatter_m
         )
         model = refine(result.dataset, settings, current.pose, result.rows)
     return Comparison([found[key] for key in [*named, *rest]], model)

@@ -20,11 +20,7 @@ from stereocal.errors import StereocalError
 from stereocal.refined.common_cause import common_cause
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import Solve
-from stereocal.refined.time_offset import (
-    bring_into_step,
-    frames_without_neighbours,
-    usable_after,
-)
+from stereocal.refined.time_offset import bring_into_step, frames_without_neighbours, usable_after
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -115,10 +111,7 @@ class Screening:
 
 
 def unscreened(
-    dataset: Dataset,
-    failure: str = "",
-    by_user: tuple[int, ...] = (),
-    copies: Collection[int] = (),
+    dataset: Dataset, failure: str = "", by_user: tuple[int, ...] = (), copies: Collection[int] = ()
 ) -> Screening:
     """The result that keeps every frame but copies and those that the user left out."""
     left_out = tuple(sorted({*by_user, *copies}))

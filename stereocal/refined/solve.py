@@ -32,11 +32,7 @@ class Solve(RobustFit):
     """A solve of two cameras, from one initial pose; units are `Correspondences.parts`."""
 
     def __init__(
-        self,
-        dataset: Dataset,
-        start: Pose,
-        settings: RefineSettings,
-        rows: BoolArray | None = None,
+        self, dataset: Dataset, start: Pose, settings: RefineSettings, rows: BoolArray | None = None
     ) -> None:
         self.dataset, self.settings = dataset, settings
         table = dataset.correspondences

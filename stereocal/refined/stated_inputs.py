@@ -101,11 +101,7 @@ _ASKED = (
 
 
 def advice_on(
-    key: str,
-    stated: FloatArray,
-    say: FloatArray,
-    sigma: FloatArray,
-    coefficients: Sequence[str],
+    key: str, stated: FloatArray, say: FloatArray, sigma: FloatArray, coefficients: Sequence[str]
 ) -> str:
     """The message for an accused input.
 

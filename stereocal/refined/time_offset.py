@@ -191,10 +191,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
         return None
     settings = replace(
-        fit.settings,
-        time_offset=True,
-        sigma_px=fit.sigma_px.value,
-        scatter_m=fit.scatter_m.value,
+        fit.settings, time_offset=True, sigma_px=fit.sigma_px.value, scatter_m=fit.scatter_m.value
     )
     solve = Solve(recorded, fit.pose, settings, fit.rows)
     unknowns = solve.unknowns

@@ -19,10 +19,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import (
-    Angles,
-    Pose,
-)
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume

@@ -48,10 +48,7 @@ class Guard:
     """
 
     def __init__(
-        self,
-        readers: Sequence[Reader],
-        children: int = 2,
-        least_seconds: float = LEAST_SECONDS,
+        self, readers: Sequence[Reader], children: int = 2, least_seconds: float = LEAST_SECONDS
     ) -> None:
         self._readers = tuple(readers)
         self._children = children

@@ -231,10 +231,4 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
 
 
 def _run(store: ProjectApplication, work: Application, job: jobs.Job) -> bool:
-    return store.run(
-        work,
-        job.begin,
-        job.progress,
-        lambda: job.cancelled,
-        job.executor,
-    )
+    return store.run(work, job.begin, job.progress, lambda: job.cancelled, job.executor)

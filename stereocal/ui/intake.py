@@ -11,13 +11,7 @@ import streamlit as st
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
-from stereocal.formats.dataset_files import (
-    TABLE,
-    Survey,
-    pack_pair,
-    parse_dataset,
-    parse_survey,
-)
+from stereocal.formats.dataset_files import TABLE, Survey, pack_pair, parse_dataset, parse_survey
 from stereocal.formats.description import RECORDING_FORMAT, find_description
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions

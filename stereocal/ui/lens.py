@@ -156,9 +156,7 @@ def board_settings(board: ProposedBoard) -> dict[str, Any]:
 
 
 def board_form(
-    project: Project,
-    size: tuple[int, int] = (18, 12),
-    square_mm: float | None = SQUARE_MM,
+    project: Project, size: tuple[int, int] = (18, 12), square_mm: float | None = SQUARE_MM
 ) -> BoardPattern:
     """The form of the printed board, the same for both cameras.
 

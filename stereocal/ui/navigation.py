@@ -20,13 +20,7 @@ from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, TITLES, show_menu
 from stereocal.ui.messages import forget_messages, show_messages
 from stereocal.ui.page_states import page_states
-from stereocal.ui.project import (
-    leave_pair,
-    open_created,
-    open_or_none,
-    show_project,
-    show_saved,
-)
+from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import compiling_shown
 

@@ -30,12 +30,7 @@ def show_pairs(store: ProjectPhotographs) -> None:
         st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
         left, right = st.columns(2)
         left.button("Pair by name again", on_click=_pair_again, args=(store,), key="pair_again")
-        right.button(
-            "Remove all photographs",
-            on_click=clear,
-            args=(store,),
-            key="no_photographs",
-        )
+        right.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
 
 
 def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:

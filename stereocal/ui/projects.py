@@ -33,12 +33,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.project import (
-    bring_project_back,
-    current_project,
-    offer_removed,
-    open_project,
-)
+from stereocal.ui.project import bring_project_back, current_project, offer_removed, open_project
 from stereocal.ui.project_cards import OPENED, REMOVED, date_of, show_cards
 from stereocal.ui.refined import answer_of
 

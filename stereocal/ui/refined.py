@@ -19,9 +19,7 @@ from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.refine import RefinedResult, refine, settings_for
 from stereocal.refined.results import Calibration
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
-from stereocal.refined.unknowns import (
-    RefineSettings,
-)
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest

@@ -9,12 +9,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.every_camera import (
-    EveryCamera,
-    cameras_in,
-    gather_all,
-    targets_in,
-)
+from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import TABLES
 from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.exchange.options import ExchangeOptions

@@ -13,15 +13,7 @@ from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
 from stereocal.ui.archives import ask_about_archive, is_archive
 from stereocal.ui.downloads import offer
-from stereocal.ui.intake import (
-    CAMERA_KINDS,
-    TITLES,
-    Upload,
-    in_use,
-    is_new,
-    take_file,
-    take_one,
-)
+from stereocal.ui.intake import CAMERA_KINDS, TITLES, Upload, in_use, is_new, take_file, take_one
 from stereocal.ui.project import project_to_write
 from stereocal.ui.wizard import ask_about_bars
 

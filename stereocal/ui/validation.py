@@ -12,12 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, Splits, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.evaluation_files import (
-    Evaluation,
-    pack_runs,
-    unique_names,
-    unpack_runs,
-)
+from stereocal.formats.evaluation_files import Evaluation, pack_runs, unique_names, unpack_runs
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset

@@ -124,10 +124,7 @@ def _runs(frames: int, length: int) -> int:
 
 
 def half_width(
-    errors: FloatArray,
-    figure: Callable[..., Any],
-    length: int,
-    rng: np.random.Generator,
+    errors: FloatArray, figure: Callable[..., Any], length: int, rng: np.random.Generator
 ) -> float:
     """Half width of the interval of a figure of the errors (f,), which are in the order of time.
 

@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.evaluation.compiled_run import count_pairs
-from stereocal.refined.distortion import (
-    FISHEYE,
-    TILTED,
-    distort,
-    fill_pixel_scale,
-    set_distortion,
-)
+from stereocal.refined.distortion import FISHEYE, TILTED, distort, fill_pixel_scale, set_distortion
 from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY
 from stereocal.refined.undistortion import undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled

@@ -262,8 +262,5 @@ def costs_of(
     found = {}
     for name, (pose, primary, secondary) in poses.items():
         own = replace(dataset, primary=primary, secondary=secondary)
-        found[name] = (
-            reprojection_problem(own).cost(pose),
-            reconstruction_problem(own).cost(pose),
-        )
+        found[name] = (reprojection_problem(own).cost(pose), reconstruction_problem(own).cost(pose))
     return found

@@ -59,9 +59,7 @@ def test_compiled_costs_equal_plain_numpy(seed: int, bars: int) -> None:
     )
     known = np.ascontiguousarray(points.T) + 0.1
     np.testing.assert_allclose(
-        points_cost(R, T, rays, known),
-        reference.points_cost(R, T, rays, known),
-        rtol=RELATIVE,
+        points_cost(R, T, rays, known), reference.points_cost(R, T, rays, known), rtol=RELATIVE
     )
     np.testing.assert_allclose(
         triangulate_rays(R, T, rays),

@@ -201,10 +201,7 @@ BAD: dict[str, tuple[Callable[[Path], None], str]] = {
     "too few pairs": (table(lambda lines: lines[:5]), "4 pairs"),
     "one place": (table(one_place), "lie within"),
     "copies": (table(copied), "2 pairs of points.* copy adds no information"),
-    "no bar": (
-        table(lambda lines: [row for row in lines if ",B," not in row]),
-        "both targets",
-    ),
+    "no bar": (table(lambda lines: [row for row in lines if ",B," not in row]), "both targets"),
     "negative baseline": (described(baseline_m=-4.5), "baseline .*-4.5 m"),
     "zero distance": (described(target_distance_m=0), "distance .*0 m"),
     "baseline in mm": (described(baseline_m=4500), "millimetres"),

@@ -14,14 +14,7 @@ from stereocal.frames.review import centre_at
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from tests.ball_bars import CAMERA, COLOURS, plain
-from tools.photographs.balls import (
-    RED,
-    YELLOW,
-    BallSettings,
-    clutter,
-    photograph_balls,
-    side_light,
-)
+from tools.photographs.balls import RED, YELLOW, BallSettings, clutter, photograph_balls, side_light
 
 
 def balls(text: str) -> Balls:

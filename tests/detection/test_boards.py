@@ -49,13 +49,7 @@ def narrow_board(width: float, beside: float) -> Board:
 
 class TestCorners:
     @pytest.mark.parametrize(
-        ("bits", "blur", "tilt"),
-        [
-            (8, 0.7, 0.0),
-            (8, 0.7, 0.8),
-            (12, 0.7, 0.3),
-            (16, 1.5, 0.5),
-        ],
+        ("bits", "blur", "tilt"), [(8, 0.7, 0.0), (8, 0.7, 0.8), (12, 0.7, 0.3), (16, 1.5, 0.5)]
     )
     def test_against_truth(self, bits: int, blur: float, tilt: float) -> None:
         pose = facing(spin=0.2, tilt=tilt)

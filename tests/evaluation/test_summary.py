@@ -49,10 +49,7 @@ def log_normal_runs(
 ) -> list[Run]:
     """`runs` runs of 10 correct pairs about 1 and 90 wrong ones `shift` decades above."""
     return [
-        run_of(
-            10 ** rng.normal(0.0, spreads[0], 10),
-            10 ** rng.normal(shift, spreads[1], 90),
-        )
+        run_of(10 ** rng.normal(0.0, spreads[0], 10), 10 ** rng.normal(shift, spreads[1], 90))
         for _ in range(runs)
     ]
 

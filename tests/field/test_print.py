@@ -16,10 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
 from stereocal.field.printing.print_board import print_board
 from stereocal.field.printing.print_tags import print_tags
-from stereocal.field.printing.print_target import (
-    print_targets,
-    target_size,
-)
+from stereocal.field.printing.print_target import print_targets, target_size
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray

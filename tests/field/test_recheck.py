@@ -24,16 +24,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import lens_off_by, place_bars
 from stereocal.workflow import calibrate
-from tests.rigs.bumps import (
-    Case,
-    bound,
-    bumped,
-    cases,
-    joined,
-    matched,
-    new_bars,
-    true_fit,
-)
+from tests.rigs.bumps import Case, bound, bumped, cases, joined, matched, new_bars, true_fit
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, random_rig
 

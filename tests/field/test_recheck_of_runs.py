@@ -21,13 +21,7 @@ from stereocal.refined.screening import screen
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.rig import Rig
 from tests.rigs.bumps import Case, bumped, seen_by
-from tests.rigs.refined_rigs import (
-    Misjudged,
-    in_runs,
-    random_rig,
-    stated,
-    waved_scene,
-)
+from tests.rigs.refined_rigs import Misjudged, in_runs, random_rig, stated, waved_scene
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 OFF = Misjudged()

@@ -168,9 +168,7 @@ def test_comparison_shows_values_with_intervals(summaries: Summaries) -> None:
     assert "Over 2 data sets" in describe_comparison(by_dataset)
 
 
-def test_a_comparison_draws_the_upper_limit_where_nothing_was_counted(
-    summaries: Summaries,
-) -> None:
+def test_a_comparison_draws_the_upper_limit_where_nothing_was_counted(summaries: Summaries) -> None:
     some = {**summaries, "2d": with_fcp(summaries["2d"], 0.01, 0.005, 0.02)}
     none = {**summaries, "2d": with_fcp(summaries["2d"], 0.0, 0.0, 0.004)}
     figure = plot_comparison({"some": some, "none": none})

@@ -44,10 +44,7 @@ def same_camera(found: Camera | None, wanted: Camera, tolerance: float = 1e-9) -
 
 
 def test_easywand_gives_the_same_data_set_as_our_csv() -> None:
-    cameras = [
-        write_camera(easywand_camera(PRIMARY)),
-        write_camera(easywand_camera(SECONDARY)),
-    ]
+    cameras = [write_camera(easywand_camera(PRIMARY)), write_camera(easywand_camera(SECONDARY))]
     csv = gather({"wand.csv": wand_csv(), "a.json": cameras[0], "b.json": cameras[1]}, USUAL)
     found = easywand(backgroundPts=np.zeros((0, 0)))
     assert found.correspondences is not None and csv.correspondences is not None

@@ -68,8 +68,7 @@ def test_xml_and_yaml_nested_too_deeply() -> None:
 
 
 @pytest.mark.parametrize(
-    ("read", "message"),
-    [(deadly.abort, "makes its decoder fail"), (deadly.eat, "too much memory")],
+    ("read", "message"), [(deadly.abort, "makes its decoder fail"), (deadly.eat, "too much memory")]
 )
 def test_an_hdf5_file_that_kills_its_decoder(
     read: Reader, message: str, monkeypatch: pytest.MonkeyPatch

@@ -115,9 +115,7 @@ def test_there_and_back(data: st.DataObject) -> None:
     cameras = dict.fromkeys(data.draw(st.sets(NAMES, min_size=2, max_size=4)), FIELD.primary)
     targets = tuple(data.draw(st.sets(NAMES, min_size=2, max_size=5)))
     keys = st.tuples(
-        st.integers(-5, 1000),
-        st.integers(0, len(cameras) - 1),
-        st.integers(0, len(targets) - 1),
+        st.integers(-5, 1000), st.integers(0, len(cameras) - 1), st.integers(0, len(targets) - 1)
     )
     rows = np.array(data.draw(st.lists(keys, min_size=1, max_size=20, unique=True)))
     pixel = st.floats(-0.5, 1000)

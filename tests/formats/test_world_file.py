@@ -12,9 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.world.frame import WorldFrame
 from stereocal.field.world.observed import Survey, Throw
 from stereocal.formats.world_file import WORLD_FORMAT, read_world, write_world
-from stereocal.formats.world_tables import (
-    read_observed,
-)
+from stereocal.formats.world_tables import read_observed
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters

@@ -17,10 +17,7 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import pair_names
-from stereocal.frames.search import (
-    compile_detection,
-    detect_frames,
-)
+from stereocal.frames.search import compile_detection, detect_frames
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)

@@ -14,13 +14,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.epipolar_residuals import epipolar_residuals_px
-from stereocal.frames.frame import (
-    Centre,
-    Frame,
-    State,
-    pack_frames,
-    unpack_frames,
-)
+from stereocal.frames.frame import Centre, Frame, State, pack_frames, unpack_frames
 from stereocal.frames.review import (
     Review,
     centre_at,

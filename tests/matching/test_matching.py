@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
 from stereocal.matching import matching
-from stereocal.matching.matching import (
-    assign,
-    match_points,
-    purpose_warning,
-    refuse_different_rigs,
-)
+from stereocal.matching.matching import assign, match_points, purpose_warning, refuse_different_rigs
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.threshold import choose_threshold
 from stereocal.rig.compiled import FloatArray

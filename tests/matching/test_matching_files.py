@@ -15,11 +15,7 @@ from stereocal.matching import parquet
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.matching.reconstruction_files import (
-    OUTSIDE_VOLUME,
-    PIXELS,
-    reconstruct_table,
-)
+from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images

@@ -125,9 +125,7 @@ def test_two_views_of_the_joint_fit_are_the_pair() -> None:
 
 def test_measured_baselines_give_the_scale() -> None:
     truth = simulated(4)
-    measured = {
-        ("c1", "c3"): float(np.linalg.norm(truth.poses["c3"].T)),
-    }
+    measured = {("c1", "c3"): float(np.linalg.norm(truth.poses["c3"].T))}
     recording = replace(truth.recording, baselines_m=measured, baseline_sigma_m=0.0002)
     loose = replace(settings_of(truth), object_sigma=0.05)
     rig = calibrate_rig(recording, loose)
@@ -182,10 +180,7 @@ def test_points_of_another_recording_are_named() -> None:
     rows, foreign = truth.recording, other.recording
     mixed: dict[str, Any] = {
         name: np.concatenate(
-            [
-                getattr(rows, name)[rows.camera != 2],
-                getattr(foreign, name)[foreign.camera == 2],
-            ]
+            [getattr(rows, name)[rows.camera != 2], getattr(foreign, name)[foreign.camera == 2]]
         )
         for name in ("frame", "camera", "target", "points", "sigma_px")
     }

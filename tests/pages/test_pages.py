@@ -89,10 +89,7 @@ def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
 
 @pytest.mark.parametrize(
     ("line", "column", "value", "reason"),
-    [
-        (5, 2, "x", 'u_primary is "x"'),
-        (9, 2, "5000", "outside the 2336x1728 px image"),
-    ],
+    [(5, 2, "x", 'u_primary is "x"'), (9, 2, "5000", "outside the 2336x1728 px image")],
 )
 def test_bad_row_is_listed_and_can_be_left_out(
     line: int, column: int, value: str, reason: str, app: AppTest

@@ -24,10 +24,7 @@ from tests.rig.machine_code import machine_code
 
 backward, factor = machine_code(decompositions.backward), machine_code(decompositions.factor)
 forward, loss = machine_code(decompositions.forward), machine_code(adjustment.loss)
-fill_residuals, fill_shared = (
-    machine_code(views.fill_residuals),
-    machine_code(views.fill_shared),
-)
+fill_residuals, fill_shared = (machine_code(views.fill_residuals), machine_code(views.fill_shared))
 distort = machine_code(distortion.distort)
 set_distortion = machine_code(distortion.set_distortion)
 
@@ -201,9 +198,7 @@ def test_left_out_frames_have_no_say() -> None:
     for limits in (np.where(np.arange(10) < 6, np.inf, 0.0), np.full(6, np.inf)):
         n = len(limits)
         points, chi_squares = np.full((n, OWN), np.nan), np.empty(n)
-        sides.append(
-            solve.sum_at(solve.q, 100.0, limits, points, chi_squares, np.arange(n)),
-        )
+        sides.append(solve.sum_at(solve.q, 100.0, limits, points, chi_squares, np.arange(n)))
     for first, second in zip(*sides, strict=True):
         np.testing.assert_array_equal(first, second)
 

@@ -10,12 +10,7 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import SHARED
-from stereocal.refined.uncertainty import (
-    Plane,
-    accuracy_map,
-    length_errors,
-    point_covariances,
-)
+from stereocal.refined.uncertainty import Plane, accuracy_map, length_errors, point_covariances
 from stereocal.refined.unknowns import RefineSettings, pose_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import triangulate

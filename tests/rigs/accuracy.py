@@ -22,13 +22,7 @@ from stereocal.simulation.simulate import (
     place_bars,
 )
 from stereocal.workflow import calibrate
-from tests.rigs.refined_rigs import (
-    Misjudged,
-    held_out,
-    random_scene,
-    spoiled,
-    stated,
-)
+from tests.rigs.refined_rigs import Misjudged, held_out, random_scene, spoiled, stated
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")
 

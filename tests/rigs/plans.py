@@ -8,10 +8,7 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.plan import Plan
-from stereocal.refined.unknowns import (
-    LensPrior,
-    RefineSettings,
-)
+from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, lens_off_by, observe, place_bars

@@ -134,10 +134,7 @@ def _at_its_length(rig: Rig, ends: FloatArray, rng: np.random.Generator) -> Floa
 
 def _shows(rig: Rig, ends: FloatArray, place: FloatArray) -> bool:
     """Whether both cameras see a third board at this place whole, and apart from the bar's."""
-    for camera, pose in (
-        (rig.primary, Pose(np.eye(3), np.zeros(3))),
-        (rig.secondary, rig.pose),
-    ):
+    for camera, pose in ((rig.primary, Pose(np.eye(3), np.zeros(3))), (rig.secondary, rig.pose)):
         pixels = camera.project(pose.apply(np.vstack([ends, place])))
         apart = np.linalg.norm(pixels[:2] - pixels[2], axis=1).min() > 60
         inside = ((pixels[2] > 30) & (pixels[2] < np.array(camera.image_size) - 30)).all()

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.simulation.nineteen import (
-    simulate_nineteen,
-)
+from stereocal.simulation.nineteen import simulate_nineteen
 
 SHIPPED = Path(__file__).parents[2] / "sample_data" / "nineteen"
 

@@ -48,13 +48,7 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
-from tests.archives import (
-    caliscope_files,
-    easywand_fields,
-    kalibr_chain,
-    stereo_struct,
-    wand_csv,
-)
+from tests.archives import caliscope_files, easywand_fields, kalibr_chain, stereo_struct, wand_csv
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST

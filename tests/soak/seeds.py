@@ -93,10 +93,7 @@ def hdf5(**arrays: Any) -> bytes:
 
 def points() -> Sequence[bytes]:
     """Tables of points, with commas and with semicolons."""
-    return [
-        b"frame,u,v,bird\n1,1.5,2,a\n1,3,4,b\n3,5,6,\n",
-        b"frame;u;v\n2;1,5;2\n1;3;4\n",
-    ]
+    return [b"frame,u,v,bird\n1,1.5,2,a\n1,3,4,b\n3,5,6,\n", b"frame;u;v\n2;1,5;2\n1;3;4\n"]
 
 
 def correspondences() -> Sequence[bytes]:

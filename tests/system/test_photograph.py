@@ -12,10 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.system.photograph import (
-    photograph_size,
-    read_photograph,
-)
+from stereocal.system.photograph import photograph_size, read_photograph
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 WIDTH, HEIGHT = 61, 43

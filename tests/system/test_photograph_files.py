@@ -12,10 +12,7 @@ import numpy as np
 import pytest
 
 from stereocal.system.photograph import read_photograph
-from stereocal.system.photograph_files import (
-    photographs_in,
-    unpack_photographs,
-)
+from stereocal.system.photograph_files import photographs_in, unpack_photographs
 
 
 def png(seed: int, width: int = 40, height: int = 30) -> bytes:

@@ -18,11 +18,7 @@ from stereocal.system.photograph import read_colours
 from tests.simulation.test_simulate import assert_same_numbers
 from tools.photographs.__main__ import main
 from tools.photographs.ball_sample import write_ball_sample
-from tools.photographs.bars import (
-    BarSettings,
-    photograph_bars,
-    place_visible_bars,
-)
+from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
 from tools.photographs.rendering import Photograph, PhotographSettings
 from tools.photographs.sample import describing_files, prepare_photographs
 

@@ -14,12 +14,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.improvements import advice_on_improvements, improvements
-from stereocal.verdict.model_check import (
-    ALONG,
-    BENDS,
-    ModelCheck,
-    cause_of_scatter,
-)
+from stereocal.verdict.model_check import ALONG, BENDS, ModelCheck, cause_of_scatter
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated

@@ -8,10 +8,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tools.photographs.rendering import (
-    chessboard_corners,
-    turned,
-)
+from tools.photographs.rendering import chessboard_corners, turned
 
 LENS_SQUARES = (19, 13)
 """Columns and rows of squares (paper, Section 5: 18x12 inner corners)."""

@@ -14,14 +14,7 @@ import numpy as np
 from stereocal.rig.camera import Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tools.photographs.rendering import (
-    Board,
-    Picture,
-    Placed,
-    background_picture,
-    paint,
-    turned,
-)
+from tools.photographs.rendering import Board, Picture, Placed, background_picture, paint, turned
 
 MOTION_STEPS = 41
 """Positions of a moving bar in one exposure; they are less than 1 px apart in the sample."""

@@ -29,12 +29,7 @@ from stereocal.simulation.simulate import (
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.tasks import Progress
 from tools.photographs.backgrounds import indoors, outdoors
-from tools.photographs.bars import (
-    BarSettings,
-    PhotographPair,
-    photograph_bars,
-    place_visible_bars,
-)
+from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
 from tools.photographs.board_series import (
     LENS_PHOTOGRAPHS,
     LENS_SQUARE_M,

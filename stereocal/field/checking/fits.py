@@ -98,10 +98,7 @@ class Fit(Solve):
 
     def __init__(self, prior: Prior, images: NewImages, change: Change, sigma_px: float) -> None:
         settings = RefineSettings(
-            primary=FIXED_LENS,
-            secondary=FIXED_LENS,
-            sigma_px=sigma_px,
-            scatter_m=prior.scatter_m,
+            primary=FIXED_LENS, secondary=FIXED_LENS, sigma_px=sigma_px, scatter_m=prior.scatter_m
         )
         super().__init__(images.dataset, prior.rig.pose, settings)
         self.prior, self.change = prior, change

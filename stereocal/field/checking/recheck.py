@@ -13,13 +13,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.findings import Recheck
-from stereocal.field.checking.fits import (
-    NOTHING,
-    Change,
-    Fit,
-    focal_changes,
-    pose_change,
-)
+from stereocal.field.checking.fits import NOTHING, Change, Fit, focal_changes, pose_change
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.noise import Noise, noise_of, robust_fit, with_design_effect
 from stereocal.field.checking.power import Smallest, power

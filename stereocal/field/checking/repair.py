@@ -59,11 +59,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
             "baseline_m": float(fit.q[BASELINE]),
             "target_distance_m": bar,
             "frames": sorted({int(number) for number in images.numbers[~check.outlying]}),
-            "repaired_from": {
-                "sha256": sha256,
-                "method": old.method,
-                "inputs": dict(old.inputs),
-            },
+            "repaired_from": {"sha256": sha256, "method": old.method, "inputs": dict(old.inputs)},
         },
         matching_threshold_px=None if old.method == "3d" else old.matching_threshold_px,
         uncertainties=uncertainties,

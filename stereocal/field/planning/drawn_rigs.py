@@ -168,11 +168,7 @@ def _calibrated(
     start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
     stated = shared_unknowns(plan.rig)
     sets = np.array(
-        [
-            stated,
-            stated,
-            *([refine(dataset, refine_settings(plan), start).q] if refined else []),
-        ]
+        [stated, stated, *([refine(dataset, refine_settings(plan), start).q] if refined else [])]
     )
     sets[:2, : angles.shape[1]] = angles[1:]
     sets[:, BAR] = 1.0

@@ -29,13 +29,7 @@ from stereocal.field.world.frame import (
     how_cameras_stand,
     uprightness,
 )
-from stereocal.field.world.noise import (
-    Noise,
-    check_inside,
-    noise_of,
-    turns_at,
-    usual_place,
-)
+from stereocal.field.world.noise import Noise, check_inside, noise_of, turns_at, usual_place
 from stereocal.field.world.observed import Line, Source
 from stereocal.refined.unknowns import rig_errors
 from stereocal.rig.camera import CAMERAS, Camera
@@ -324,11 +318,7 @@ def _unit(vector: FloatArray) -> FloatArray:
 
 
 def _refuse_contradiction(
-    rig: RigParameters,
-    lines: Sequence[Line],
-    images: Sequence[Image],
-    noise: Noise,
-    fit: LineFit,
+    rig: RigParameters, lines: Sequence[Line], images: Sequence[Image], noise: Noise, fit: LineFit
 ) -> None:
     """Name the line without which the others agree, if there is just one."""
     culprits = []

@@ -147,11 +147,7 @@ def world_of_survey(
 
 
 def fit_rigid(
-    measured: MeasuredPoints,
-    world_m: FloatArray,
-    noise: Noise,
-    sigma_m: float,
-    scale: bool = False,
+    measured: MeasuredPoints, world_m: FloatArray, noise: Noise, sigma_m: float, scale: bool = False
 ) -> RigidFit:
     """The rotation and shift, and if asked the scale, that fit measured to surveyed points best."""
     covariance = noise.sigma_px**2 * measured.own + sigma_m**2 * np.eye(3)

@@ -43,10 +43,7 @@ class EveryCamera:
 
 
 def gather_all(
-    files: Mapping[str, bytes],
-    options: ExchangeOptions,
-    name: str,
-    lengths: Mapping[str, float],
+    files: Mapping[str, bytes], options: ExchangeOptions, name: str, lengths: Mapping[str, float]
 ) -> EveryCamera:
     """The recording of all cameras; baselines are free.
 

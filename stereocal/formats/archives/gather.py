@@ -10,12 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import (
-    Archive,
-    baseline_taken,
-    lens_taken,
-    points_taken,
-)
+from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.bars import Bars, bars_of
 from stereocal.formats.archives.easywand import open_easywand, read_easywand
 from stereocal.formats.correspondences_csv import REQUIRED, read_table

@@ -94,11 +94,7 @@ FORMATS: Mapping[str, ExchangeFormat] = {
         ignores_skew=True,
     ),
     "matlab": ExchangeFormat(
-        "MATLAB (stereoParameters)",
-        read_matlab,
-        is_matlab_file,
-        write=write_matlab,
-        coefficients=5,
+        "MATLAB (stereoParameters)", read_matlab, is_matlab_file, write=write_matlab, coefficients=5
     ),
     "aniposelib": ExchangeFormat(
         "aniposelib (calibration.toml)",

@@ -131,10 +131,7 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
 
 
 def _read_one(
-    file: ForeignFile,
-    found: dict[str, FloatArray],
-    sizes: dict[int, Any],
-    models: list[str | bool],
+    file: ForeignFile, found: dict[str, FloatArray], sizes: dict[int, Any], models: list[str | bool]
 ) -> None:
     for key, known in NAMES.items():
         node = find_node(file.storage, known)

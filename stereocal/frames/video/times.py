@@ -48,9 +48,7 @@ def gaps_of(seconds: FloatArray) -> list[Gap]:
     periods = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
     return [
         Gap(
-            float(seconds[k] - seconds[0]),
-            float(steps[k]),
-            round(float(steps[k] / periods[k])) - 1,
+            float(seconds[k] - seconds[0]), float(steps[k]), round(float(steps[k] / periods[k])) - 1
         )
         for k in np.flatnonzero(steps > GAP * periods)
     ]
