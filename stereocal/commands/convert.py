@@ -14,15 +14,8 @@ from stereocal.commands.options import (
     world_from,
 )
 from stereocal.commands.progress import report
-from stereocal.formats.exchange.exchange import (
-    FORMATS,
-    export,
-    export_notes,
-    export_rig,
-    import_parameters,
-)
-from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.questions import ORIGIN
+from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
+from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
@@ -70,7 +63,7 @@ def run(parsed: argparse.Namespace) -> None:
         if holds_rig(parsed.parameters):
             own = RigFile.load(parsed.parameters)
             posed = [(name, own.cameras[name], own.poses[name]) for name in own.names]
-            report(written=export_rig(posed, parsed.to, parsed.out, options))
+            report(written=export(posed, parsed.to, parsed.out, options))
             return
         rig = RigParameters.load(parsed.parameters)
         written = export(rig, parsed.to, parsed.out, options)

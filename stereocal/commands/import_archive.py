@@ -22,8 +22,7 @@ from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.every_camera import ENDS, gather_all
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.dataset_files import FREE, pack_dataset
-from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.questions import ORIGIN
+from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
 from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.dataset import Dataset

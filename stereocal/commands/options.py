@@ -13,7 +13,7 @@ from typing import Any
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.formats.exchange.questions import QUESTIONS
+from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.world_file import read_world
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.board_pattern import BoardPattern

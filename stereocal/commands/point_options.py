@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stereocal.commands.options import add_questions, answers
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.questions import ORIGIN, QUESTIONS
+from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
 from stereocal.formats.exchange.reading import camera_index
 from stereocal.formats.point_answers import (
     OURS,

@@ -9,8 +9,7 @@ from typing import Any
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.formats.exchange.options import ImageSize
-from stereocal.formats.exchange.questions import ORIGIN, QUESTIONS
+from stereocal.formats.exchange.options import ORIGIN, QUESTIONS, ImageSize
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Fit, number, one_of, setting

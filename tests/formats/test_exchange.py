@@ -23,8 +23,8 @@ from stereocal.formats.exchange.exchange import (
     export_notes,
     import_files,
 )
-from stereocal.formats.exchange.lens_fit import fewer_coefficients
 from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.writing import fewer_coefficients
 from stereocal.formats.pixel_origin import Flip
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -350,7 +350,7 @@ class TestFisheye:
         np.testing.assert_allclose(read.pose.T, self.rig.pose.T, rtol=0, atol=1e-9)
 
     def test_matlab_has_none(self) -> None:
-        with pytest.raises(StereocalError, match="MATLAB's cameraParameters has no fisheye lens"):
+        with pytest.raises(StereocalError, match="MATLAB has no fisheye lens"):
             export_files(self.rig, "matlab")
 
     def test_opencv_has_one_model_for_both(self) -> None:

@@ -128,7 +128,7 @@ def _descriptions() -> dict[str, Reader]:
         "archive, fields of easyWand": (lambda: [_packed_fields(easywand_fields())], _easywand),
         "archive, fields of MATLAB": (
             lambda: [_packed_fields(stereo_struct())],
-            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat"),
+            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat", ExchangeOptions()),
         ),
     }
     return {

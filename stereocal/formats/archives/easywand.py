@@ -100,7 +100,8 @@ class EasyWandFile:
         distortion = self._distortion(count)[k]
         if origin.corner == "lower-left":
             distortion[2] *= -1.0
-        return camera_of(K, distortion, size, f"{self.source}, camera {k + 1}")
+        where = f"{self.source}, camera {k + 1}"
+        return camera_of(K, distortion, size, False, ExchangeOptions(), 0, where)
 
     def baseline(self, first: int, second: int) -> float | None:
         """Distance of two cameras by the DLT coefficients of its solution, in the file's unit."""

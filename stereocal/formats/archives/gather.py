@@ -92,7 +92,7 @@ def _with_cameras(
         secondary=pair.secondary,
         baseline_m=baseline,
         notes=(*found.notes, f"Lenses from {origin}."),
-        remarks=(*found.remarks, *pair.remarks),
+        remarks=found.remarks + (pair.chosen.remarks if pair.chosen else ()),
     )
 
 

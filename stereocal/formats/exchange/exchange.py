@@ -3,132 +3,96 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.formats.exchange.aniposelib import (
-    aniposelib_names,
-    read_aniposelib,
-    write_aniposelib,
-    write_caliscope,
+from stereocal.formats.camera_file import K_NAMES, read_camera
+from stereocal.formats.exchange.matlab import MATLAB
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.reading import (
+    LARGEST_BYTES,
+    STORAGES,
+    CameraFormat,
+    CameraPair,
+    Files,
+    ForeignFile,
 )
-from stereocal.formats.exchange.camera_files import (
-    is_camera,
-    is_parameters,
-    read_cameras,
-    read_parameters,
+from stereocal.formats.exchange.text_formats import ANIPOSELIB, CALISCOPE, COLMAP, DLT
+from stereocal.formats.exchange.writing import OUR_UNIT, ExchangeFormat, Posed, fewer_coefficients
+from stereocal.formats.exchange.yaml_formats import (
+    KALIBR,
+    ONE_LENS,
+    OPENCV,
+    PRIMARY_FIRST,
+    ROS,
+    SINGLE_FILES,
+    is_ros,
 )
-from stereocal.formats.exchange.colmap import read_colmap, write_colmap
-from stereocal.formats.exchange.dlt import read_dlt, write_dlt
-from stereocal.formats.exchange.kalibr import kalibr_names, read_kalibr, write_kalibr
-from stereocal.formats.exchange.lens_fit import fewer_coefficients
-from stereocal.formats.exchange.matlab import is_matlab_file, read_matlab, write_matlab
-from stereocal.formats.exchange.opencv_stereo import is_opencv, read_opencv, write_opencv
-from stereocal.formats.exchange.options import OUR_UNIT, ExchangeOptions, Posed, posed
-from stereocal.formats.exchange.reading import LARGEST_BYTES, CameraPair, Files, ForeignFile
-from stereocal.formats.exchange.ros import is_ros, read_ros, write_ros
+from stereocal.formats.file_storage import find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.formats.units import Unit
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
 
-
-@dataclass(frozen=True)
-class CameraFormat:
-    """How the camera files of a program are read."""
-
-    title: str
-    read: Callable[[Files, ExchangeOptions, str], CameraPair]
-    recognises: Callable[[ForeignFile], bool] | None = None
-    """Whether a file is of this format; None: files are not recognised, but read by its name."""
-    names: Callable[[ForeignFile], tuple[str, ...]] | None = None
-    """Names of the cameras, if a file can have any number of them."""
-    one_camera: bool = False
-    """Whether each file has one camera."""
-    unit: Unit | None = None
-    """Unit of all its files, by its documentation."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExchangeFormat(CameraFormat):
-    """A format that is written too."""
-
-    write: Callable[[Sequence[Posed], ExchangeOptions], dict[str, bytes]]
-    of_rigs: bool = False
-    """Whether any number of cameras can be written; else two, which have the names of `posed`."""
-    ignores_skew: bool = False
-    without_lens: bool = False
-    coefficients: int | None = None
-    """Number of distortion coefficients, if fewer than in OpenCV's model."""
-
-
 FORMATS: Mapping[str, ExchangeFormat] = {
-    "opencv": ExchangeFormat(
-        "OpenCV (intrinsics.yml, extrinsics.yml)",
-        read_opencv,
-        is_opencv,
-        write=write_opencv,
-        ignores_skew=True,
-    ),
-    "kalibr": ExchangeFormat(
-        "Kalibr (camchain.yaml)",
-        read_kalibr,
-        lambda file: bool(kalibr_names(file)),
-        kalibr_names,
-        unit="m",
-        write=write_kalibr,
-        of_rigs=True,
-        coefficients=4,
-    ),
-    "ros": ExchangeFormat(
-        "ROS (two camera_info files)",
-        read_ros,
-        is_ros,
-        one_camera=True,
-        unit="m",
-        write=write_ros,
-        ignores_skew=True,
-    ),
-    "matlab": ExchangeFormat(
-        "MATLAB (stereoParameters)", read_matlab, is_matlab_file, write=write_matlab, coefficients=5
-    ),
-    "aniposelib": ExchangeFormat(
-        "aniposelib (calibration.toml)",
-        read_aniposelib,
-        lambda file: file.ends_with(".toml"),
-        aniposelib_names,
-        write=write_aniposelib,
-        of_rigs=True,
-        ignores_skew=True,
-        coefficients=5,
-    ),
-    "caliscope": ExchangeFormat(
-        "Caliscope (camera_array.toml)",
-        read_aniposelib,
-        None,
-        aniposelib_names,
-        write=write_caliscope,
-        of_rigs=True,
-        ignores_skew=True,
-        coefficients=5,
-    ),
-    "colmap": ExchangeFormat("COLMAP (rig)", read_colmap, write=write_colmap),
-    "dlt": ExchangeFormat(
-        "DLT coefficients (DLTdv, easyWand, Argus)",
-        read_dlt,
-        write=write_dlt,
-        of_rigs=True,
-        without_lens=True,
-    ),
+    "opencv": OPENCV,
+    "kalibr": KALIBR,
+    "ros": ROS,
+    "matlab": MATLAB,
+    "aniposelib": ANIPOSELIB,
+    "caliscope": CALISCOPE,
+    "colmap": COLMAP,
+    "dlt": DLT,
 }
+
+
+def _our_format(file: ForeignFile) -> str:
+    """`camera` of `stereocal-camera/1`; empty for other programs' files."""
+    stated = str(file.storage.get("format", ""))
+    return stated.removeprefix("stereocal-").split("/")[0] if stated[:10] == "stereocal-" else ""
+
+
+def _is_camera(file: ForeignFile) -> bool:
+    """Whether it is our camera file, or OpenCV's of a single camera."""
+    if not file.ends_with(*STORAGES) or is_ros(file):
+        return False
+    stated = _our_format(file)
+    return stated == "camera" or (not stated and find_node(file.storage, K_NAMES) is not None)
+
+
+def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """The cameras of two files, or a nominal lens for both."""
+    if len(files) > 2:
+        raise StereocalError(f"{source}: {len(files)} camera files; give one or two.")
+    cameras = [read_camera(file.content, file.name, options.lens_model) for file in files]
+    words = ONE_LENS if len(cameras) == 1 else PRIMARY_FIRST
+    no_pose = f"{source}: files of single cameras have no pose."
+    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words)
+
+
+def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
+    """The cameras and the pose of our parameter file."""
+    if len(files) > 1:
+        raise StereocalError(f"{source}: {len(files)} parameter files; give one.")
+    rig = RigParameters.loads(files[0].text, files[0].name)
+    return CameraPair(rig.primary, rig.secondary, rig.pose, program="stereocal", stated="m")
+
+
 READ: Mapping[str, CameraFormat] = {
     **FORMATS,
-    "camera": CameraFormat("camera files", read_cameras, is_camera, one_camera=True),
-    "stereocal": CameraFormat("stereocal", read_parameters, is_parameters),
+    "camera": CameraFormat("camera files", _read_cameras, _is_camera, one_camera=True),
+    "stereocal": CameraFormat(
+        "stereocal",
+        _read_parameters,
+        lambda file: file.ends_with(".json") and _our_format(file) == "parameters",
+    ),
 }
 
 
@@ -176,44 +140,43 @@ def _read(
     return replace(pair, program=pair.program or known.title, stated=stated, usual=known.unit)
 
 
-def export_files(rig: Rig, name: str, options: ExchangeOptions | None = None) -> dict[str, bytes]:
-    """The files of a format by name."""
-    return _format(name).write(posed(rig), options or ExchangeOptions())
-
-
-def export_rig(
-    cameras: Sequence[Posed], name: str, path: str | Path, options: ExchangeOptions | None = None
-) -> list[Path]:
-    """As `export`, of any number of cameras.
+def export_files(
+    rig: Rig | Sequence[Posed], name: str, options: ExchangeOptions | None = None
+) -> dict[str, bytes]:
+    """The files of a format by name.
 
     Args:
-        cameras: the first is the reference.
+        rig: two cameras; or any number, of which the first is the reference.
     """
     known = _format(name)
-    if not known.of_rigs:
+    if not (isinstance(rig, Rig) or known.of_rigs):
         others = ", ".join(key for key, each in FORMATS.items() if each.of_rigs)
         raise StereocalError(
             f"The format {name} is written for two cameras; for a rig there are {others}."
         )
-    return _placed(known.write(cameras, options or ExchangeOptions()), path)
+    cameras = _posed(rig) if isinstance(rig, Rig) else rig
+    return known.write([known.fitting(own) for own in cameras], options or ExchangeOptions())
+
+
+def _posed(rig: Rig) -> list[Posed]:
+    still = Pose(np.eye(3), np.zeros(3))
+    return [("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)]
 
 
 def export(
-    rig: Rig, name: str, path: str | Path, options: ExchangeOptions | None = None
+    rig: Rig | Sequence[Posed], name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
     """Write the files of a format into the folder `path`.
 
     A single file is written as `path` itself if that has an ending, as `dlt.csv`.
 
+    Args:
+        rig: as for `export_files`.
+
     Returns:
         The written files.
     """
-    return _placed(export_files(rig, name, options), path)
-
-
-def _placed(files: Mapping[str, bytes], path: str | Path) -> list[Path]:
-    """Write files into a folder; a single one as `path` itself if that has an ending."""
-    path = Path(path)
+    path, files = Path(path), export_files(rig, name, options)
     alone = len(files) == 1 and path.suffix != "" and not path.is_dir()
     placed = {path if alone else path / each: content for each, content in files.items()}
     write_all(placed)
@@ -222,18 +185,17 @@ def _placed(files: Mapping[str, bytes], path: str | Path) -> list[Path]:
 
 def export_notes(rig: Rig, name: str) -> list[str]:
     """Sentences on what the format does not represent."""
-    known = _format(name)
-    notes = []
-    if known.ignores_skew and any(c.K[0, 1] != 0 for c in (rig.primary, rig.secondary)):
+    known, notes = _format(name), []
+    if known.skew == "ignored" and any(c.K[0, 1] != 0 for c in (rig.primary, rig.secondary)):
         notes.append(
             "A camera has a skew. It is in the camera matrix, but the other program's functions do "
             "not use it."
         )
     if known.without_lens and any(c.distortion.any() for c in (rig.primary, rig.secondary)):
         notes.append("The file does not contain the lenses: undistort points before using it.")
-    for which, camera, _ in posed(rig):
+    for which, camera, _ in _posed(rig):
         count = known.coefficients
-        if count is not None and not camera.is_fisheye and camera.distortion[count:].any():
+        if count in (4, 5) and not camera.is_fisheye and camera.distortion[count:].any():
             notes.append(
                 f"The format has {count} distortion coefficients: those of the {which} camera were "
                 f"refitted, which moves pixels by {rounded(fewer_coefficients(camera, count)[1])} "
@@ -254,8 +216,8 @@ def import_files(
     known, options = _format(name), options or ExchangeOptions()
     if len(files) == 1:
         ((only, content),) = files.items()
-        if known.read is not read_matlab or not is_matlab(content):
-            refuse_other_camera(content, only, may_be_toml=known.read is read_aniposelib)
+        if known is not MATLAB or not is_matlab(content):
+            refuse_other_camera(content, only, may_be_toml=known in (ANIPOSELIB, CALISCOPE))
     rig = _read(files, known, options, source).rig(options, source)
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
     return RigParameters(

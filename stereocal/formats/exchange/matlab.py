@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.lens_fit import lens
-from stereocal.formats.exchange.options import ExchangeOptions, Posed, header, number
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -24,15 +24,21 @@ from stereocal.formats.exchange.reading import (
     camera_of,
     only_file,
     pose_of,
-    size_of,
 )
-from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
+from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number
+from stereocal.formats.matlab_file import Fields, numbers_of, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.units import Unit
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 
+ASSIGNED = (
+    *(f"{name}{k}" for k in "12" for name in ("K", "RadialDistortion", "TangentialDistortion")),
+    "RotationOfCamera2",
+    "TranslationOfCamera2",
+)
+"""Names that a script must assign."""
 PARTS = ("CameraParameters1", "CameraParameters2")
 FIRST_PIXEL = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
 BUILD = """try  % R2022b and later
@@ -59,8 +65,8 @@ def write_matlab(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
         "points are rows: x_secondary = x_primary * RotationOfCamera2 + TranslationOfCamera2.",
         "ImageSize: rows, columns. RadialDistortion: k1 k2 k3. TangentialDistortion: p1 p2.",
     )
-    for k, (which, camera, _pose) in enumerate(two, start=1):
-        k1, k2, p1, p2, k3 = lens(camera, 5, which, "MATLAB's cameraParameters")
+    for k, (_which, camera, _pose) in enumerate(two, start=1):
+        k1, k2, p1, p2, k3 = camera.distortion
         width, height = camera.image_size
         text += _assign(f"K{k}", camera.K + FIRST_PIXEL)
         text += _assign(f"RadialDistortion{k}", np.array([[k1, k2, k3]]))
@@ -102,61 +108,52 @@ def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     """Two cameras and their pose from a script as ours, or from a struct (`toStruct`)."""
     file = only_file(files, (".m", ".mat"), source)
     if is_matlab(file.content):
-        return stereo_of(read_structs(file.content, file.name), file.name)
-    name, code = file.name, _without_comments(file.text)
-    tables = {key: _table(body, key, name) for key, body in _ASSIGNED.findall(code)}
-    cameras = []
-    for at, which in enumerate(CAMERAS):
-        k = at + 1
-        K = _required(tables, f"K{k}", (3, 3), name) - FIRST_PIXEL
-        radial = _required(tables, f"RadialDistortion{k}", (-1,), name)
-        tangential = _required(tables, f"TangentialDistortion{k}", (2,), name)
-        if len(radial) not in (2, 3):
-            raise StereocalError(f"{name}: RadialDistortion{k} must have two or three numbers.")
-        size = tables.get(f"ImageSize{k}")
-        size = None if size is None else size.ravel()[::-1]
-        distortion = np.concatenate([radial[:2], tangential, radial[2:]])
-        size_px = size_of(size, options, at, name)
-        cameras.append(camera_of(K, distortion, size_px, f"{name}, {which}"))
-    R = _required(tables, "RotationOfCamera2", (3, 3), name).T
-    pose = pose_of(R, _required(tables, "TranslationOfCamera2", (3,), name), name)
-    return CameraPair(cameras[0], cameras[1], pose, stated=_unit_of(code, name))
+        return stereo_of(read_structs(file.content, file.name), file.name, options)
+    code = _without_comments(file.text)
+    assigned = {key: _table(body, key, file.name) for key, body in _ASSIGNED.findall(code)}
+    if missing := [key for key in ASSIGNED if not assigned.get(key, np.zeros(0)).size]:
+        raise StereocalError(
+            f"{file.name}: {missing[0]} is missing; expected is a script as stereocal writes it, "
+            f"which assigns {', '.join(ASSIGNED)}, ImageSize1 and ImageSize2."
+        )
+    fields: dict[str, Any] = dict(assigned)
+    for k, part in enumerate(PARTS, start=1):
+        fields[part] = {key[:-1]: assigned[key] for key in assigned if key.endswith(str(k))}
+    units = set(_WORLD_UNITS.findall(code))
+    known = {WORLD_UNITS.get(unit) for unit in units}
+    if None in known or len(known) > 1:
+        raise StereocalError(
+            f"{file.name}: its WorldUnits are {', '.join(sorted(units))[:60]}; write the lengths "
+            "in one of m, cm and mm."
+        )
+    pair = stereo_of({"": fields}, file.name, options)
+    return replace(pair, program="", words="", stated=next(iter(known), None))
 
 
-def stereo_of(structs: Mapping[str, Fields], source: str) -> CameraPair:
+def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptions) -> CameraPair:
     """The cameras and their pose from the structs of a .mat file by name."""
     for fields in structs.values():
         if all(isinstance(fields.get(part), Mapping) for part in PARTS):
             primary, secondary = (
-                _struct_camera(fields[part], f"{source}, {which}")
-                for part, which in zip(PARTS, CAMERAS, strict=True)
+                _camera(fields[part], options, k, f"{source}, {CAMERAS[k]}")
+                for k, part in enumerate(PARTS)
             )
+            stated = [part.get("WorldUnits") for part in (fields, *(fields[p] for p in PARTS))]
+            known = {WORLD_UNITS[each] for each in stated if each in WORLD_UNITS}
             return CameraPair(
                 primary,
                 secondary,
-                _struct_pose(fields, source),
+                _pose(fields, source),
                 f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct.",
                 "MATLAB",
                 "stereoParams",
-                stated=_struct_unit(fields),
+                stated=known.pop() if len(known) == 1 else None,
             )
     raise StereocalError(
         f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "
         f"(it contains: {', '.join(structs)[:100]}). In MATLAB: s = toStruct(stereoParams); "
         "save('stereo.mat', 's', '-v7')."
     )
-
-
-def _unit_of(code: str, source: str) -> Unit | None:
-    units = set(_WORLD_UNITS.findall(code))
-    unknown = sorted(units - set(WORLD_UNITS))
-    known = {WORLD_UNITS[unit] for unit in units & set(WORLD_UNITS)}
-    if unknown or len(known) > 1:
-        raise StereocalError(
-            f"{source}: its WorldUnits are {', '.join(sorted(units))[:60]}; write the lengths in "
-            "one of m, cm and mm."
-        )
-    return known.pop() if known else None
 
 
 def _assign(name: str, values: FloatArray) -> str:
@@ -172,34 +169,20 @@ def _table(body: str, key: str, source: str) -> FloatArray:
         raise StereocalError(f"{source}: {key} contains something that is not a number.") from error
 
 
-def _required(
-    tables: Mapping[str, FloatArray], key: str, shape: tuple[int, ...], source: str
-) -> FloatArray:
-    if key not in tables:
-        raise StereocalError(
-            f"{source}: {key} is missing; expected is a script as stereocal writes it, which "
-            "assigns K1, RadialDistortion1, TangentialDistortion1, ImageSize1, the same with 2, "
-            "RotationOfCamera2 and TranslationOfCamera2."
-        )
-    return array_of(tables[key], shape, key, source)
-
-
-def _struct_camera(fields: Fields, source: str) -> Camera:
-    """The camera of a cameraParameters or cameraIntrinsics struct."""
+def _camera(fields: Fields, options: ExchangeOptions, k: int, source: str) -> Camera:
+    """The camera of a cameraParameters or cameraIntrinsics struct, or of a script."""
     inner = fields.get("Intrinsics")
     fields = {**fields, **inner} if isinstance(inner, Mapping) else fields
     radial = numbers_of(fields, "RadialDistortion", source)
     radial = np.zeros(2) if radial is None else radial.ravel()
     if len(radial) not in (2, 3) or not np.isfinite(radial).all():
         raise StereocalError(f"{source}: RadialDistortion must have two or three numbers.")
-    tangential = (
-        required(fields, "TangentialDistortion", 2, source)
-        if "TangentialDistortion" in fields
-        else np.zeros(2)
-    )
-    height, width = required(fields, "ImageSize", 2, source)
-    distortion = np.concatenate([radial[:2], tangential, radial[2:], np.zeros(3 - len(radial))])
-    return camera_of(_matrix(fields, source), distortion, (int(width), int(height)), source)
+    tangential = np.zeros(2)
+    if "TangentialDistortion" in fields:
+        tangential = _required(fields, "TangentialDistortion", (2,), source)
+    size = _required(fields, "ImageSize", (2,), source)[::-1] if "ImageSize" in fields else None
+    lens = np.concatenate([radial[:2], tangential, radial[2:]])
+    return camera_of(_matrix(fields, source), lens, size, False, options, k, source)
 
 
 def _matrix(fields: Fields, source: str) -> FloatArray:
@@ -210,27 +193,32 @@ def _matrix(fields: Fields, source: str) -> FloatArray:
             if found.shape != (3, 3):
                 raise StereocalError(f"{source}: {name} is not a 3x3 matrix.")
             return np.asarray((found.T if transposed else found) - FIRST_PIXEL)
-    f, c = (required(fields, name, 2, source) for name in ("FocalLength", "PrincipalPoint"))
+    f, c = (_required(fields, name, (2,), source) for name in ("FocalLength", "PrincipalPoint"))
     return camera_matrix(f[0], f[1], c[0] - 1, c[1] - 1)
 
 
-def _struct_pose(fields: Fields, source: str) -> Pose | None:
+def _pose(fields: Fields, source: str) -> Pose | None:
     """RotationOfCamera2 is R transposed; PoseCamera2 is the pose's inverse, its matrix in A."""
-    R = numbers_of(fields, "RotationOfCamera2", source)
-    if R is not None:
-        R = required({"R": R}, "R", 9, f"{source}, RotationOfCamera2").reshape(3, 3).T
-        return pose_of(R, required(fields, "TranslationOfCamera2", 3, source), source)
+    if fields.get("RotationOfCamera2") is not None:
+        R = _required(fields, "RotationOfCamera2", (3, 3), source).T
+        return pose_of(R, _required(fields, "TranslationOfCamera2", (3,), source), source)
     pose: Any = fields.get("PoseCamera2")
-    inner = pose if isinstance(pose, Mapping) else {"A": pose}
-    A = numbers_of(inner, "A", source) if inner.get("A") is not None else None
-    if A is None:
-        return None
-    A = required({"A": A}, "A", 16, f"{source}, PoseCamera2").reshape(4, 4)
-    return pose_of(A[:3, :3], A[:3, 3], source).inverse()
+    A = numbers_of(pose if isinstance(pose, Mapping) else {"A": pose}, "A", source)
+    return None if A is None else pose_of(A, None, f"{source}, PoseCamera2").inverse()
 
 
-def _struct_unit(fields: Fields) -> Unit | None:
-    parts = [fields, *(fields[part] for part in PARTS)]
-    stated = [part.get("WorldUnits") for part in parts]
-    known = {WORLD_UNITS[unit] for unit in stated if isinstance(unit, str) and unit in WORLD_UNITS}
-    return known.pop() if len(known) == 1 else None
+def _required(fields: Fields, name: str, shape: tuple[int, ...], source: str) -> FloatArray:
+    found = numbers_of(fields, name, source)
+    if found is None:
+        raise StereocalError(f"{source}: {name} is missing.")
+    return array_of(found, shape, name, source)
+
+
+MATLAB = ExchangeFormat(
+    "MATLAB (stereoParameters)",
+    read_matlab,
+    is_matlab_file,
+    write=write_matlab,
+    fisheye=False,
+    coefficients=5,
+)

@@ -1,26 +1,16 @@
-"""What the user states about files of other programs, and how numbers and text are written."""
+"""What files of other programs may not say: the user's statements, as page and command line ask."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-import numpy as np
-
-from stereocal.errors import StereocalError
-from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
-from stereocal.formats.units import Unit
-from stereocal.rig.camera import Camera, LensModel
-from stereocal.rig.compiled import FloatArray
+from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
+from stereocal.formats.units import UNITS, Unit
+from stereocal.rig.camera import LensModel
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
-from stereocal.version import __version__
 
 ImageSize = tuple[int, int]
-Posed = tuple[str, Camera, Pose]
-"""A camera's name, lens, and pose from the first camera."""
-OUR_UNIT = "lengths in metres"
-"""Text in all files that stereocal writes, except DLT coefficients."""
 USUAL_ORIGIN = PixelOrigin()
 
 
@@ -56,42 +46,51 @@ class ExchangeOptions:
         )
 
 
-def posed(rig: Rig) -> tuple[Posed, Posed]:
-    """Two cameras, with their poses from the primary."""
-    still = Pose(np.eye(3), np.zeros(3))
-    return ("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)
+@dataclass(frozen=True)
+class Question:
+    """A question, whose answer is a field of `ExchangeOptions`; None: as file or program say."""
+
+    option: str
+    """On the command line."""
+    title: str
+    """On the page."""
+    help: str
+    choices: Mapping[str, str] = field(default_factory=dict)
+    """Answers and their words on the page; empty: a number."""
 
 
-def rig_of(two: Sequence[Posed]) -> Rig:
-    """The inverse of `posed`."""
-    (_, primary, _), (_, secondary, pose) = two
-    return Rig(primary, secondary, pose)
-
-
-def header(mark: str, *lines: str) -> str:
-    """Comment lines that describe the file."""
-    comments = [
-        f"Written by stereocal {__version__}.",
-        f"x_secondary = R x_primary + T; {OUR_UNIT}, image coordinates in pixels.",
-        *lines,
-    ]
-    return "".join(f"{mark} {line}\n" for line in comments)
-
-
-def number(value: float) -> str:
-    """All digits of a float, with a point: YAML 1.1 reads `1e-05` as text."""
-    text = repr(float(value))
-    return text if "." in text or "e" not in text else text.replace("e", ".0e")
-
-
-def numbers(values: FloatArray | Sequence[float]) -> str:
-    """Numbers in brackets."""
-    return "[" + ", ".join(number(value) for value in np.asarray(values).ravel()) + "]"
-
-
-def refuse_skew(camera: Camera, which: str, where: str) -> None:
-    """Raise a `StereocalError` if the skew is not 0."""
-    if camera.K[0, 1] != 0:
-        raise StereocalError(
-            f"{where} does not support skew; that of the {which} camera is {camera.K[0, 1]:g} px."
-        )
+QUESTIONS: Mapping[str, Question] = {
+    "unit": Question(
+        "--unit",
+        "Its lengths are in",
+        "unit of the lengths in the files, if they do not state it",
+        {unit: unit for unit in UNITS},
+    ),
+    "lens_model": Question(
+        "--lens-model",
+        "Four distortion coefficients are",
+        "the model of four distortion coefficients, if the file does not state it: brown is "
+        "OpenCV's usual k1 k2 p1 p2, fisheye its k1 k2 k3 k4",
+        {"brown": "k1 k2 p1 p2: the usual lens", "fisheye": "k1 k2 k3 k4: a fisheye"},
+    ),
+    "corner": Question(
+        "--image-origin",
+        "Points are counted from the",
+        "origin of points and DLT coefficients (default: the program's, or upper-left). Lower "
+        "left: DLTdv5 to 7, Argus, easyWand. Upper left: DLTdv8",
+        {corner: corner.replace("-", " ") for corner in CORNERS},
+    ),
+    "first_pixel": Question(
+        "--first-pixel",
+        "The first pixel's centre is at",
+        "coordinate of the first pixel's centre: 0 here and in OpenCV, 1 in MATLAB and DLTdv, 0.5 "
+        "in COLMAP",
+    ),
+    "flip": Question(
+        "--flip",
+        "Height h counts as",
+        "lower left: v' = this minus v, with the image height h (most programs: h)",
+        dict(zip(FLIPS, ("h − v (most programs)", "h − 1 − v", "h + 1 − v"), strict=True)),
+    ),
+}
+ORIGIN = ("corner", "first_pixel", "flip")

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.file_storage import Storage, read_storage
+from stereocal.formats.lens_model import lens_model_of
 from stereocal.formats.units import Unit, metres_per_unit
 from stereocal.formats.yaml_text import read_yaml
-from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -61,50 +61,6 @@ class ForeignFile:
 Files = Sequence[ForeignFile]
 
 
-@dataclass(frozen=True, eq=False)
-class CameraPair:
-    """Two cameras of another program's files, and their pose if it is known."""
-
-    primary: Camera
-    secondary: Camera
-    pose: Pose | None
-    """`secondary_from_primary`, in the unit of the file."""
-    no_pose: str = ""
-    """Why there is no pose, for an error."""
-    program: str = ""
-    words: str = ""
-    """Which cameras they are."""
-    cameras: tuple[str, ...] = ()
-    """Names of all cameras of the file, if it can have any number of them."""
-    remarks: tuple[str, ...] = ()
-    """For the user."""
-    stated: Unit | None = None
-    """Unit of the file, if it states one."""
-    usual: Unit | None = None
-    """Unit of all files of this program."""
-
-    def scale(self, baseline: float, unit: Unit | None, source: str) -> float:
-        """Metres per unit of the file; `unit` is stated by the user.
-
-        Raises:
-            UnitError: the unit is not known, or implausible.
-        """
-        return metres_per_unit(baseline, self.stated, unit, self.usual, source)
-
-    def rig(self, options: ExchangeOptions, source: str) -> Rig:
-        """The rig in metres."""
-        if len(self.cameras) > 2 and options.cameras is None:
-            raise StereocalError(
-                f"two cameras are expected; the file has {len(self.cameras)} "
-                f"({', '.join(self.cameras)[:200]}).",
-                source,
-            )
-        if self.pose is None:
-            raise StereocalError(self.no_pose)
-        scale = self.scale(self.pose.baseline, options.unit, source)
-        return Rig(self.primary, self.secondary, Pose(self.pose.R, scale * self.pose.T))
-
-
 @dataclass(frozen=True)
 class Chosen:
     """The two cameras that are taken of those in a file."""
@@ -135,16 +91,75 @@ class Chosen:
         )
 
 
-def chosen_pair(cameras: tuple[str, ...], wanted: tuple[str, str] | None, source: str) -> Chosen:
+@dataclass(frozen=True, eq=False)
+class CameraPair:
+    """Two cameras of another program's files, and their pose if it is known."""
+
+    primary: Camera
+    secondary: Camera
+    pose: Pose | None
+    """`secondary_from_primary`, in the unit of the file."""
+    no_pose: str = ""
+    """Why there is no pose, for an error."""
+    program: str = ""
+    words: str = ""
+    """Which cameras they are."""
+    chosen: Chosen | None = None
+    """Of a file that can have any number of cameras."""
+    stated: Unit | None = None
+    """Unit of the file, if it states one."""
+    usual: Unit | None = None
+    """Unit of all files of this program."""
+
+    def scale(self, baseline: float, unit: Unit | None, source: str) -> float:
+        """Metres per unit of the file; `unit` is stated by the user.
+
+        Raises:
+            UnitError: the unit is not known, or implausible.
+        """
+        return metres_per_unit(baseline, self.stated, unit, self.usual, source)
+
+    def rig(self, options: ExchangeOptions, source: str) -> Rig:
+        """The rig in metres."""
+        names = self.chosen.cameras if self.chosen else ()
+        if len(names) > 2 and options.cameras is None:
+            raise StereocalError(
+                f"two cameras are expected; the file has {len(names)} ({', '.join(names)[:200]}).",
+                source,
+            )
+        if self.pose is None:
+            raise StereocalError(self.no_pose)
+        scale = self.scale(self.pose.baseline, options.unit, source)
+        return Rig(self.primary, self.secondary, Pose(self.pose.R, scale * self.pose.T))
+
+
+@dataclass(frozen=True)
+class CameraFormat:
+    """How the camera files of a program are read."""
+
+    title: str
+    read: Callable[[Files, ExchangeOptions, str], CameraPair]
+    recognises: Callable[[ForeignFile], bool] | None = None
+    """Whether a file is of this format; None: files are not recognised, but read by its name."""
+    names: Callable[[ForeignFile], tuple[str, ...]] | None = None
+    """Names of the cameras, if a file can have any number of them."""
+    one_camera: bool = False
+    """Whether each file has one camera."""
+    unit: Unit | None = None
+    """Unit of all its files, by its documentation."""
+
+
+def chosen_pair(cameras: Sequence[str], wanted: tuple[str, str] | None, source: str) -> Chosen:
     """The primary and the secondary among the cameras of a file."""
-    if len(cameras) < 2:
-        raise StereocalError(f"two cameras are expected; the file has {len(cameras)}.", source)
+    names = tuple(cameras)
+    if len(names) < 2:
+        raise StereocalError(f"two cameras are expected; the file has {len(names)}.", source)
     if wanted is None:
-        return Chosen(cameras, (0, 1), False)
-    first, second = (camera_index(name, cameras, source) for name in wanted)
+        return Chosen(names, (0, 1), False)
+    first, second = (camera_index(name, names, source) for name in wanted)
     if first == second:
         raise StereocalError("primary and secondary are the same camera: choose two.", source)
-    return Chosen(cameras, (first, second), True)
+    return Chosen(names, (first, second), True)
 
 
 def has_cameras(cameras: tuple[str, ...], wanted: tuple[str, str]) -> bool:
@@ -221,18 +236,34 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
 
 
 def camera_of(
-    K: FloatArray,
-    distortion: npt.ArrayLike,
-    size: ImageSize,
+    K: Any,
+    distortion: Any,
+    size: Any,
+    stated: object,
+    options: ExchangeOptions,
+    k: int,
     source: str,
-    model: LensModel = "brown",
 ) -> Camera:
-    """A camera whose errors begin with `source`."""
+    """Camera `k`, 0 or 1, of what a file has.
+
+    Args:
+        size: width and height; None if the file does not state it.
+        stated: the lens model, as for `lens_model_of`.
+        source: what errors begin with.
+    """
+    coefficients = array_of(distortion, (-1,), "the distortion", source)
+    model = lens_model_of(coefficients, stated, options.lens_model, source)
+    image_size = size_of(size, options, k, source)
+    matrix = array_of(K, (3, 3), "the camera matrix", source)
     with naming(source):
-        return Camera(K, np.asarray(distortion, dtype=np.float64), size, model=model)
+        return Camera(matrix, coefficients, image_size, model=model)
 
 
-def pose_of(R: npt.ArrayLike, T: FloatArray, source: str) -> Pose:
-    """A pose whose errors begin with `source`."""
+def pose_of(R: Any, T: Any, source: str) -> Pose:
+    """The pose of what a file has: 3x3 and 3 numbers, or 4x4 numbers in `R` if there is no `T`."""
+    if T is None:
+        whole = array_of(R, (4, 4), "the pose", source)
+        R, T = whole[:3, :3], whole[:3, 3]
+    rotation, shift = array_of(R, (3, 3), "R", source), array_of(T, (3,), "T", source)
     with naming(source):
-        return Pose(np.asarray(R, dtype=np.float64), T)
+        return Pose(rotation, shift)

@@ -1,0 +1,367 @@
+"""Camera files as TOML (aniposelib, Caliscope), COLMAP's text model, and DLT coefficients.
+
+aniposelib and Caliscope state each camera's pose from the world, our primary's frame.
+
+COLMAP's pixel origin is the corner of the first pixel, whose centre is (0.5, 0.5). Quaternions are
+w x y z. The rig's frame is the primary's, so the secondary's `sensor_from_rig` is our pose.
+
+DLT, for DLTdv, easyWand and Argus: 11 rows, one column per camera,
+`u = (L1 X + L2 Y + L3 Z + L4) / (L9 X + L10 Y + L11 Z + 1)`, v with L5 to L8, for undistorted
+points; the lens is not in the file. They are P = K [R | t] row by row, divided by its last entry.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import rq
+from scipy.spatial.transform import Rotation
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    ForeignFile,
+    array_of,
+    camera_matrix,
+    camera_of,
+    chosen_pair,
+    only_file,
+    pose_of,
+    size_of,
+)
+from stereocal.formats.exchange.writing import (
+    COEFFICIENTS,
+    ExchangeFormat,
+    Posed,
+    header,
+    number,
+    numbers,
+)
+from stereocal.formats.yaml_text import check_length
+from stereocal.rig.camera import CAMERAS, FISHEYE_UNKNOWNS, Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.system.arrays import LARGEST
+from stereocal.system.json_text import check_depth
+
+MOST_DOTS = 100
+"""In one key. The parser keeps every beginning of a dotted key: 20,000 parts took 1.5 GB."""
+BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
+FIRST_PIXEL = 0.5
+RATIONAL, FISHEYE = COEFFICIENTS[:8], FISHEYE_UNKNOWNS[4:]
+MODELS: Mapping[str, tuple[str, ...]] = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", *FISHEYE),
+    "FULL_OPENCV": ("fx", "fy", "cx", "cy", *RATIONAL),
+}
+"""COLMAP's."""
+ORIGIN_BEHIND_M = 1e-6
+"""DLT cannot represent a camera at the origin, where the last entry of P is 0. So without a world
+frame of the user, the origin is put 0.001 mm in front of the primary camera."""
+
+
+def write_aniposelib(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`calibration.toml`."""
+    text = _toml_header(cameras)
+    for k, own in enumerate(cameras):
+        text += f"\n[cam_{k}]\nname = {json.dumps(own[0])}\n"
+        text += "fisheye = true\n" * own[1].is_fisheye + _toml_values(own)
+    return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
+
+
+def write_caliscope(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`camera_array.toml`, where the names of cameras are numbers."""
+    text = _toml_header(cameras)
+    for k, own in enumerate(cameras):
+        text += f"\n# {json.dumps(own[0])}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
+        text += f"fisheye = {json.dumps(own[1].is_fisheye)}\n{_toml_values(own)}"
+    return {"camera_array.toml": text.encode()}
+
+
+def _toml_header(cameras: Sequence[Posed]) -> str:
+    return header(
+        "#",
+        f"The world is the frame of the {cameras[0][0]} camera, the first. rotation: rotation "
+        "vector, radians.",
+        "size: width, height; the centre of the top-left pixel is (0, 0).",
+    )
+
+
+def _toml_values(own: Posed) -> str:
+    """What both programs write of a camera."""
+    _, camera, pose = own
+    return (
+        f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
+        f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
+        f"distortions = {numbers(camera.distortion)}\n"
+        f"rotation = {numbers(Rotation.from_matrix(pose.R).as_rotvec())}\n"
+        f"translation = {numbers(pose.T)}\n"
+    )
+
+
+def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras of aniposelib's or Caliscope's file; the pose is known if both have one."""
+    file = only_file(files, (".toml",), source)
+    data = read_toml(file.text, file.name)
+    sections = _sections(data)
+    if not sections:
+        raise StereocalError(
+            "this TOML file has no cameras, as aniposelib's calibration.toml or Caliscope's "
+            "camera_array.toml.",
+            file.name,
+        )
+    chosen = chosen_pair([*sections], options.cameras, file.name)
+    cameras, poses = [], []
+    for k, name in enumerate(chosen.names):
+        own, where = sections[name], f"{file.name}, {name}"
+        lens = own.get("matrix"), own.get("distortions"), own.get("size"), own.get("fisheye")
+        cameras.append(camera_of(*lens, options, k, where))
+        if "rotation" in own and "translation" in own:
+            poses.append(_toml_pose(own, where))
+    return CameraPair(
+        cameras[0],
+        cameras[1],
+        poses[1] @ poses[0].inverse() if len(poses) == 2 else None,
+        f"{file.name}: a camera has no rotation and translation.",
+        "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib",
+        chosen.words,
+        chosen,
+    )
+
+
+def aniposelib_names(file: ForeignFile) -> tuple[str, ...]:
+    """Names of the cameras."""
+    return tuple(_sections(read_toml(file.text, file.name)))
+
+
+def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """The cameras of aniposelib's `[cam_0]`, or of Caliscope's `[cameras.0]`, in their order.
+
+    Cameras that Caliscope ignores are left out.
+    """
+    caliscope = data.get("cameras")
+    found = caliscope if isinstance(caliscope, dict) else data
+    return {
+        key: found[key]
+        for key in sorted(found, key=lambda key: (len(key), key))
+        if isinstance(found[key], dict) and "matrix" in found[key] and not found[key].get("ignore")
+    }
+
+
+def read_toml(text: str, name: str) -> dict[str, Any]:
+    """The content of a TOML file."""
+    check_length(text, name)
+    check_depth(text, name)
+    if any(piece.count(".") > MOST_DOTS for piece in BETWEEN_KEYS.split(text)):
+        raise StereocalError(f"{name}: a key has more than {MOST_DOTS} parts; it is not read.")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of too many digits is a ValueError
+        raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
+
+
+def _toml_pose(data: Mapping[str, Any], source: str) -> Pose:
+    """Camera from world; a rotation vector, or Caliscope's matrix."""
+    rotation = array_of(data["rotation"], (-1,), "rotation", source)
+    if rotation.size != 9:
+        turn = Rotation.from_rotvec(array_of(rotation, (3,), "rotation", source))
+        rotation = turn.as_matrix()
+    return pose_of(rotation, data["translation"], source)
+
+
+def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`cameras.txt` and `rigs.txt`, the other files of a model (empty), and `rig_config.json`."""
+    comment = header(
+        "#",
+        "Camera 1 is the primary and the rig's frame, camera 2 the secondary.",
+        "The centre of the top-left pixel is (0.5, 0.5).",
+    )
+    cameras = comment + "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+    config: list[dict[str, Any]] = []
+    for k, (which, camera, _pose) in enumerate(two, start=1):
+        K, lens, model = camera.K, camera.distortion, "OPENCV_FISHEYE"
+        if not camera.is_fisheye:
+            model = "FULL_OPENCV" if lens[4:].any() else "OPENCV"
+            lens = lens if lens[4:].any() else lens[:4]
+        centre = K[0, 2] + FIRST_PIXEL, K[1, 2] + FIRST_PIXEL
+        parameters = [float(value) for value in (K[0, 0], K[1, 1], *centre, *lens)]
+        width, height = camera.image_size
+        cameras += f"{k} {model} {width} {height} {' '.join(map(number, parameters))}\n"
+        about = {"camera_model_name": model, "camera_params": parameters}
+        config.append({"image_prefix": f"{which}/", **about})
+    pose = two[1][2]
+    quaternion = Rotation.from_matrix(pose.R).as_quat(scalar_first=True, canonical=True)
+    moved = " ".join(number(value) for value in [*quaternion, *pose.T])
+    rigs = comment + "#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as\n"
+    rigs += "#   (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n"
+    rigs += f"1 2 CAMERA 1 CAMERA 2 1 {moved}\n"
+    config[0]["ref_sensor"] = True
+    config[1]["cam_from_rig_rotation"] = quaternion.tolist()
+    config[1]["cam_from_rig_translation"] = pose.T.tolist()
+    empty = dict.fromkeys(("frames.txt", "images.txt", "points3D.txt"), comment.encode())
+    return {
+        "cameras.txt": cameras.encode(),
+        "rigs.txt": rigs.encode(),
+        **empty,
+        "rig_config.json": (json.dumps([{"cameras": config}], indent=2) + "\n").encode(),
+    }
+
+
+def read_colmap(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """The two cameras of the only rig in `cameras.txt` and `rigs.txt`."""
+    named = {file.name: file for file in files}
+    for name in ("cameras.txt", "rigs.txt"):
+        if name not in named:
+            raise StereocalError(
+                f"{source}: {name} is missing; use the folder of a sparse model as text "
+                "(colmap model_converter --output_type TXT)."
+            )
+    cameras = {cells[0]: cells for cells in _rows(named["cameras.txt"])}
+    rigs = _rows(named["rigs.txt"])
+    if len(rigs) != 1 or len(rigs[0]) != 14 or rigs[0][1] != "2" or rigs[0][6] != "1":
+        raise StereocalError("rigs.txt: one rig of two cameras with their pose is expected.")
+    cells = rigs[0]
+    if cells[3] not in cameras or cells[5] not in cameras:
+        raise StereocalError("rigs.txt: the rig names a camera that is missing in cameras.txt.")
+    values = array_of(cells[7:], (7,), "the pose", "rigs.txt")
+    if not 1e-9 < np.abs(values[:4]).max() < 1e9:
+        raise StereocalError("rigs.txt: the rotation is not a quaternion.")
+    R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
+    first, second = (_colmap_camera(cameras[cells[at]], options, k) for k, at in enumerate((3, 5)))
+    return CameraPair(first, second, pose_of(R, values[4:], "rigs.txt"))
+
+
+def _colmap_camera(cells: list[str], options: ExchangeOptions, k: int) -> Camera:
+    source = "cameras.txt"
+    if len(cells) < 5:
+        raise StereocalError(f"{source}: a camera has fewer than five entries.")
+    model = cells[1]
+    if model not in MODELS:
+        raise StereocalError(
+            f"{source}: the lens model {model} is not supported; use one of {', '.join(MODELS)}."
+        )
+    names = MODELS[model]
+    values = array_of(cells[4:], (len(names),), f"the parameters of {model}", source)
+    named = dict(zip(names, values.tolist(), strict=True))
+    fx = named.get("fx", named.get("f", 0.0))
+    K = camera_matrix(fx, named.get("fy", fx), named["cx"] - FIRST_PIXEL, named["cy"] - FIRST_PIXEL)
+    fisheye = model == "OPENCV_FISHEYE"
+    lens = [named.get(name, 0.0) for name in (FISHEYE if fisheye else RATIONAL)]
+    return camera_of(K, lens, cells[2:4], fisheye, options, k, source)
+
+
+def _rows(file: ForeignFile) -> list[list[str]]:
+    lines = file.text.splitlines()
+    return [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+def write_dlt(cameras: Sequence[Posed], options: ExchangeOptions) -> dict[str, bytes]:
+    """`dlt.csv`, a column a camera."""
+    first = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
+    if options.world is not None:
+        first = options.world.inverse()
+    columns = [dlt_coefficients(camera, pose @ first, options) for _, camera, pose in cameras]
+    rows = zip(*columns, strict=True)
+    return {"dlt.csv": "".join(",".join(map(number, row)) + "\n" for row in rows).encode()}
+
+
+def dlt_coefficients(
+    camera: Camera, camera_from_world: Pose, options: ExchangeOptions
+) -> FloatArray:
+    """(11,): of a camera, for undistorted pixels with the origin of `options`."""
+    origin = options.origin().matrix(camera.image_size[1])
+    P = origin @ camera.K @ np.column_stack([camera_from_world.R, camera_from_world.T])
+    if abs(P[2, 3]) < 1e-9:
+        raise StereocalError(
+            "The origin of the world lies in the plane of a camera's centre, where DLT "
+            "coefficients do not exist: move the world's origin."
+        )
+    return np.asarray((P / P[2, 3]).ravel()[:11])
+
+
+def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras without lens distortion, and their pose; the world frame is ignored."""
+    file = only_file(files, (".csv", ".txt"), source)
+    name, lines = file.name, io.StringIO(file.text)
+    try:
+        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise StereocalError(f"{name}: this is not a CSV file ({error}).") from error
+    table = array_of(rows, (-1,), "the table", name)
+    if len(rows) != 11 or len(table) != 22:
+        raise StereocalError(
+            f"{name}: 11 rows with one column for each of two cameras are expected, without a "
+            f"header; the file has {len(rows)} rows and {len(rows[0]) if rows else 0} columns."
+        )
+    cameras, poses = [], []
+    for k, which in enumerate(CAMERAS):
+        source = f"{name}, {which}"
+        size = size_of(None, options, k, name)
+        P = np.append(table.reshape(11, 2)[:, k], 1.0).reshape(3, 4)
+        K, pose = _decomposed(np.linalg.inv(options.origin().matrix(size[1])) @ P, source)
+        cameras.append(camera_of(K, (), size, False, options, k, source))
+        poses.append(pose)
+    # The file cannot state a unit; our files are recognised by their world origin.
+    ours = np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6) and np.allclose(
+        poses[0].T, [0.0, 0.0, ORIGIN_BEHIND_M], rtol=0, atol=1e-3 * ORIGIN_BEHIND_M
+    )
+    pose = poses[1] @ poses[0].inverse()
+    return CameraPair(cameras[0], cameras[1], pose, stated="m" if ours else None)
+
+
+def _decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
+    """K and pose of a projection matrix of any scale and sign."""
+    largest = float(np.abs(P).max())
+    scale = float(np.linalg.norm(P[2, :3])) if largest < LARGEST else 0.0
+    if largest >= LARGEST * scale or abs(np.linalg.det(P[:, :3] / scale)) < 1e-9:
+        raise StereocalError(f"{source}: the coefficients are not those of a camera.")
+    P = P / scale * np.sign(np.linalg.det(P[:, :3]))
+    K, R = rq(P[:, :3])
+    signs = np.diag(np.sign(np.diag(K)))
+    K, R = K @ signs, signs @ R
+    if np.diag(K).min() < 1e-12 * np.abs(K).max():
+        raise StereocalError(f"{source}: the coefficients are not those of a camera.")
+    t = np.linalg.solve(K, P[:, 3])
+    K /= K[2, 2]
+    K[[1, 2, 2], [0, 0, 1]] = 0.0
+    K[2, 2] = 1.0
+    return K, pose_of(R, t, source)
+
+
+ANIPOSELIB = ExchangeFormat(
+    "aniposelib (calibration.toml)",
+    read_aniposelib,
+    lambda file: file.ends_with(".toml"),
+    aniposelib_names,
+    write=write_aniposelib,
+    of_rigs=True,
+    skew="ignored",
+    coefficients=5,
+)
+CALISCOPE = replace(
+    ANIPOSELIB, title="Caliscope (camera_array.toml)", recognises=None, write=write_caliscope
+)
+COLMAP = ExchangeFormat(
+    "COLMAP (rig)", read_colmap, write=write_colmap, skew="refused", coefficients=8
+)
+DLT = ExchangeFormat(
+    "DLT coefficients (DLTdv, easyWand, Argus)",
+    read_dlt,
+    write=write_dlt,
+    of_rigs=True,
+    without_lens=True,
+)

@@ -1,0 +1,374 @@
+"""Camera files in YAML: OpenCV's stereo sample, ROS camera_info, and Kalibr's camchain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import K_NAMES
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.reading import (
+    STORAGES,
+    CameraPair,
+    Files,
+    ForeignFile,
+    array_of,
+    camera_matrix,
+    camera_of,
+    chosen_pair,
+    only_file,
+    pose_of,
+)
+from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number, numbers
+from stereocal.formats.file_storage import find_node, is_number, matrix_of, stated_lens_model
+from stereocal.formats.lens_model import FISHEYE, five_or_more
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "CM1"),
+    "M2": ("M2", "K2", "cameraMatrix2", "camera_matrix_2", "CM2"),
+    "D1": ("D1", "distCoeffs1", "distortion_coefficients_1"),
+    "D2": ("D2", "distCoeffs2", "distortion_coefficients_2"),
+    "R": ("R",),
+    "T": ("T",),
+}
+"""Common names of OpenCV's matrices; we write those of its sample."""
+ONE_LENS, PRIMARY_FIRST = "one lens for both cameras", "primary first"
+SINGLE_FILES = "camera files"
+"""Program and words of cameras that were calibrated one by one."""
+
+
+def write_opencv(two: Sequence[Posed], _options: ExchangeOptions) -> dict[str, bytes]:
+    """`intrinsics.yml` and `extrinsics.yml`; R1, R2, P1, P2, Q are of `rectification`."""
+    (_, primary, _), (_, secondary, pose) = two
+    fisheye = primary.is_fisheye
+    if fisheye != secondary.is_fisheye:
+        raise StereocalError(
+            "OpenCV's stereo files have one lens model for both cameras, but one camera of this "
+            "pair is a fisheye and the other is not. Choose another format."
+        )
+    comment = "1 is the primary camera, 2 the secondary."
+    lens = "k1 k2 k3 k4 of a fisheye" if fisheye else "k1 k2 p1 p2 [k3 [k4 k5 k6 ...]]"
+    intrinsics = header(
+        "#",
+        comment,
+        f"M: camera matrix; D: {lens}; sizes: width, height.",
+        "The centre of the top-left pixel is (0, 0).",
+    )
+    sizes = ""
+    for k, camera in ((1, primary), (2, secondary)):
+        intrinsics += _matrix_node(f"M{k}", camera.K) + _matrix_node(f"D{k}", _row(camera))
+        sizes += f"image_size_{k}: [ {camera.image_size[0]}, {camera.image_size[1]} ]\n"
+    extrinsics = header(
+        "#", comment, "R1, R2, P1, P2, Q are for images of the size of the primary's."
+    )
+    extrinsics += _matrix_node("R", pose.R) + _matrix_node("T", pose.T[:, None])
+    for name, values in zip(("R1", "R2", "P1", "P2", "Q"), rectification(two), strict=True):
+        extrinsics += _matrix_node(name, values)
+    begin = "%YAML:1.0\n---\n"
+    return {
+        "intrinsics.yml": (begin + intrinsics + sizes + "fisheye_model: 1\n" * fisheye).encode(),
+        "extrinsics.yml": (begin + extrinsics).encode(),
+    }
+
+
+def _matrix_node(name: str, values: FloatArray) -> str:
+    rows = [", ".join(number(value) for value in row) for row in values]
+    return (
+        f"{name}: !!opencv-matrix\n   rows: {values.shape[0]}\n   cols: {values.shape[1]}\n"
+        "   dt: d\n   data: [ " + ",\n       ".join(rows) + " ]\n"
+    )
+
+
+def _row(camera: Camera) -> FloatArray:
+    known = camera.distortion
+    return (known if camera.is_fisheye else five_or_more(known))[None, :]
+
+
+def rectification(two: Sequence[Posed]) -> list[FloatArray]:
+    """R1, R2, P1, P2, Q of `cv2.stereoRectify`; for a fisheye, of its undistorted image."""
+    (_, primary, _), (_, secondary, pose) = two
+    first, second = (
+        np.zeros((1, 5)) if camera.is_fisheye else _row(camera) for camera in (primary, secondary)
+    )
+    found = cv2.stereoRectify(
+        primary.K,
+        first,
+        secondary.K,
+        second,
+        primary.image_size,
+        pose.R,
+        pose.T[:, None],
+        flags=cv2.CALIB_ZERO_DISPARITY,
+    )
+    return [np.asarray(each, dtype=np.float64) for each in found[:5]]
+
+
+def is_opencv(file: ForeignFile) -> bool:
+    """Whether it has one of the matrices of a stereo file, and not that of a single camera."""
+    if not file.ends_with(*STORAGES) or "format" in file.storage:
+        return False
+    nodes = {key for names in NAMES.values() for key in names}
+    return find_node(file.storage, K_NAMES) is None and not nodes.isdisjoint(file.storage)
+
+
+def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras from one or several files; their pose if R and T are there."""
+    found: dict[str, FloatArray] = {}
+    sizes: dict[int, Any] = {}
+    models: list[str | bool] = []
+    for file in files:
+        if not file.ends_with(*STORAGES):
+            continue
+        for key, known in NAMES.items():
+            if (node := find_node(file.storage, known)) is not None:
+                found[key] = matrix_of(node, key, file.name)
+        if (stated := stated_lens_model(file.storage)) is not None:
+            models.append(stated)
+        for k in (0, 1):
+            node = find_node(file.storage, (f"image_size_{k + 1}", "image_size", "imageSize"))
+            if isinstance(node, list) and len(node) == 2 and all(map(is_number, node)):
+                sizes[k] = node
+    missing = [key for key in NAMES if key not in found]
+    lacks = (
+        f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
+        "(intrinsics.yml) and R, T (extrinsics.yml)."
+    )
+    if set(missing) - {"R", "T"}:
+        raise StereocalError(lacks)
+    model = models[0] if models else None
+    first, second = (
+        camera_of(
+            found[f"M{k + 1}"],
+            found[f"D{k + 1}"],
+            sizes.get(k),
+            model,
+            options,
+            k,
+            f"{source}, {which}",
+        )
+        for k, which in enumerate(CAMERAS)
+    )
+    pose = None if missing else pose_of(found["R"], found["T"], source)
+    return CameraPair(first, second, pose, lacks)
+
+
+def write_ros(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`primary.yaml` and `secondary.yaml`."""
+    R1, R2, P1, P2, _Q = rectification(two)
+    files = {}
+    for (which, camera, _pose), R, P in zip(two, (R1, R2), (P1, P2), strict=True):
+        model, coefficients = "equidistant", camera.distortion
+        if not camera.is_fisheye:
+            model = "rational_polynomial" if coefficients[5:].any() else "plumb_bob"
+            coefficients = coefficients if coefficients[5:].any() else coefficients[:5]
+        width, height = camera.image_size
+        text = header(
+            "#",
+            f"The {which} camera of the pair. The centre of the top-left pixel is (0, 0).",
+            "The pair's R and T are not in it as such: R = R2^T R1 and",
+            "T = R2^T (P2[0,3] / P2[0,0], P2[1,3] / P2[1,1], 0) from the rectification matrices.",
+        )
+        text += (
+            f"image_width: {width}\nimage_height: {height}\ncamera_name: {which}\n"
+            + _table("camera_matrix", camera.K)
+            + f"distortion_model: {model}\n"
+            + _table("distortion_coefficients", coefficients[None])
+            + _table("rectification_matrix", R)
+            + _table("projection_matrix", P)
+        )
+        files[f"{which}.yaml"] = text.encode()
+    return files
+
+
+def _table(name: str, values: FloatArray) -> str:
+    rows, columns = values.shape
+    return f"{name}:\n  rows: {rows}\n  cols: {columns}\n  data: {numbers(values)}\n"
+
+
+def is_ros(file: ForeignFile) -> bool:
+    """Whether it is a camera_info file."""
+    keys = {"camera_matrix", "projection_matrix", "distortion_model"}
+    return file.ends_with(".yaml", ".yml") and keys <= set(file.storage)
+
+
+def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """The cameras of two camera_info files, or one lens for both; their pose if it is in them."""
+    fitting = [file for file in files if file.ends_with(".yaml", ".yml")]
+    no_pose = (
+        f"{source}: two camera_info files are expected, there are {len(fitting)}: use their folder."
+    )
+    if not 1 <= len(fitting) <= 2:
+        raise StereocalError(no_pose)
+    pose = None
+    if len(fitting) == 2:
+        try:
+            pose, fitting = _rectified_pair(fitting, source)
+        except StereocalError as error:  # cameras that were calibrated one by one
+            no_pose = str(error)
+    cameras = [_ros_camera(file, k, options) for k, file in enumerate(fitting)]
+    if pose is not None:
+        return CameraPair(cameras[0], cameras[1], pose)
+    words = ONE_LENS if len(cameras) == 1 else PRIMARY_FIRST
+    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words)
+
+
+def _rectified_pair(files: Files, source: str) -> tuple[Pose, list[ForeignFile]]:
+    """The pose, and the files with the primary's first: its last column of P has zeros."""
+    projections = [_data_of(file, "projection_matrix", (3, 4)) for file in files]
+    shifts = [float(np.abs(P[:2, 3]).max()) for P in projections]
+    if min(shifts) > 0 or max(shifts) == 0:
+        raise StereocalError(
+            f"{source}: the projection matrices are not those of a stereo pair: one must have a "
+            "last column of zeros, the other the baseline."
+        )
+    first, second = (0, 1) if shifts[0] == 0 else (1, 0)
+    turns = [_data_of(file, "rectification_matrix", (3, 3)) for file in files]
+    R1, R2, P2 = turns[first], turns[second], projections[second]
+    if not (P2[0, 0] > 0 and P2[1, 1] > 0):
+        raise StereocalError(f"{source}: the focal lengths of a projection matrix are not above 0.")
+    T = R2.T @ np.array([P2[0, 3] / P2[0, 0], P2[1, 3] / P2[1, 1], 0.0])
+    return pose_of(R2.T @ R1, T, source), [files[first], files[second]]
+
+
+def _ros_camera(file: ForeignFile, k: int, options: ExchangeOptions) -> Camera:
+    data = file.storage
+    model = data.get("distortion_model")
+    if model not in (None, "plumb_bob", "rational_polynomial", *FISHEYE):
+        raise StereocalError(
+            f"{file.name}: the lens model {model} is not supported; use plumb_bob, "
+            "rational_polynomial or equidistant."
+        )
+    size = [data.get("image_width"), data.get("image_height")]
+    return camera_of(
+        _data_of(file, "camera_matrix", (3, 3)),
+        _data_of(file, "distortion_coefficients", (-1,)),
+        None if None in size else size,
+        model,
+        options,
+        k,
+        file.name,
+    )
+
+
+def _data_of(file: ForeignFile, key: str, shape: tuple[int, ...]) -> FloatArray:
+    table = file.storage.get(key)
+    values = table.get("data") if isinstance(table, dict) else table
+    return array_of(values, shape, key, file.name)
+
+
+def write_kalibr(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`camchain.yaml`; its `T_cn_cnm1` is `secondary_from_primary`, as ours."""
+    names = ", ".join(f"cam{k} is the {name} camera" for k, (name, _, _) in enumerate(cameras))
+    text = header(
+        "#",
+        f"{names}; T_cn_cnm1 takes the camera before to each.",
+        "intrinsics: fu fv pu pv; distortion_coeffs: k1 k2 p1 p2, of equidistant k1 k2 k3 k4;",
+        "the centre of the top-left pixel is (0, 0).",
+    )
+    for k, (which, camera, pose) in enumerate(cameras):
+        K = camera.K
+        text += f"cam{k}:\n"
+        if k:
+            step = pose @ cameras[k - 1][2].inverse()
+            transform = np.vstack([np.column_stack([step.R, step.T]), [0, 0, 0, 1]])
+            text += "  T_cn_cnm1:\n" + "".join(f"  - {numbers(row)}\n" for row in transform)
+        text += (
+            "  camera_model: pinhole\n"
+            f"  intrinsics: {numbers([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])}\n"
+            f"  distortion_model: {'equidistant' if camera.is_fisheye else 'radtan'}\n"
+            f"  distortion_coeffs: {numbers(camera.distortion)}\n"
+            f"  resolution: [{camera.image_size[0]}, {camera.image_size[1]}]\n"
+            f"  rostopic: /{which}/image_raw\n"
+        )
+    return {"camchain.yaml": text.encode()}
+
+
+def kalibr_names(file: ForeignFile) -> tuple[str, ...]:
+    """Names of the cameras of a camchain, in its order; empty for another file."""
+    if not file.ends_with(".yaml", ".yml"):
+        return ()
+    found = [key for key in file.storage if key.startswith("cam") and key[3:].isdecimal()]
+    return tuple(sorted(found, key=lambda key: int(key[3:])))
+
+
+def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras of a camchain; the pose is known if the chain between them is whole."""
+    file = only_file(files, (".yaml", ".yml"), source)
+    data, names = file.storage, kalibr_names(file)
+    chosen = chosen_pair(names, options.cameras, file.name)
+    primary, secondary = (
+        _kalibr_camera(data[name], k, options, f"{file.name}, {name}")
+        for k, name in enumerate(chosen.names)
+    )
+    found = [int(name[3:]) for name in names]
+    if found != list(range(found[0], found[0] + len(found))):
+        raise StereocalError(
+            f"{file.name}: a chain without gaps is expected; the file has {', '.join(names)[:200]}."
+        )
+    first, last = sorted(chosen.pair)
+    pose: Pose | None = Pose(np.eye(3), np.zeros(3))
+    for key in names[first + 1 : last + 1]:
+        step = data[key].get("T_cn_cnm1") if isinstance(data[key], dict) else None
+        if pose is not None:
+            pose = None if step is None else pose_of(step, None, f"{file.name}, {key}") @ pose
+    if pose is not None and chosen.pair[0] == last:
+        pose = pose.inverse()
+    no_pose = f"{file.name}: T_cn_cnm1, the pose of a camera, is missing."
+    return CameraPair(primary, secondary, pose, no_pose, "Kalibr", chosen.words, chosen)
+
+
+def _kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
+    if not isinstance(data, dict):
+        raise StereocalError(f"{source}: this is not a camera.")
+    # Coefficients without a model are an error, not a lens without distortion.
+    usual = "none" if data.get("distortion_coeffs") is None else "no distortion_model"
+    model, distortion = data.get("camera_model"), data.get("distortion_model", usual)
+    if model != "pinhole" or distortion not in ("radtan", "none", *FISHEYE):
+        raise StereocalError(
+            f"{source}: the camera is {model} with {distortion}; only pinhole with radtan, "
+            "equidistant or none is supported. Calibrate with --models pinhole-radtan or "
+            "pinhole-equi."
+        )
+    K = camera_matrix(*array_of(data.get("intrinsics"), (4,), "intrinsics", source))
+    lens = np.zeros(4)
+    if distortion != "none":
+        lens = array_of(data.get("distortion_coeffs"), (4,), "distortion_coeffs", source)
+    size = data.get("resolution")
+    return camera_of(K, lens, size, distortion in FISHEYE, options, k, source)
+
+
+OPENCV = ExchangeFormat(
+    "OpenCV (intrinsics.yml, extrinsics.yml)",
+    read_opencv,
+    is_opencv,
+    write=write_opencv,
+    skew="ignored",
+)
+ROS = ExchangeFormat(
+    "ROS (two camera_info files)",
+    read_ros,
+    is_ros,
+    one_camera=True,
+    unit="m",
+    write=write_ros,
+    skew="ignored",
+    coefficients=8,
+)
+KALIBR = ExchangeFormat(
+    "Kalibr (camchain.yaml)",
+    read_kalibr,
+    lambda file: bool(kalibr_names(file)),
+    kalibr_names,
+    unit="m",
+    write=write_kalibr,
+    of_rigs=True,
+    skew="refused",
+    coefficients=4,
+)
