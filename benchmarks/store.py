@@ -25,11 +25,11 @@ from unittest import mock
 
 from stereocal.errors import StereocalError
 from stereocal.projects import database as database_module
+from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import LARGEST
 from stereocal.projects.home import copy_database, delete, recent_projects, remove, sweep
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.sqlite_errors import DiskFullError
 from tests.pages.stored_projects import FULL, placed
 
 MB = 1_000_000

@@ -8,7 +8,7 @@ ensure_navigation()
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.projects.check import ProjectCheck
+from stereocal.projects.application import ProjectCheck
 from stereocal.ui.check import choose_inputs, show_check
 from stereocal.ui.messages import end_here
 from stereocal.ui.project import begin_project, current_project

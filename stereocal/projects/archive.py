@@ -23,15 +23,13 @@ from typing import Any
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.inputs import MANIFEST
-from stereocal.projects.application import APPLIED, SETS
-from stereocal.projects.check import CHECK
+from stereocal.projects.application import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES
 from stereocal.projects.data_folder import new_database
 from stereocal.projects.files import PAIR, Store, StoredFile
-from stereocal.projects.home import check_size
 from stereocal.projects.photographs import BAR
-from stereocal.projects.point_files import ASKING, POINT_FILES, TABLES
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
 from stereocal.projects.recording import PARTS, RECORDING, REPLACED, RIG_FILES, ProjectRecording
+from stereocal.projects.server_settings import check_quota
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
@@ -170,7 +168,7 @@ def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
 
     def fill(database: Store) -> None:
         with open_zip(source, name) as opened:
-            check_size(sum(map(opened.size, opened.names)))
+            check_quota(sum(map(opened.size, opened.names)))
             _fill(Project(database), opened, name)
 
     return Project(new_database(home, fill))

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.formats.evaluation_files import validation_figures
+from stereocal.projects.application import POINT_FILES
 from stereocal.projects.photographs import (
     BOARDS_LABEL,
     FOUND_LABELS,
     TABLE_LABEL,
     ProjectPhotographs,
 )
-from stereocal.projects.point_files import POINT_FILES
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.system.numbers import rounded
@@ -37,7 +37,13 @@ def card_of(project: Project) -> Card:
     recording = ProjectRecording(project)
     if recording.is_given:
         return _of_recording(recording)
-    return Card(_data_of(project), _result_of(project))
+    dataset = project.dataset
+    if dataset is not None:
+        data = f"{len(dataset.correspondences.frames)} frames"
+    else:
+        given = "correspondences" in project.inputs.files
+        data = _photographs_of(project) or ("points, data incomplete" if given else "no points yet")
+    return Card(data, _result_of(project))
 
 
 def _of_recording(recording: ProjectRecording) -> Card:
@@ -57,32 +63,18 @@ def _of_recording(recording: ProjectRecording) -> Card:
 def title_of(project: Project) -> str:
     """The user's name for a project; without one, its data and the day of its first file."""
     with project.database.reading():
-        return project.inputs.name or f"{_unnamed(project)}, {_begun(project)}"
-
-
-def _unnamed(project: Project) -> str:
-    labels = project.inputs.labels
-    table = labels.get("correspondences", TABLE_LABEL)
-    if table not in FOUND_LABELS:
-        return Path(table).stem
-    points = [file.label for file in project.database.files(POINT_FILES).values()]
-    parts = ProjectRecording(project).parts
-    files = [label for label in (*points, *labels.values(), *parts) if label not in FOUND_LABELS]
-    return _photographs_of(project) or (files[0] if files else "Nothing yet")
-
-
-def _begun(project: Project) -> str:
-    ((first,),) = project.database.rows("SELECT min(stored) FROM file")
-    seconds = first or project.database.path.stat().st_mtime
-    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d")
-
-
-def _data_of(project: Project) -> str:
-    dataset = project.dataset
-    if dataset is not None:
-        return f"{len(dataset.correspondences.frames)} frames"
-    given = "correspondences" in project.inputs.files
-    return _photographs_of(project) or ("points, data incomplete" if given else "no points yet")
+        inputs = project.inputs
+        if inputs.name:
+            return inputs.name
+        name = Path(inputs.labels.get("correspondences", TABLE_LABEL)).stem
+        if name in FOUND_LABELS:
+            points = [file.label for file in project.database.files(POINT_FILES).values()]
+            files = [*points, *inputs.labels.values(), *ProjectRecording(project).parts]
+            own = (label for label in files if label not in FOUND_LABELS)
+            name = _photographs_of(project) or next(own, "Nothing yet")
+        ((first,),) = project.database.rows("SELECT min(stored) FROM file")
+    begun = datetime.fromtimestamp(first or project.database.path.stat().st_mtime)
+    return f"{name}, {begun.astimezone().strftime('%Y-%m-%d')}"
 
 
 def _photographs_of(project: Project) -> str:
@@ -101,10 +93,9 @@ def _result_of(project: Project) -> str:
     held_out = validation_figures(evaluation.summaries, evaluation.settings)
     to_use = project.recommended or PAPERS
     match, measure = (figures_of(method, None, held_out) for method in to_use)
-    lengths, wrong = measure.length_median.held_out, match.wrong_let_in.held_out
+    lengths, wrong = (
+        "unknown" if value is None else f"{percent(value)} %"
+        for value in (measure.length_median.held_out, match.wrong_let_in.held_out)
+    )
     names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
-    return f"{names}, held out: lengths {_percent(lengths)}, wrong pairs {_percent(wrong)}"
-
-
-def _percent(value: float | None) -> str:
-    return "unknown" if value is None else f"{percent(value)} %"
+    return f"{names}, held out: lengths {lengths}, wrong pairs {wrong}"

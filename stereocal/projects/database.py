@@ -1,4 +1,4 @@
-"""A project's SQLite file: transactions and consistent reads.
+"""A project's SQLite file: transactions, consistent reads, and messages for SQLite's errors.
 
 A connection lasts for one transaction or one read. Tabs, jobs and servers share the file: SQLite
 does the locking, and the recovery after a kill or a power cut.
@@ -20,13 +20,6 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 from stereocal.errors import StereocalError
-from stereocal.projects.sqlite_errors import (
-    FULL_DISK,
-    DamagedError,
-    DiskFullError,
-    result_code,
-    translated_errors,
-)
 
 LOCK_TIMEOUT_S = 120.0
 """Ten times what another tab needs to store 900 MB."""
@@ -66,6 +59,49 @@ WAITING = ".new-"
 """Prefix of a project's file until it is complete."""
 BESIDE = ("-wal", "-shm", "-journal")
 """Suffixes of SQLite's files beside a database."""
+FULL_DISK = (
+    "The disk is full. Nothing was changed. Make room on it: delete other files, or delete removed "
+    "projects for good on the Start page. Then try again."
+)
+DAMAGED_FILE = (
+    "The project's file is damaged. It is kept as it is. Open the project's last backup (its zip) "
+    "on the Start page."
+)
+BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL)
+SENTENCES = {
+    sqlite3.SQLITE_READONLY: "The project cannot be written to: its disk or folder is read-only.",
+    sqlite3.SQLITE_PERM: "The server may not open the project's file: look at its permissions.",
+    sqlite3.SQLITE_CANTOPEN: "The project's file cannot be opened: look at the permissions of its "
+    "folder, and whether the disk is full.",
+    sqlite3.SQLITE_IOERR: "The disk has failed to read or write the project's file: look at the "
+    "disk.",
+    sqlite3.SQLITE_TOOBIG: "A file is too large for a project.",
+    sqlite3.SQLITE_NOMEM: "There is not enough memory for this.",
+    **dict.fromkeys(
+        BUSY,
+        "Another tab or server has been writing to this project for two minutes: wait, and try "
+        "again.",
+    ),
+}
+
+
+class DamagedError(StereocalError):
+    """A project is damaged, as opposed to written by another version."""
+
+
+class DiskFullError(StereocalError):
+    """The disk is full."""
+
+
+class _Connections(threading.local):
+    """The open connections of this thread."""
+
+    def __init__(self) -> None:
+        self.writing: dict[Path, sqlite3.Connection] = {}
+        self.reading: dict[Path, sqlite3.Connection] = {}
+
+
+_OPEN = _Connections()
 
 
 @dataclass(frozen=True)
@@ -79,30 +115,25 @@ class Database:
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """A transaction; inside another one of the same thread, a savepoint of that."""
-        outer = _OPEN.writing.get(self.path)
-        if outer is not None:
-            with _savepoint(outer):
+        if (outer := _OPEN.writing.get(self.path)) is not None:
+            _check_in_transaction(outer)
+            undo = "ROLLBACK TO part", "RELEASE part"
+            with _at_once(outer, "SAVEPOINT part", "RELEASE part", undo):
                 yield outer
             return
         with self._connected() as db:
             db.execute("PRAGMA synchronous = FULL")
-            db.execute("BEGIN IMMEDIATE")
-            _OPEN.writing[self.path] = db
-            try:
-                if self.marker.exists():
-                    raise StereocalError(
-                        "This project was removed meanwhile, and nothing more is written to it. "
-                        "It can be brought back on the Start page where it was removed."
-                    )
-                yield db
-                _check_in_transaction(db)
-                db.execute("COMMIT")
-            except BaseException:
-                with suppress(sqlite3.Error):
-                    db.rollback()
-                raise
-            finally:
-                del _OPEN.writing[self.path]
+            with _at_once(db):
+                _OPEN.writing[self.path] = db
+                try:
+                    if self.marker.exists():
+                        raise StereocalError(
+                            "This project was removed meanwhile, and nothing more is written to "
+                            "it. It can be brought back on the Start page where it was removed."
+                        )
+                    yield db
+                finally:
+                    del _OPEN.writing[self.path]
 
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection]:
@@ -131,13 +162,9 @@ class Database:
         """A transaction that deletes, and returns the space to the disk."""
         with self.transaction() as db:
             yield db
-        if self.path not in _OPEN.writing:
-            with suppress(StereocalError):  # the project reuses free pages
-                self._shrink()
-
-    def _shrink(self) -> None:
-        """Shrink the file to its content."""
-        with self._connected() as db:
+        if self.path in _OPEN.writing:
+            return
+        with suppress(StereocalError), self._connected() as db:  # the project reuses free pages
             with suppress(sqlite3.Error):
                 # Eight times as fast as steps, but all pages that move are written to the log.
                 db.execute("PRAGMA auto_vacuum = FULL")
@@ -167,12 +194,15 @@ class Database:
         with translated_errors():
             if not self.path.exists():
                 raise StereocalError(NOT_THERE)
-            db = connect(self.path)
-            try:
-                _begin(db, self.path)
+            with closing(connect(self.path)) as db:
+                # Debian's SQLite overwrites what is deleted, which costs as much space as it frees.
+                for setting in ("foreign_keys = ON", "secure_delete = OFF", "trusted_schema = OFF"):
+                    db.execute(f"PRAGMA {setting}")
+                _bring_up_to_date(db)
+                if journal_of(self.path.parent) == "delete":
+                    with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
+                        db.execute("PRAGMA journal_mode = DELETE")
                 yield db
-            finally:
-                db.close()
 
 
 def create(path: Path) -> None:
@@ -245,38 +275,66 @@ def journal_of(folder: Path) -> Literal["wal", "delete"]:
             remove_database(path)
 
 
-def _begin(db: sqlite3.Connection, path: Path) -> None:
-    # Debian's SQLite overwrites what is deleted, which costs as much space as it frees.
-    for setting in ("foreign_keys = ON", "secure_delete = OFF", "trusted_schema = OFF"):
-        db.execute(f"PRAGMA {setting}")
+@contextmanager
+def translated_errors() -> Iterator[None]:
+    """Turn SQLite's errors into a StereocalError."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = result_code(error)
+        if code == sqlite3.SQLITE_FULL:
+            raise DiskFullError(FULL_DISK) from error
+        if code in SENTENCES:
+            raise StereocalError(SENTENCES[code]) from error
+        if type(error) in (sqlite3.OperationalError, sqlite3.DatabaseError):  # queries are fixed
+            raise DamagedError(DAMAGED_FILE) from error
+        raise
+    except UnicodeError as error:  # in SQLite's message about a damaged file
+        raise DamagedError(DAMAGED_FILE) from error
+
+
+def result_code(error: sqlite3.Error) -> int:
+    """SQLite's primary result code; 0 for errors raised by Python."""
+    return int(getattr(error, "sqlite_errorcode", 0)) & 0xFF
+
+
+def _bring_up_to_date(db: sqlite3.Connection) -> None:
+    """Bring a file of an earlier version to this one, in one transaction."""
     version = db.execute("PRAGMA user_version").fetchone()[0]
     if version > VERSION:
         raise StereocalError(
             f"This project was written by a newer version of stereocal (format {version}): update "
             "stereocal to open it. It is left as it is."
         )
-    if version < VERSION:
-        _bring_up_to_date(db)
-    if journal_of(path.parent) == "delete":
-        with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
-            db.execute("PRAGMA journal_mode = DELETE")
-
-
-def _bring_up_to_date(db: sqlite3.Connection) -> None:
-    """Bring a file of an earlier version to this one, in one transaction."""
+    if version == VERSION:
+        return
     db.create_function("sha256", 1, lambda content: hashlib.sha256(content).hexdigest())
-    db.execute("BEGIN IMMEDIATE")
-    try:
-        for version in range(db.execute("PRAGMA user_version").fetchone()[0], VERSION):
-            if version not in MIGRATIONS:
+    with _at_once(db):
+        for number in range(db.execute("PRAGMA user_version").fetchone()[0], VERSION):
+            if number not in MIGRATIONS:
                 raise DamagedError("This file is not a project of stereocal, or it is damaged.")
-            for statement in MIGRATIONS[version]:
+            for statement in MIGRATIONS[number]:
                 db.execute(statement)
-            db.execute(f"PRAGMA user_version = {version + 1}")
-        db.execute("COMMIT")
+            db.execute(f"PRAGMA user_version = {number + 1}")
+
+
+@contextmanager
+def _at_once(
+    db: sqlite3.Connection,
+    begin: str = "BEGIN IMMEDIATE",
+    keep: str = "COMMIT",
+    undo: tuple[str, ...] = ("ROLLBACK",),
+) -> Iterator[None]:
+    """What happens within is there whole or not at all."""
+    db.execute(begin)
+    try:
+        yield
+        _check_in_transaction(db)
+        db.execute(keep)
     except BaseException:
-        with suppress(sqlite3.Error):
-            db.rollback()
+        with suppress(sqlite3.Error):  # on a full disk SQLite has rolled back already
+            for statement in undo:
+                db.execute(statement)
         raise
 
 
@@ -284,28 +342,3 @@ def _check_in_transaction(db: sqlite3.Connection) -> None:
     """Raise if SQLite has rolled back on a full disk, even if a caller hid its error."""
     if not db.in_transaction:
         raise DiskFullError(FULL_DISK)
-
-
-class _Connections(threading.local):
-    """The open connections of this thread."""
-
-    def __init__(self) -> None:
-        self.writing: dict[Path, sqlite3.Connection] = {}
-        self.reading: dict[Path, sqlite3.Connection] = {}
-
-
-_OPEN = _Connections()
-
-
-@contextmanager
-def _savepoint(db: sqlite3.Connection) -> Iterator[None]:
-    _check_in_transaction(db)
-    db.execute("SAVEPOINT part")
-    try:
-        yield
-    except BaseException:
-        with suppress(sqlite3.Error):  # on a full disk SQLite has rolled back already
-            db.execute("ROLLBACK TO part")
-            db.execute("RELEASE part")
-        raise
-    db.execute("RELEASE part")

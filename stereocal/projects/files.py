@@ -7,27 +7,24 @@ deleted with its last name, or by a sweep once it is a day old.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import math
-import sqlite3
 import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.projects.database import Database
-from stereocal.projects.server_settings import ServerSettings
-from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.projects.database import DamagedError, Database
+from stereocal.projects.server_settings import check_quota
 from stereocal.system.limits import MB
 
 LARGEST = 990_000_000
 """SQLite rows hold 1 GB at most."""
 PIECE = 4_000_000
-BOUND = 16_000_000
-"""Larger contents are written piece by piece: a bound value is in memory three times."""
+"""Contents are written and read piece by piece: a bound value is in memory three times."""
 FREE = (
     "DELETE FROM file WHERE sha256 = ?1 AND NOT EXISTS "
     "(SELECT 1 FROM named WHERE named.sha256 = ?1)"
@@ -97,21 +94,31 @@ class Store(Database):
             content: bytes, or a path for a large file.
             label: for messages, and to be stored with its name.
         """
-        size = len(content) if isinstance(content, bytes) else content.stat().st_size
-        if size > LARGEST:
-            raise StereocalError(
-                f"{label}: a file of a project may have {LARGEST / MB:g} MB, and this one has "
-                f"{size / MB:.1f} MB."
-            )
-        sha256 = _digest(content)
-        with self.transaction() as db:
-            known = db.execute(
-                "UPDATE file SET stored = ? WHERE sha256 = ? RETURNING rowid", [time.time(), sha256]
-            ).fetchall()
-            if not known:
-                self._check_quota(size)
-                _insert(db, sha256, content, size)
+        with io.BytesIO(content) if isinstance(content, bytes) else content.open("rb") as source:
+            size = source.seek(0, io.SEEK_END)
+            if size > LARGEST:
+                raise StereocalError(
+                    f"{label}: a file of a project may have {LARGEST / MB:g} MB, and this one has "
+                    f"{size / MB:.1f} MB."
+                )
+            source.seek(0)
+            sha256 = hashlib.file_digest(source, "sha256").hexdigest()
+            self._insert(sha256, source, size)
         return StoredFile(sha256, self, label)
+
+    def _insert(self, sha256: str, source: BinaryIO, size: int) -> None:
+        with self.transaction() as db:
+            now = time.time()
+            if db.execute("UPDATE file SET stored = ? WHERE sha256 = ?", [now, sha256]).rowcount:
+                return
+            check_quota(self.size, size)
+            db.execute("INSERT INTO file VALUES (?, ?)", [sha256, now])
+            at = db.execute("INSERT INTO content VALUES (?, zeroblob(?))", [sha256, size]).lastrowid
+            assert at is not None
+            source.seek(0)
+            with closing(db.blobopen("content", "bytes", at)) as blob:
+                while piece := source.read(PIECE):
+                    blob.write(piece)
 
     def files(self, part: str) -> dict[str, StoredFile]:
         """The files of a part by name, in the order in which they were added."""
@@ -128,18 +135,17 @@ class Store(Database):
         """Name stored files; an existing name gets the new file."""
         with self.transaction() as db:
             for name, file in files.items():
+                own, about = [self.scope + part, name], json.dumps(file.about, allow_nan=False)
                 if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
                     raise StereocalError(f"{name} has gone from the project; give it again.")
-                before = db.execute(
-                    "SELECT sha256 FROM named WHERE part = ? AND name = ?",
-                    [self.scope + part, name],
-                ).fetchall()
+                before = db.execute("SELECT sha256 FROM named WHERE part = ? AND name = ?", own)
+                replaced = before.fetchall()
                 db.execute(
                     "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
                     "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
-                    [self.scope + part, name, file.sha256, json.dumps(file.about, allow_nan=False)],
+                    [*own, file.sha256, about],
                 )
-                db.executemany(FREE, before)
+                db.executemany(FREE, replaced)
 
     def give(self, part: str, name: str, label: str, content: bytes) -> StoredFile:
         """Store a content and name it."""
@@ -156,12 +162,11 @@ class Store(Database):
 
     def forget_files(self, part: str, names: Collection[str] | None = None) -> None:
         """Remove the names of a part, all or some, and contents that no other name uses."""
+        own = self.scope + part
         with self.transaction() as db:
             for name, file in self.files(part).items():
                 if names is None or name in names:
-                    db.execute(
-                        "DELETE FROM named WHERE part = ? AND name = ?", [self.scope + part, name]
-                    )
+                    db.execute("DELETE FROM named WHERE part = ? AND name = ?", [own, name])
                     db.execute(FREE, [file.sha256])
 
     def of_pair(self, name: str) -> Store:
@@ -184,17 +189,6 @@ class Store(Database):
         if self.rows(f"SELECT 1 {where} LIMIT 1", before):
             with self.freeing() as db:
                 db.execute(f"DELETE {where}", [before])
-
-    def _check_quota(self, coming: int) -> None:
-        """Check the size with `coming` bytes more against the server's limit."""
-        limit = ServerSettings.from_environment().project_mb * MB
-        if math.isfinite(limit) and (size := self.size) + coming > limit:
-            raise StereocalError(
-                f"A project may take {limit / MB:g} MB on this server. This one has "
-                f"{size / MB:.1f} MB, and {coming / MB:.1f} MB would be added: remove photographs, "
-                "board photographs or further data sets that are not needed, or begin another "
-                "project."
-            )
 
     def values(self, part: str) -> dict[str, Any]:
         """The values of a part by name."""
@@ -222,40 +216,14 @@ class Store(Database):
 
     def keep_result(self, kind: str, content: bytes | None) -> str:
         """Replace a result; None deletes it. Returns its SHA-256, if any."""
+        own = self.scope + kind
         digest = "" if content is None else hashlib.sha256(content).hexdigest()
         with self.transaction() as db:
             if content is None:
-                db.execute("DELETE FROM result WHERE kind = ?", [self.scope + kind])
+                db.execute("DELETE FROM result WHERE kind = ?", [own])
             else:
-                db.execute(
-                    "INSERT OR REPLACE INTO result VALUES (?, ?, ?)",
-                    [self.scope + kind, content, digest],
-                )
+                db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", [own, content, digest])
         return digest
-
-
-def _digest(content: bytes | Path) -> str:
-    if isinstance(content, bytes):
-        return hashlib.sha256(content).hexdigest()
-    with content.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _insert(db: sqlite3.Connection, sha256: str, content: bytes | Path, size: int) -> None:
-    db.execute("INSERT INTO file VALUES (?, ?)", [sha256, time.time()])
-    if isinstance(content, bytes) and size <= BOUND:
-        db.execute("INSERT INTO content VALUES (?, ?)", [sha256, content])
-        return
-    at = db.execute("INSERT INTO content VALUES (?, zeroblob(?))", [sha256, size]).lastrowid
-    assert at is not None
-    with closing(db.blobopen("content", "bytes", at)) as blob:
-        if isinstance(content, bytes):
-            for start in range(0, size, PIECE):
-                blob.write(memoryview(content)[start : start + PIECE])
-            return
-        with content.open("rb") as file:
-            while piece := file.read(PIECE):
-                blob.write(piece)
 
 
 def loaded(text: str) -> Any:

@@ -18,15 +18,19 @@ from pathlib import Path
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import SUFFIX, is_id, new_database, private_folder, store_of
-from stereocal.projects.database import NOT_THERE, REMOVED, WAITING, remove_database, set_journal
+from stereocal.projects.database import (
+    NOT_THERE,
+    REMOVED,
+    WAITING,
+    DamagedError,
+    remove_database,
+    set_journal,
+)
 from stereocal.projects.files import Store
-from stereocal.projects.job_locks import forget_released
-from stereocal.projects.jobs import interrupted
+from stereocal.projects.jobs import forget_released, interrupted
 from stereocal.projects.project import Project
-from stereocal.projects.server_settings import ServerSettings
-from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder
-from stereocal.system.limits import MB
 
 DAY_S = 86_400.0
 AGAIN = "This project was brought back already, or it was removed for good."
@@ -64,23 +68,19 @@ def find_projects(home: Path, search: str = "") -> list[str]:
 
 def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed]:
     """The entries of these projects, or of all, newest first."""
-    found: list[Listed] = []
-    for project_id in find_projects(home) if ids is None else ids:
-        store = store_of(home, project_id)
-        try:
-            found.append(listed(Project(store)))
-        except DamagedError:
-            found.append(Listed(project_id, "", changed_at(store.path), damaged=True))
-        except StereocalError as error:
-            found.append(Listed(project_id, "", changed_at(store.path), unreadable=str(error)))
-    return found
+    wanted = find_projects(home) if ids is None else ids
+    return [listed(Project(store_of(home, project_id))) for project_id in wanted]
 
 
 def listed(project: Project) -> Listed:
     """A project's entry in the list."""
-    database = project.database
-    stopped = bool(interrupted(database))
-    return Listed(project.id, title_of(project), changed_at(database.path), stopped)
+    changed = changed_at(project.database.path)
+    try:
+        return Listed(project.id, title_of(project), changed, bool(interrupted(project.database)))
+    except DamagedError:
+        return Listed(project.id, "", changed, damaged=True)
+    except StereocalError as error:
+        return Listed(project.id, "", changed, unreadable=str(error))
 
 
 def removed_projects(home: Path) -> list[Listed]:
@@ -111,7 +111,7 @@ def changed_at(path: Path) -> float:
 def duplicate(home: Path, project_id: str) -> Project:
     """A copy under a new id, without jobs."""
     source = Project.open(home, project_id)
-    check_size(source.database.size)
+    check_quota(source.database.size)
 
     def fill(database: Store) -> None:
         with database.transaction() as db:
@@ -161,16 +161,6 @@ def delete(home: Path, project_id: str) -> None:
         store.marker.unlink(missing_ok=True)
 
 
-def check_size(size: int) -> None:
-    """Check the size in bytes of a project to be copied or imported."""
-    limit = ServerSettings.from_environment().project_mb * MB
-    if size > limit:
-        raise StereocalError(
-            f"A project may take {limit / MB:g} MB on this server, and this one takes "
-            f"{size / MB:.1f} MB: remove photographs or data sets from it first."
-        )
-
-
 def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int:
     """Delete projects removed `removed_days` ago; remove those unchanged for `unused_days`.
 
@@ -179,24 +169,25 @@ def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int
     Returns:
         The number of projects removed or deleted.
     """
-    now = time.time()
+    now, count = time.time(), 0
     folder = private_folder(home / "projects")
-    count = 0
     for store in _stores(home):
-        name, removed = store.path.stem, removed_at(home, store.path.stem)
+        removed = removed_at(home, store.path.stem)
+        old = (
+            now - changed_at(store.path) > unused_days * DAY_S
+            if removed is None
+            else now - removed > removed_days * DAY_S
+        )
         with suppress(StereocalError):
-            if removed is not None and now - removed > removed_days * DAY_S:
-                delete(home, name)
-                count += 1
-            elif removed is None and now - changed_at(store.path) > unused_days * DAY_S:
-                remove(home, name)
+            if old:
+                (remove if removed is None else delete)(home, store.path.stem)
                 count += 1
             elif removed is None:
                 store.free_unnamed(now - DAY_S)
     for path in folder.iterdir():
         alone = path.suffix == REMOVED and not path.with_suffix(SUFFIX).exists()
         with suppress(OSError):
-            if (alone or path.name.startswith(WAITING)) and (path.stat().st_mtime < now - DAY_S):
+            if (alone or path.name.startswith(WAITING)) and path.stat().st_mtime < now - DAY_S:
                 path.unlink()
     forget_released(home, now - DAY_S)
     return count

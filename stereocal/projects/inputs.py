@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from stereocal.errors import can_be_shown
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
-from stereocal.system.records import of_plain
+from stereocal.rig.dataset import Correspondences, Dataset
 
 Slot = Literal["primary", "secondary", "correspondences"]
 Length = Literal["baseline_m", "target_distance_m"]
@@ -52,7 +53,41 @@ class Inputs:
     left_out: list[int] = field(default_factory=list)
     """Frames of the table that the user leaves out."""
 
-    def known(self, which: CameraName, camera: Camera) -> Camera:
+    def __post_init__(self) -> None:
+        sigmas = [sigma for stated in self.lens_known.values() if stated for sigma in stated]
+        sound = (
+            all(map(can_be_shown, (self.name, *self.labels.values())))
+            and self.files.keys() <= self.labels.keys()
+            and all(getattr(self, name) is not None for name in self.planned)
+            and all(sigma is None or 0 <= sigma < math.inf for sigma in sigmas)
+        )
+        if not sound:
+            raise ValueError(self)
+
+    def dataset(
+        self, name: str, primary: Camera, secondary: Camera, rows: Correspondences
+    ) -> Dataset:
+        """The data set of complete inputs: the files as read, and what was stated.
+
+        Args:
+            name: used where the project has none.
+        """
+        own = rows.rigid_object
+        dataset = Dataset(
+            name=self.name or name,
+            primary=self._known("primary", primary),
+            secondary=self._known("secondary", secondary),
+            correspondences=rows,
+            baseline_m=float(self.baseline_m or (self.baseline_free and 1.0) or 0.0),
+            target_distance_m=float(own.distances.max() if own else self.target_distance_m or 0.0),
+            baseline_sigma_m=np.inf if self.baseline_free else self.baseline_sigma_m,
+            target_distance_sigma_m=self.target_distance_sigma_m,
+        )
+        if self.exchanged:
+            dataset = dataset.with_targets_exchanged(self.exchanged)
+        return with_baseline_found(dataset)
+
+    def _known(self, which: CameraName, camera: Camera) -> Camera:
         """A camera with the stated uncertainty instead of its file's.
 
         The standard errors of the distortion stay as in the file, or are 0.
@@ -89,31 +124,3 @@ class Inputs:
     def needs_measuring(self) -> list[Length]:
         """The planned lengths that a calibration would use."""
         return [name for name in self.planned if not (self.baseline_free and name == "baseline_m")]
-
-
-def checked_inputs(data: Mapping[str, Any]) -> Inputs:
-    """The inputs of a stored mapping.
-
-    Raises:
-        ValueError: a value has the wrong type or cannot be shown.
-    """
-    inputs = of_plain(data, Inputs)
-    check_inputs(inputs)
-    return inputs
-
-
-def check_inputs(inputs: Inputs) -> None:
-    """Check what the types do not say.
-
-    Raises:
-        ValueError: as `checked_inputs`.
-    """
-    sigmas = [sigma for stated in inputs.lens_known.values() if stated for sigma in stated]
-    sound = (
-        all(map(can_be_shown, (inputs.name, *inputs.labels.values())))
-        and inputs.files.keys() <= inputs.labels.keys()
-        and all(getattr(inputs, name) is not None for name in inputs.planned)
-        and all(sigma is None or 0 <= sigma < math.inf for sigma in sigmas)
-    )
-    if not sound:
-        raise ValueError(inputs)

@@ -1,8 +1,9 @@
 """Jobs of a project on disk: their state, progress and checkpoints.
 
 There is at most one job of a kind: a row while it runs, and after it failed. The row names a lock
-that its process holds; if nobody holds it, the job was interrupted. Its checkpoints are rows too,
-so the same job can resume from them. Jobs are not exported or copied with a project.
+that its process holds: a small database, which the operating system releases even after a kill. If
+nobody holds it, the job was interrupted. Its checkpoints are rows too, so the same job can resume
+from them. Jobs are not exported or copied with a project.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ import hashlib
 import json
 import sqlite3
 import time
+import uuid
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
@@ -24,8 +26,14 @@ import scipy
 
 import stereocal
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.projects.database import Database
-from stereocal.projects.job_locks import is_locked, lock, release
+from stereocal.projects.data_folder import SUFFIX, private_folder
+from stereocal.projects.database import (
+    BUSY,
+    Database,
+    remove_database,
+    result_code,
+    translated_errors,
+)
 from stereocal.system.records import of_plain
 
 T = TypeVar("T")
@@ -34,6 +42,8 @@ WRITE_EVERY_S = 1.0
 WRITE_BYTES = 4_000_000
 """Checkpoints of more bytes are written at once."""
 State = Literal["running", "interrupted", "failed"]
+_HELD: dict[str, sqlite3.Connection] = {}
+"""The locks of this process."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +71,8 @@ def digest_of(kind: str, work: Mapping[str, Any]) -> str:
 
 
 class Checkpoints(Generic[T]):
-    """The checkpoints of one stage of a job; used by the thread that runs it.
+    """The checkpoints of one stage of a job, earlier runs of the same work included; used by the
+    thread that runs it.
 
     Args:
         pack: a checkpoint as bytes; None for one that is not worth storing.
@@ -76,10 +87,13 @@ class Checkpoints(Generic[T]):
         unpack: Callable[[bytes], T],
     ) -> None:
         self._job, self._stage, self._pack, self._unpack = job, stage, pack, unpack
-        rows = job.database.rows(
-            "SELECT key FROM finished WHERE kind = ? AND stage = ?", job.record.kind, stage
+        self._keys = {str(key) for (key,) in self._rows("key")}
+
+    def _rows(self, column: str, *key: str) -> list[tuple[Any, ...]]:
+        query = (
+            f"SELECT {column} FROM finished WHERE kind = ? AND stage = ?{' AND key = ?' * len(key)}"
         )
-        self._keys = {str(key) for (key,) in rows}
+        return self._job.database.rows(query, self._job.record.kind, self._stage, *key)
 
     def __len__(self) -> int:
         return len(self._keys)
@@ -89,14 +103,8 @@ class Checkpoints(Generic[T]):
         if key not in self._keys:
             return None
         self._job.write()
-        rows = self._job.database.rows(
-            "SELECT content FROM finished WHERE kind = ? AND stage = ? AND key = ?",
-            self._job.record.kind,
-            self._stage,
-            key,
-        )
         try:
-            return self._unpack(bytes(rows[0][0]))
+            return self._unpack(bytes(self._rows("content", key)[0][0]))
         except DAMAGED:
             return None
 
@@ -112,9 +120,7 @@ class RunningJob:
     """A job that this process runs, created by `begin`; used by the thread that runs it."""
 
     def __init__(self, database: Database, record: Record, held: str) -> None:
-        self.database = database
-        self.record = record
-        self._held = held
+        self.database, self.record, self._held = database, record, held
         self._waiting: list[tuple[str, str, str, bytes]] = []
         self._written = 0.0
         self._goes_on = True
@@ -122,15 +128,13 @@ class RunningJob:
     def checkpoints(
         self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
     ) -> Checkpoints[T]:
-        """The checkpoints of a stage, earlier runs of the same work included."""
+        """Those of a stage."""
         return Checkpoints(self, stage, pack, unpack)
 
     def add(self, stage: str, key: str, content: bytes) -> None:
         """Store a checkpoint."""
         self._waiting.append((self.record.kind, stage, key, content))
-        if sum(len(one[-1]) for one in self._waiting) > WRITE_BYTES:
-            self.write()
-        self._write_at_times()
+        self._write_at_times(sum(len(one[-1]) for one in self._waiting) > WRITE_BYTES)
 
     def progress(self, at: int, done: int, total: int) -> bool:
         """Store the progress, at most once a second.
@@ -142,30 +146,27 @@ class RunningJob:
         self._write_at_times()
         return self._goes_on
 
-    def _write_at_times(self) -> None:
-        if time.monotonic() - self._written > WRITE_EVERY_S:
+    def _write_at_times(self, now: bool = False) -> None:
+        if now or time.monotonic() - self._written > WRITE_EVERY_S:
             self.write()
 
     def write(self) -> None:
         """Write progress and checkpoints; on a full disk the job continues."""
-        self._written = time.monotonic()
+        self._written, own = time.monotonic(), self.record
         try:
             with self.database.transaction() as db:
-                self._goes_on = self._note(db)
+                rows = db.execute(
+                    "UPDATE job SET at = ?, done = ?, total = ? WHERE kind = ? AND digest = ? "
+                    "RETURNING cancel",
+                    [own.at, own.done, own.total, own.kind, own.digest],
+                ).fetchall()
+                if rows:
+                    waiting = "INSERT OR REPLACE INTO finished VALUES (?, ?, ?, ?)"
+                    db.executemany(waiting, self._waiting)
+            self._goes_on = bool(rows) and not rows[0][0]
         except StereocalError:  # a removed project ends the job, a full disk does not
             self._goes_on = self.database.path.exists() and not self.database.marker.exists()
         self._waiting.clear()
-
-    def _note(self, db: sqlite3.Connection) -> bool:
-        now = self.record
-        rows = db.execute(
-            "UPDATE job SET at = ?, done = ?, total = ? WHERE kind = ? AND digest = ? "
-            "RETURNING cancel",
-            [now.at, now.done, now.total, now.kind, now.digest],
-        ).fetchall()
-        if rows:
-            db.executemany("INSERT OR REPLACE INTO finished VALUES (?, ?, ?, ?)", self._waiting)
-        return bool(rows) and not rows[0][0]
 
     def end(self) -> None:
         """Delete a job that has finished or was cancelled."""
@@ -182,7 +183,7 @@ class RunningJob:
 
     def leave(self) -> None:
         """Release its lock."""
-        release(_home(self.database), self._held)
+        _release(_home(self.database), self._held)
 
 
 def begin(
@@ -200,7 +201,7 @@ def begin(
         with database.transaction() as db:
             found = find(database, kind)
             if found is not None and found[0] == "running":
-                release(home, held)
+                _release(home, held)
                 return None
             if found is not None and found[1].digest != record.digest:
                 _delete(database, own)
@@ -211,7 +212,7 @@ def begin(
                 [own, record.digest, text, held],
             )
     except BaseException:
-        release(home, held)
+        _release(home, held)
         raise
     return RunningJob(database, record, held)
 
@@ -263,3 +264,41 @@ def _delete(database: Database, kind: str) -> None:
 
 def _home(database: Database) -> Path:
     return database.path.parents[1]
+
+
+def lock(home: Path) -> str:
+    """The name of a new lock, which this process holds."""
+    name = f"{uuid.uuid4().hex}{SUFFIX}"
+    path = private_folder(home / "servers") / name
+    with translated_errors():
+        _HELD[name] = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        _HELD[name].execute("BEGIN EXCLUSIVE")
+    return name
+
+
+def _release(home: Path, name: str) -> None:
+    if name in _HELD:
+        _HELD.pop(name).close()
+        with suppress(OSError):
+            remove_database(home / "servers" / name)
+
+
+def is_locked(home: Path, name: str) -> bool:
+    """Whether a running process holds this lock."""
+    path = home / "servers" / Path(name).name
+    if not path.is_file():
+        return False
+    try:
+        with closing(sqlite3.connect(path, timeout=0, isolation_level=None)) as db:
+            db.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:  # only a lock is a sign of life, a disk that fails is none
+        return result_code(error) in BUSY
+    return False
+
+
+def forget_released(home: Path, before: float) -> None:
+    """Remove locks that were left by killed processes and taken before this time."""
+    for path in (home / "servers").glob(f"*{SUFFIX}"):
+        with suppress(OSError):
+            if path.stat().st_mtime < before and not is_locked(home, path.name):
+                remove_database(path)

@@ -4,28 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import Table, write_table
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Pairing, pair_names
+from stereocal.frames.pairing import Pair, Pairing, pair_names
 from stereocal.frames.search import keep_corrections
+from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.pair_rows import PairRow, check_rows, with_new
 from stereocal.projects.project import ProjectPart
-from stereocal.projects.sqlite_errors import DamagedError, DiskFullError
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.system.records import of_plain
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
 FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
+Given = tuple[dict[Slot, tuple[str, bytes]], dict[Slot, Camera | Table]]
+"""Files by slot: name and content; and what was read from them."""
+
+
+@dataclass(frozen=True)
+class PairRow:
+    """A pair in the table, and whether to use it."""
+
+    pair: Pair
+    use: bool = True
 
 
 class ProjectPhotographs(ProjectPart):
@@ -59,8 +68,7 @@ class ProjectPhotographs(ProjectPart):
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Store the edited pairs; None returns to the proposal."""
         with self.database.transaction():
-            if rows is not None:
-                check_rows(rows, self.photographs)
+            _check_rows(rows or (), self.photographs)
             kept = None if rows is None else [asdict(row) for row in rows]
             self.database.keep_values(BAR, {"pairs": kept})
 
@@ -74,7 +82,7 @@ class ProjectPhotographs(ProjectPart):
             before = self.photographs
             self.database.name_files(BAR, found)
             if self._value("pairs") is not None:
-                self.keep_rows(with_new(self.rows, list(self.photographs)))
+                self.keep_rows(_with_new(self.rows, list(self.photographs)))
             replaced = {name for name in found if before.get(name, found[name]) != found[name]}
             frames = self.frames or []
             left = [frame for frame in frames if not replaced.intersection(frame.files)]
@@ -121,15 +129,15 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             again = bool(found) and self.photographs == found and "correspondences" not in files
-            table: Mapping[Slot, tuple[str, bytes]] = {}
+            table: Given = ({}, {})
             if again:
                 with suppress(StereocalError):  # no target was found, or none is used
-                    table, points = _table(self.frames or [])
-                    read = {**(read or {}), **points}
+                    table = _table(correspondences_of(self.frames or []), TABLE_LABEL)
+            read = {**(read or {}), **table[1]}
             try:
-                self.project.give({**files, **table}, ("correspondences",), read, **values)
+                self.project.give({**files, **table[0]}, ("correspondences",), read, **values)
             except RefusedRowsError as error:
-                if not table:
+                if not table[0]:
                     raise
                 # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error
@@ -163,7 +171,6 @@ class ProjectPhotographs(ProjectPart):
             StereocalError: the points do not fit the project's cameras: the frames are stored, but
                 no table; or photographs have changed meanwhile, and nothing is stored.
         """
-        refused = None
         with self.database.transaction():
             now, names = self.photographs, {name for frame in found for name in frame.files}
             if any(now.get(name) != searched.get(name) for name in names):
@@ -202,9 +209,8 @@ class ProjectPhotographs(ProjectPart):
     @property
     def doubtful_boards(self) -> dict[int, str]:
         """Of frames whose board is not used or does not fit well, the reason."""
-        return {
-            int(frame): str(why) for frame, why in (self._value("boards_doubtful") or {}).items()
-        }
+        kept = self._value("boards_doubtful") or {}
+        return {int(frame): str(why) for frame, why in kept.items()}
 
     def keep_boards(
         self,
@@ -225,34 +231,25 @@ class ProjectPhotographs(ProjectPart):
                 to keep those.
             search: a digest of the search.
         """
-        rows = found.correspondences
-        files: dict[Slot, tuple[str, bytes]] = {
-            "correspondences": (BOARDS_LABEL, write_table(rows))
-        }
-        read: dict[Slot, Camera | Table] = {"correspondences": Table(rows, [])}
+        files, read = _table(found.correspondences, BOARDS_LABEL)
         if lenses is not None:
             for which, camera in zip(CAMERAS, (found.primary, found.secondary), strict=True):
                 files[which], read[which] = (lenses, write_camera(camera)), camera
+        values: dict[str, Any] = {"target_distance_m": found.target_distance_m}
+        why = {str(frame): why for frame, why in doubtful.items()}
+        about = {"boards_found": sentence, "boards_doubtful": why, "found_by": search}
         with self.database.transaction():
-            values: dict[str, Any] = {"target_distance_m": found.target_distance_m}
             if self.project.inputs.baseline_m is None:
                 values["baseline_free"] = True
             self.project.give(files, read=read, **values)
-            self.database.keep_values(
-                BAR,
-                {
-                    "boards_found": sentence,
-                    "boards_doubtful": {str(frame): why for frame, why in doubtful.items()},
-                    "found_by": search,
-                },
-            )
+            self.database.keep_values(BAR, about)
             self.database.keep_result("frames", None)
 
     def _keep_frames(self, frames: Sequence[Frame]) -> StereocalError | None:
         with self.database.transaction():
             self.database.keep_result("frames", pack_frames(frames))
             try:
-                table, read = _table(frames)
+                table, read = _table(correspondences_of(frames), TABLE_LABEL)
                 self.project.give(table, read=read)
             except DiskFullError:
                 raise
@@ -265,10 +262,37 @@ class ProjectPhotographs(ProjectPart):
         return self.database.values(BAR).get(name)
 
 
-def _table(
-    frames: Sequence[Frame],
-) -> tuple[dict[Slot, tuple[str, bytes]], dict[Slot, Camera | Table]]:
-    """The table of points as a file, and as it is."""
-    rows = correspondences_of(frames)
-    file = (TABLE_LABEL, write_table(rows))
-    return {"correspondences": file}, {"correspondences": Table(rows, [])}
+def _table(rows: Correspondences, label: str) -> Given:
+    """A table of points as a file, and as it is."""
+    return {"correspondences": (label, write_table(rows))}, {"correspondences": Table(rows, [])}
+
+
+def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
+    """Check a table of pairs."""
+    frames: set[int] = set()
+    taken: set[str] = set()
+    for row in rows:
+        pair = row.pair
+        if pair.frame in frames:
+            raise StereocalError(f"Frame {pair.frame} is in two rows: give each its own number.")
+        frames.add(pair.frame)
+        for name in (pair.primary, pair.secondary):
+            if name not in names:
+                raise StereocalError(f"Frame {pair.frame}: choose a photograph of either camera.")
+            if name in taken:
+                raise StereocalError(
+                    f"Frame {pair.frame}: {name} belongs to another frame or camera already."
+                )
+            taken.add(name)
+
+
+def _with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
+    """The given rows, and the proposed pairs of all other photographs."""
+    taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
+    frames = {row.pair.frame for row in kept}
+    rows = list(kept)
+    for pair in pair_names(name for name in names if name not in taken).pairs:
+        number = pair.frame if pair.frame not in frames else max(frames) + 1
+        frames.add(number)
+        rows.append(PairRow(Pair(number, pair.primary, pair.secondary)))
+    return rows

@@ -1,32 +1,36 @@
 """One project on disk: inputs, settings, results.
 
-The id is unguessable and is the only key to the project.
+The id is unguessable and is the only key to the project. Files and results are kept in memory as
+objects by the digests of their content: what was read at the door, or has just been computed, is
+not read again.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_files import parse_zip
-from stereocal.formats.evaluation_files import Evaluation, pack_evaluation
-from stereocal.projects import parsed_files
-from stereocal.projects.calibration_files import as_stored, pack_calibration
+from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
+from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
 from stereocal.projects.data_folder import new_database, store_of
-from stereocal.projects.database import NOT_THERE
+from stereocal.projects.database import NOT_THERE, DamagedError
 from stereocal.projects.files import PAIR, Store, StoredFile
-from stereocal.projects.inputs import Inputs, Slot, check_inputs, checked_inputs
-from stereocal.projects.sqlite_errors import DamagedError
+from stereocal.projects.inputs import Inputs, Slot
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset, check_length, points_outside
+from stereocal.system.latest import Latest
+from stereocal.system.records import of_plain
+
+T = TypeVar("T")
 
 INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
 """Parts of a project: inputs, form values, further data sets, the inputs of the last result."""
@@ -36,6 +40,14 @@ VALUES = tuple(
 METHOD_OF: Mapping[str, Method] = {method: method for method in ALL_METHODS}
 OF_TABLE = ("exchanged", "put_back", "left_out")
 """Corrections of frames, valid for one table of points."""
+KEPT: dict[type, Latest[Any]] = {
+    Camera: Latest(64),
+    Table: Latest(8),
+    Dataset: Latest(32),
+    Calibration: Latest(8),
+    Evaluation: Latest(8),
+}
+"""In memory. The keys of what was read from files have their labels: messages name them."""
 
 
 class Project:
@@ -81,14 +93,11 @@ class Project:
         with self.database.reading():
             values = self.database.values(INPUT)
             files = self.database.files(INPUT)
+        stored = {name: values[name] for name in VALUES if name in values}
+        stored["files"] = {slot: file.sha256 for slot, file in files.items()}
+        stored["labels"] = {slot: file.label for slot, file in files.items()}
         try:
-            return checked_inputs(
-                {
-                    **{name: values[name] for name in VALUES if name in values},
-                    "files": {slot: file.sha256 for slot, file in files.items()},
-                    "labels": {slot: file.label for slot, file in files.items()},
-                }
-            )
+            return of_plain(stored, Inputs)
         except DAMAGED as error:
             raise DamagedError("What was given to the project is damaged.") from error
 
@@ -108,10 +117,15 @@ class Project:
         Raises:
             StereocalError: the resulting inputs are invalid; the project is unchanged.
         """
-        objects = read or {}
-        stored: dict[str, StoredFile] = {
-            slot: self._stored(slot, *file, objects.get(slot)) for slot, file in files.items()
-        }
+        stored: dict[str, StoredFile] = {}
+        for slot, (label, content) in files.items():  # before the transaction: others wait for it
+            own = (read or {}).get(slot)
+            if own is None and slot == "correspondences":
+                own = read_table(content, label)
+            elif own is None:
+                own = read_camera(content, label, "brown")
+            stored[slot] = self.database.keep_file(content, label)
+            _keep(stored[slot], own)
         with self.database.transaction():
             before = self.inputs
             self.database.forget_files(INPUT, [slot for slot in drop if slot not in files])
@@ -123,20 +137,9 @@ class Project:
             if "correspondences" in files or "correspondences" in drop:
                 kept |= {name: [] for name in OF_TABLE}
             self.database.keep_values(INPUT, kept | values)
-            self._check_inputs(self.inputs)
+            self._check(self.inputs)
 
-    def _stored(
-        self, slot: Slot, label: str, content: bytes, read: Camera | Table | None
-    ) -> StoredFile:
-        """Read and store a file, before the transaction that others wait for."""
-        if read is None:
-            is_table = slot == "correspondences"
-            read = read_table(content, label) if is_table else read_camera(content, label, "brown")
-        file = self.database.keep_file(content, label)
-        parsed_files.keep(file, read)
-        return file
-
-    def _check_inputs(self, inputs: Inputs) -> None:
+    def _check(self, inputs: Inputs) -> None:
         """Check the inputs as far as they are complete."""
         for what, value in (
             ("baseline", inputs.baseline_m),
@@ -144,11 +147,9 @@ class Project:
         ):
             if value is not None:
                 check_length(what, value)
-        check_inputs(inputs)
         cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
-        if "correspondences" in inputs.files:
-            file = self._file(inputs, "correspondences")
-            rows = parsed_files.table_of(file).strict(file.label)
+        if (file := self._file(inputs, "correspondences")) is not None:
+            rows = _table(file).strict(file.label)
             if outside := points_outside(rows, *cameras):
                 raise RefusedRowsError(f"{file.label}: ", outside, "with a point outside its image")
         self.dataset_of(inputs)
@@ -156,26 +157,24 @@ class Project:
     def exchange_targets(self, frame: int) -> None:
         """Exchange A and B of a frame in the secondary image of the table, or undo that."""
         with self.database.transaction():
-            exchanged = sorted({*self.inputs.exchanged} ^ {frame})
-            self.database.keep_values(INPUT, {"exchanged": exchanged})
+            self._keep_frames(exchanged={*self.inputs.exchanged} ^ {frame})
 
     def put_back(self, frames: Sequence[int]) -> None:
         """Keep exactly these of the frames that contradict the others."""
-        self.database.keep_values(INPUT, {"put_back": sorted(frames)})
+        self._keep_frames(put_back=frames)
 
     def leave_out(self, frame: int) -> None:
         """Leave a frame out."""
-        inputs = self.inputs
-        given = {"put_back": {*inputs.put_back} - {frame}, "left_out": {*inputs.left_out, frame}}
-        self.database.keep_values(INPUT, {name: sorted(frames) for name, frames in given.items()})
+        back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
+        self._keep_frames(put_back=back - {frame}, left_out=out | {frame})
 
     def take_in(self, frame: int) -> None:
         """Use a frame that the user or the screening left out."""
-        inputs = self.inputs
-        given: dict[str, list[int]] = {"left_out": sorted({*inputs.left_out} - {frame})}
-        if frame not in inputs.left_out:
-            given["put_back"] = sorted({*inputs.put_back, frame})
-        self.database.keep_values(INPUT, given)
+        back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
+        self._keep_frames(put_back=back | ({frame} - out), left_out=out - {frame})
+
+    def _keep_frames(self, **frames: Iterable[int]) -> None:
+        self.database.keep_values(INPUT, {name: sorted(own) for name, own in frames.items()})
 
     def take_planned(self) -> None:
         """Take the planned lengths as measured."""
@@ -192,18 +191,22 @@ class Project:
 
     def dataset_of(self, inputs: Inputs) -> Dataset | None:
         """The data set of these inputs; None if one is missing."""
-        if inputs.missing:
-            return None
-        return parsed_files.dataset_of(inputs, self.database)
+
+        def made() -> Dataset:
+            primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
+            file = self._file(inputs, "correspondences")
+            assert primary and secondary and file
+            rows = _table(file).strict(file.label)
+            return inputs.dataset(Path(file.label).stem, primary, secondary, rows)
+
+        key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
+        return None if inputs.missing else _once(Dataset, key, made)
 
     @property
     def table(self) -> tuple[str, bytes] | None:
         """Name and content of the table of points, if there is one."""
-        inputs = self.inputs
-        if "correspondences" not in inputs.files:
-            return None
-        file = self._file(inputs, "correspondences")
-        return file.label, file.read_bytes()
+        file = self._file(self.inputs, "correspondences")
+        return None if file is None else (file.label, file.read_bytes())
 
     @property
     def cameras(self) -> tuple[Camera | None, Camera | None]:
@@ -211,11 +214,18 @@ class Project:
         inputs = self.inputs
         return self._camera(inputs, "primary"), self._camera(inputs, "secondary")
 
-    def _file(self, inputs: Inputs, slot: Slot) -> StoredFile:
-        return parsed_files.file_of(inputs, slot, self.database)
+    def _file(self, inputs: Inputs, slot: Slot) -> StoredFile | None:
+        if slot not in inputs.files:
+            return None
+        return StoredFile(inputs.files[slot], self.database, inputs.labels[slot])
 
     def _camera(self, inputs: Inputs, slot: Slot) -> Camera | None:
-        return parsed_files.camera_of(self._file(inputs, slot)) if slot in inputs.files else None
+        """The lens model was settled when it was uploaded."""
+        if (file := self._file(inputs, slot)) is None:
+            return None
+        return _once(
+            Camera, _key(file), lambda: read_camera(file.read_bytes(), file.label, "brown")
+        )
 
     # Settings and results
 
@@ -236,17 +246,33 @@ class Project:
         """
         calibration = as_stored(calibration)
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
-        files: dict[str, StoredFile] = {slot: self._file(inputs, slot) for slot in inputs.files}
+        files = {str(slot): file for slot in inputs.files if (file := self._file(inputs, slot))}
         with self.database.transaction():
             self.database.replace_files(CALIBRATED, files)
             digest = self.database.keep_result("calibration", content)
             self.database.keep_result("recommended", None)
-        parsed_files.CALIBRATIONS.keep(digest, calibration)
+        KEPT[Calibration].keep(digest, calibration)
 
     @property
     def calibration(self) -> Calibration | None:
         """The last finished result, with the data it was computed from; None before the first."""
-        return parsed_files.calibration_of(self.database)
+
+        def made_from(stated: Mapping[str, Any]) -> Dataset:
+            inputs = of_plain(stated, Inputs)
+            if (dataset := self.dataset_of(inputs)) is None:
+                raise ValueError(inputs)
+            return dataset
+
+        return self._result(
+            Calibration, "calibration", lambda content: unpack_calibration(content, made_from)
+        )
+
+    def _result(self, kind: type[T], name: str, unpack: Callable[[bytes], T]) -> T | None:
+        with self.database.reading():
+            digest = self.database.result_digest(name)
+            if digest is None:
+                return None
+            return _once(kind, digest, lambda: unpack(self.database.result(name) or b""))
 
     @property
     def calibration_digest(self) -> str | None:
@@ -283,17 +309,17 @@ class Project:
             digest = self.database.keep_result("evaluation", content)
             if of_calibration:
                 self.database.keep_result("calibration_evaluation", content)
-        parsed_files.EVALUATIONS.keep(digest, evaluation)
+        KEPT[Evaluation].keep(digest, evaluation)
 
     @property
     def evaluation(self) -> Evaluation | None:
         """The last finished evaluation; None before the first."""
-        return parsed_files.evaluation_of(self.database, "evaluation")
+        return self._result(Evaluation, "evaluation", unpack_evaluation)
 
     @property
     def calibration_evaluation(self) -> Evaluation | None:
         """The evaluation made with the last result; None if it has none yet."""
-        found = parsed_files.evaluation_of(self.database, "calibration_evaluation")
+        found = self._result(Evaluation, "calibration_evaluation", unpack_evaluation)
         calibration = self.calibration
         if found is None or calibration is None:
             return None
@@ -314,7 +340,7 @@ class Project:
             at = len(self.database.files(FURTHER))
             file = self.database.keep_file(content, label)
             self.database.name_files(FURTHER, {f"{at:06d}": file})
-        parsed_files.keep(file, dataset)
+        _keep(file, dataset)
 
     def drop_datasets(self) -> None:
         """Delete the further data sets."""
@@ -324,7 +350,13 @@ class Project:
     @property
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
-        return [parsed_files.further_of(file) for file in self.database.files(FURTHER).values()]
+
+        def read(file: StoredFile) -> Dataset:
+            return _once(
+                Dataset, _key(file), lambda: parse_zip(file.read_bytes(), file.label, "brown")
+            )
+
+        return [read(file) for file in self.database.files(FURTHER).values()]
 
 
 class ProjectPart:
@@ -337,3 +369,21 @@ class ProjectPart:
     def keep(self, name: str, content: bytes) -> StoredFile:
         """Store a photograph; `add` or `give` makes it the project's."""
         return self.database.keep_file(content, name)
+
+
+def _key(file: StoredFile) -> str:
+    return f"{file.sha256} {file.label}"
+
+
+def _keep(file: StoredFile, read: Camera | Table | Dataset) -> None:
+    KEPT[type(read)].keep(_key(file), read)
+
+
+def _once(kind: type[T], key: str, make: Callable[[], T]) -> T:
+    found: T = KEPT[kind].once(key, make)
+    return found
+
+
+def _table(file: StoredFile) -> Table:
+    """All rows of a table, invalid ones included."""
+    return _once(Table, _key(file), lambda: read_table(file.read_bytes(), file.label))

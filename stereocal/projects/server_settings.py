@@ -7,7 +7,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
+from stereocal.errors import StereocalError
 from stereocal.system.environment import from_environment
+from stereocal.system.limits import MB
 
 MOST_WORKERS = 1000
 
@@ -37,3 +39,15 @@ class ServerSettings:
         found = from_environment(cls, variables, environment)
         workers = int(min(max(found.workers, 1), MOST_WORKERS))
         return replace(found, shared=found.shared > 0, workers=workers)
+
+
+def check_quota(size: int, coming: int = 0) -> None:
+    """Check the size in bytes of a project, with `coming` bytes more, against the limit."""
+    limit = ServerSettings.from_environment().project_mb * MB
+    if size + coming > limit:
+        raise StereocalError(
+            f"A project may take {limit / MB:g} MB on this server. This one has {size / MB:.1f} MB"
+            + (f", and {coming / MB:.1f} MB would be added" if coming else "")
+            + ": remove photographs, board photographs or further data sets that are not needed, "
+            "or begin another project."
+        )

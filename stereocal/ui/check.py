@@ -22,8 +22,13 @@ from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.inputs import images_in
 from stereocal.matching.application import PAIRS, digest_of
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
-from stereocal.projects.application import ProjectApplication, parameters_in
-from stereocal.projects.check import IMAGES, PARAMETERS, ProjectCheck
+from stereocal.projects.application import (
+    IMAGES,
+    PARAMETERS,
+    ProjectApplication,
+    ProjectCheck,
+    parameters_in,
+)
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs

@@ -14,9 +14,9 @@ from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
 from stereocal.intrinsics.proposed_board import ProposedBoard
+from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
-from stereocal.projects.sqlite_errors import DamagedError
 from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.rig.camera import CAMERAS, LENS_MODELS, CameraName
 from stereocal.system.described import descriptions

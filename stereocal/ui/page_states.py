@@ -9,8 +9,7 @@ from typing import Literal
 
 from stereocal.figures.style import count
 from stereocal.network.rig_file import RIG
-from stereocal.projects.application import ProjectApplication
-from stereocal.projects.check import IMAGES, ProjectCheck
+from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.projects.recording import RIG_FILES, ProjectRecording
 from stereocal.ui.forms import form_values, search_values, settings_of

@@ -9,8 +9,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
-from stereocal.projects.pair_rows import PairRow
-from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback

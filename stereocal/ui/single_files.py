@@ -7,9 +7,8 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.bars import holds_bars
 from stereocal.formats.correspondences_csv import TEMPLATE
-from stereocal.projects.application import ProjectApplication
+from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.inputs import Slot
-from stereocal.projects.point_files import Asked
 from stereocal.projects.project import Project
 from stereocal.ui.archives import ask_about_archive, is_archive
 from stereocal.ui.downloads import offer

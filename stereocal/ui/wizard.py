@@ -25,8 +25,7 @@ from stereocal.formats.point_answers import (
     layout_of,
 )
 from stereocal.formats.point_files import PointLayout
-from stereocal.projects.application import ProjectApplication
-from stereocal.projects.point_files import Asked
+from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Correspondences

@@ -11,9 +11,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects import data_folder
 from stereocal.projects import home as home_module
+from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.project import Project
-from stereocal.projects.sqlite_errors import DiskFullError
 from stereocal.ui.menu import TITLES
 from tests.pages.stored_projects import FULL, go, placed, session, told
 

@@ -15,7 +15,7 @@ from stereocal.evaluation import evaluate as evaluation
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
-from stereocal.projects import parsed_files
+from stereocal.projects import project as project_module
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
@@ -108,16 +108,16 @@ def same(first: Correspondences, second: Correspondences, name: str) -> bool:
 
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:
     """As after a restart of the server."""
-    for kept in ("CALIBRATIONS", "EVALUATIONS", "DATASETS", "TABLES"):
-        monkeypatch.setattr(parsed_files, kept, Latest(8))
+    for kind in project_module.KEPT:
+        monkeypatch.setitem(project_module.KEPT, kind, Latest(8))
     st.cache_resource.clear()
 
 
 def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_again(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    unpacked = counted(monkeypatch, "stereocal.projects.parsed_files.unpack_calibration")
-    read = counted(monkeypatch, "stereocal.projects.parsed_files.unpack_evaluation")
+    unpacked = counted(monkeypatch, "stereocal.projects.project.unpack_calibration")
+    read = counted(monkeypatch, "stereocal.projects.project.unpack_evaluation")
     fitted = counted(monkeypatch, "stereocal.ui.refined.refine")
     forget(monkeypatch)  # what other tests of this process have calibrated
     open_sample(app).switch_page("pages/calibrate.py").run()

@@ -17,12 +17,12 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.projects import database as database_module
-from stereocal.projects import files, job_locks
+from stereocal.projects import files, jobs
+from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import copy_database, recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.sqlite_errors import DiskFullError
 from tests.pages.stored_projects import FULL, placed
 
 
@@ -104,7 +104,6 @@ def test_a_folder_without_shared_memory_is_recognised(
 def test_a_large_value_goes_in_and_out_piece_by_piece(
     database: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(files, "BOUND", 1000)
     monkeypatch.setattr(files, "PIECE", 700)
     content = random.Random(1).randbytes(12_345)
     (tmp_path / "large").write_bytes(content)
@@ -214,7 +213,7 @@ WRITER = """
 import sys, os
 from pathlib import Path
 from stereocal.projects.files import Store
-from stereocal.projects.job_locks import lock
+from stereocal.projects.jobs import lock
 
 database = Store(Path(sys.argv[1]))
 print(lock(database.path.parents[1]), flush=True)
@@ -238,11 +237,11 @@ def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Store) 
             assert process.stdout is not None
             server = process.stdout.readline().strip()
             process.stdout.readline()
-            assert job_locks.is_locked(database.path.parents[1], server)
+            assert jobs.is_locked(database.path.parents[1], server)
             time.sleep(rng.uniform(0.0, 0.2))
             process.send_signal(signal.SIGKILL)
             said = max([1, *(int(line) for line in process.stdout.read().split("\n")[:-1] if line)])
-        assert not job_locks.is_locked(database.path.parents[1], server)
+        assert not jobs.is_locked(database.path.parents[1], server)
         count = database.values("a")["count"]
         assert said <= count <= said + 1
         assert len(database.files("bar")) == count

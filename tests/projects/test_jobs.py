@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from stereocal.evaluation.evaluate import evaluate_runs
-from stereocal.projects import job_locks, jobs
+from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import bring_back, duplicate, remove
 from stereocal.projects.project import Project
-from stereocal.projects.sqlite_errors import DiskFullError
 from tests.projects.test_checkpoints import same_runs
 from tests.projects.test_project import filled
 
@@ -108,7 +108,7 @@ def test_a_disk_that_fails_is_no_sign_of_a_running_server(
         def connect(*_: object, **__: object) -> sqlite3.Connection:
             return sqlite3.connect(folder / "no folder" / "x")
 
-    monkeypatch.setattr(job_locks, "sqlite3", Failing)
+    monkeypatch.setattr(jobs, "sqlite3", Failing)
     found = jobs.find(database, "evaluation")
     assert found is not None and found[0] == "interrupted"
 
@@ -193,7 +193,7 @@ from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_run
 from stereocal.projects.files import Store
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.projects import job_locks, jobs
+from stereocal.projects import jobs
 
 project = Project(Store(Path(sys.argv[1])))
 dataset = project.dataset

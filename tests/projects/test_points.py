@@ -8,7 +8,7 @@ import pytest
 
 from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.matching.point_table import PointTable
-from stereocal.projects import point_files
+from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 
@@ -22,7 +22,7 @@ def test_an_answered_table_is_not_read_back(
     store.offer_points("primary", "xypts.csv", XYPTS)
     answers = first_answers(layout_of(XYPTS, "xypts.csv"), 0, image_height=1024)
     with monkeypatch.context() as patch:
-        patch.delattr(point_files, "PointTable")
+        patch.delattr(application, "PointTable")
         store.answer("primary", answers)
     points = store.points("primary")
     assert points is not None and (points.rows, points.frames) == (3, 3)
