@@ -6,9 +6,8 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
+from stereocal.commands.parser import Parser, take
 from stereocal.commands.progress import say
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
@@ -38,7 +37,7 @@ COMMANDS = {
     ),
     "sample": ("sample", "data to try the commands with"),
     "serve": ("serve", "the dashboard, in a browser"),
-    "compile": ("compiling", "compile everything now, so that later commands start at once"),
+    "compile": ("warming", "compile everything now, so that later commands start at once"),
 }
 """Their files in `commands`, of which only that in use is imported; and their help."""
 EXTRA = ("matplotlib", "plotly", "reportlab", "streamlit")
@@ -69,30 +68,20 @@ def _announce(compiled: int) -> None:
         say("Compiling once, which takes up to a minute.")
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser that takes no empty path: `Path("")` is the current folder."""
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
-        self.register("type", Path, _path)
-
-
-def _path(text: str) -> Path:
-    if not text.strip():
-        raise argparse.ArgumentTypeError("a path is missing: the text is empty")
-    return Path(text)
-
-
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
     """The parser, with the options of one command."""
     needs = f"Reports, printed sheets, paper kits and serve need more: {INSTALL}"
-    parser = _Parser(prog="stereocal", description=__doc__, epilog=needs)
+    parser = Parser(prog="stereocal", description=__doc__, epilog=needs)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (file, about) in COMMANDS.items():
         command = commands.add_parser(name, help=about)
         if name == asked:
             module = importlib.import_module(f"stereocal.commands.{file}")
-            command.set_defaults(run=module.run)
-            module.add(command)
+            known = vars(module)
+            take(command, known.get("OPTIONS", {}))
+            command.set_defaults(run=module.run, **known.get("DEFAULTS", {}))
+            command.epilog = known.get("EPILOG")
+            if "add" in known:
+                module.add(command)
     return parser

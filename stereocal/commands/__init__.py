@@ -1,1 +1,1 @@
-"""One file per command: `add` says its options, `run` does it."""
+"""One file per command: `OPTIONS` are its options, `run` does it."""

@@ -6,19 +6,19 @@ import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from stereocal.calibration.methods import METHODS, Method
-from stereocal.commands.compiling import compile_apart
 from stereocal.commands.options import (
-    add_lens_model,
-    add_pair,
-    add_search_options,
+    LENSES_AND_LENGTHS,
+    PAIR,
+    SEARCH,
     refine_settings_from,
     settings_from,
     with_sigmas,
 )
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
+from stereocal.commands.warming import compile_apart
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.description import DESCRIPTION
@@ -45,54 +45,31 @@ FILES: dict[Method, str] = {
 }
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument("dataset", type=Path, help="folder or zip with dataset.json")
-    command.add_argument("--out", type=Path, required=True, help="folder for the files")
-    add_search_options(command)
-    add_lens_model(command)
-    add_pair(command)
-    command.add_argument(
-        "--calibration-frames",
-        type=int,
-        metavar="K",
-        help="calibrate with K frames drawn at random, test with the others (default: all)",
-    )
-    command.add_argument(
-        "--known-points",
-        action="store_true",
-        help="3D cost: known points (columns x_m, y_m, z_m, or the corners of a board) instead of "
-        "distances",
-    )
-    command.add_argument(
-        "--runs",
-        type=int,
-        default=100,
-        metavar="N",
-        help="random splits of the validation; 0 for none (default: 100)",
-    )
-    command.add_argument(
-        "--no-refined", dest="refined", action="store_false", help="the two sets of the paper only"
-    )
-    command.add_argument(
-        "--free-distortion",
-        nargs="+",
-        choices=CAMERAS,
-        default=[],
-        metavar="CAMERA",
-        help="refined set: estimate the distortion of primary, secondary, or both",
-    )
-    command.add_argument(
-        "--validation",
-        type=Path,
-        metavar="SUMMARY.JSON",
-        help="summary.json of evaluate: copies its figures and threshold into the files",
-    )
-    command.add_argument(
-        "--kit",
-        action="store_true",
-        help="also write paper_kit.zip: methods, figures, table, and an archive for reproduce",
-    )
+OPTIONS: Options = {
+    "dataset": "folder or zip with dataset.json",
+    "--out OUT": "folder for the files",
+    **SEARCH,
+    **LENSES_AND_LENGTHS,
+    **PAIR,
+    "--calibration-frames K": "calibrate with K frames drawn at random, test with the others "
+    "(default: all)",
+    "--known-points": "3D cost: known points (columns x_m, y_m, z_m, or the corners of a board) "
+    "instead of distances",
+    "--runs N": "random splits of the validation; 0 for none (default: 100)",
+    "--no-refined": {
+        "help": "the two sets of the paper only",
+        "dest": "refined",
+        "action": "store_false",
+    },
+    "--free-distortion CAMERA...": {
+        "help": "refined set: estimate the distortion of primary, secondary, or both",
+        "choices": CAMERAS,
+    },
+    "--validation SUMMARY.JSON": "summary.json of evaluate: copies its figures and threshold into "
+    "the files",
+    "--kit": "also write paper_kit.zip: methods, figures, table, and an archive for reproduce",
+}
+DEFAULTS = {"runs": 100, "free_distortion": ()}
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.commands.calibrate import FILES
-from stereocal.commands.options import add_lens_model, add_pair, with_sigmas
+from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, with_sigmas
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import report
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
@@ -31,42 +32,22 @@ from stereocal.system.atomic_files import write_all
 ANSWER = "check.json"
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument("parameters", type=Path, help="the parameter file to check, or rig.json")
-    command.add_argument(
-        "dataset",
-        type=Path,
-        help="a few new bars: folder or zip with dataset.json, or a table of bars "
-        "(correspondences.csv); "
-        "or matched points alone: pairs.csv",
-    )
-    command.add_argument("--out", type=Path, required=True, help="folder for the files")
-    smallest = Smallest()
-    command.add_argument(
-        "--turn",
-        type=float,
-        default=float(np.degrees(smallest.turn_rad)),
-        metavar="DEG",
-        help='smallest turn that matters; "same" is reported only if it would be seen '
-        "(default: %(default).3g)",
-    )
-    command.add_argument(
-        "--baseline-change",
-        type=float,
-        default=smallest.baseline,
-        metavar="FRACTION",
-        help="smallest change of the baseline that matters (default: %(default)g)",
-    )
-    command.add_argument(
-        "--sigma-px",
-        type=float,
-        metavar="PX",
-        help="noise of matched points, if they are less exact than the targets (default: of the "
-        "columns that match writes)",
-    )
-    add_lens_model(command)
-    add_pair(command)
+OPTIONS: Options = {
+    "parameters": "the parameter file to check, or rig.json",
+    "dataset": "a few new bars: folder or zip with dataset.json, or a table of bars "
+    "(correspondences.csv); or matched points alone: pairs.csv",
+    "--out OUT": "folder for the files",
+    "--turn DEG": 'smallest turn that matters; "same" is reported only if it would be seen '
+    "(default: %(default).3g)",
+    "--baseline-change FRACTION": "smallest change of the baseline that matters (default: "
+    "%(default)g)",
+    "--sigma-px PX": "noise of matched points, if they are less exact than the targets (default: "
+    "of the columns that match writes)",
+    **LENSES_AND_LENGTHS,
+    **PAIR,
+}
+SMALLEST = Smallest()
+DEFAULTS = {"turn": float(np.degrees(SMALLEST.turn_rad)), "baseline_change": SMALLEST.baseline}
 
 
 def run(parsed: argparse.Namespace) -> None:

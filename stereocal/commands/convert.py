@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from stereocal.commands.options import (
-    add_lens_model,
-    add_questions,
-    add_world,
+    LENSES_AND_LENGTHS,
+    WORLD,
     answers,
     image_size,
+    questions,
     world_from,
 )
+from stereocal.commands.parser import ONE_OF, Options
 from stereocal.commands.progress import report
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
@@ -20,36 +20,21 @@ from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "parameters",
-        type=Path,
-        help="a parameter file or rig.json; with --from, the other program's",
-    )
-    direction = command.add_mutually_exclusive_group(required=True)
-    direction.add_argument("--to", choices=tuple(FORMATS), help="write this format")
-    direction.add_argument(
-        "--from", dest="origin_format", choices=tuple(FORMATS), help="read this format"
-    )
-    command.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        help="folder to create; or a file name with its suffix, for formats of a single file",
-    )
-    add_questions(command, "unit")
-    add_lens_model(command)
-    dlt = command.add_argument_group("DLT coefficients")
-    add_questions(dlt, *ORIGIN)
-    add_world(dlt)
-    for which in CAMERAS:
-        command.add_argument(
-            f"--image-size-{which}",
-            metavar="WxH",
-            help="with --from, for files that do not state it (DLT, OpenCV)",
-        )
+OPTIONS: Options = {
+    "parameters": "a parameter file or rig.json; with --from, the other program's",
+    ONE_OF: {
+        "--to": {"choices": tuple(FORMATS), "help": "write this format"},
+        "--from": {"choices": tuple(FORMATS), "dest": "origin_format", "help": "read this format"},
+    },
+    "--out OUT": "folder to create; or a file name with its suffix, for formats of a single file",
+    **questions("unit"),
+    **LENSES_AND_LENGTHS,
+    "DLT coefficients:": {**questions(*ORIGIN), **WORLD},
+    **{
+        f"--image-size-{which} WxH": "with --from, for files that do not state it (DLT, OpenCV)"
+        for which in CAMERAS
+    },
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -7,7 +7,8 @@ import tempfile
 from pathlib import Path
 
 from stereocal.commands.boards import detect_board
-from stereocal.commands.options import add_lens_model, add_workers, workers_from
+from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, workers_from
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, Stages, say
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.errors import StereocalError
@@ -20,49 +21,21 @@ from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import of_the_bar, photographs_in
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "dataset", type=Path, help="folder or zip with dataset.json and photographs"
-    )
-    command.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        help="the table: correspondences.csv; of a board points.csv, or a folder for a data set",
-    )
-    command.add_argument(
-        "--target",
-        default="bar2x2",
-        metavar="KIND",
-        help=f"what is on the bar: {EXAMPLES} (default: bar2x2); or a board: {BOARDS}",
-    )
-    command.add_argument(
-        "--videos",
-        type=Path,
-        nargs=2,
-        metavar=("PRIMARY", "SECONDARY"),
-        help="take frames of two videos first, into primary/ and secondary/ of the folder",
-    )
-    command.add_argument(
-        "--every",
-        type=int,
-        metavar="N",
-        help="of the videos, every N-th frame (default: the sharpest still one of each second)",
-    )
-    command.add_argument(
-        "--clock-ahead",
-        type=float,
-        metavar="S",
-        help="by how many seconds the secondary's time stamps are ahead (default: both videos "
-        "start at the same moment)",
-    )
-    command.add_argument(
-        "--doubtful", action="store_true", help="doubtful frames go into the table too"
-    )
-    add_lens_model(command)
-    add_workers(command)
+OPTIONS: Options = {
+    "dataset": "folder or zip with dataset.json and photographs",
+    "--out OUT": "the table: correspondences.csv; of a board points.csv, or a folder for a data "
+    "set",
+    "--target KIND": f"what is on the bar: {EXAMPLES} (default: bar2x2); or a board: {BOARDS}",
+    "--videos PRIMARY SECONDARY": "take frames of two videos first, into primary/ and secondary/ "
+    "of the folder",
+    "--every N": "of the videos, every N-th frame (default: the sharpest still one of each second)",
+    "--clock-ahead S": "by how many seconds the secondary's time stamps are ahead (default: both "
+    "videos start at the same moment)",
+    "--doubtful": "doubtful frames go into the table too",
+    **LENSES_AND_LENGTHS,
+    **WORKERS,
+}
+DEFAULTS = {"target": "bar2x2"}
 
 
 def run(parsed: argparse.Namespace) -> None:

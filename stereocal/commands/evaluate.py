@@ -5,20 +5,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 
 from stereocal.calibration.methods import Method
 from stereocal.commands.options import (
-    add_lens_model,
-    add_pair,
-    add_search_options,
-    add_settings,
-    add_workers,
+    LENSES_AND_LENGTHS,
+    PAIR,
+    SEARCH,
+    WORKERS,
     refine_settings_from,
     settings_from,
+    settings_options,
     with_sigmas,
     workers_from,
 )
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
@@ -34,20 +34,21 @@ from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import Answer, answer, calibrate
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders, zips")
-    command.add_argument("--out", type=Path, required=True, help="folder for the two files")
-    add_search_options(command)
-    add_lens_model(command)
-    add_pair(command)
-    add_settings(command, EvaluationSettings)
-    command.add_argument("--known-points", action="store_true", help="as for calibrate")
-    command.add_argument(
-        "--no-refined", dest="refined", action="store_false", help="the paper's three methods only"
-    )
-    add_workers(command)
+OPTIONS: Options = {
+    "datasets DATASET...": "folders, zips",
+    "--out OUT": "folder for the two files",
+    **SEARCH,
+    **LENSES_AND_LENGTHS,
+    **PAIR,
+    **settings_options(EvaluationSettings),
+    "--known-points": "as for calibrate",
+    "--no-refined": {
+        "help": "the paper's three methods only",
+        "dest": "refined",
+        "action": "store_false",
+    },
+    **WORKERS,
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

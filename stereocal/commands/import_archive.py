@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 from stereocal.commands.options import (
-    add_lens_model,
-    add_questions,
+    LENSES_AND_LENGTHS,
     answers,
     contents,
     image_size,
+    questions,
     with_sigmas,
 )
+from stereocal.commands.parser import Options
 from stereocal.commands.point_options import two_cameras
 from stereocal.commands.progress import report
 from stereocal.errors import StereocalError
@@ -33,33 +33,23 @@ EVERY = "all"
 BAR_LAYOUTS = tuple(name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8"))
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument("files", type=Path, nargs="+", metavar="FILE", help=WANTED)
-    command.add_argument("--out", type=Path, required=True, help="folder of the data set")
-    command.add_argument(
-        "--cameras",
-        metavar="P,S",
-        help="primary and secondary camera: 1,2 or names (default: 1,2); all: a data set of "
-        "every camera, for rig",
-    )
-    add_questions(command, "unit")
-    command.add_argument(
-        "--baseline",
-        metavar="B",
-        help=f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
-    )
-    command.add_argument(
-        "--distance", type=float, metavar="D", help="measured distance between A and B in m"
-    )
-    command.add_argument(
-        "--image-size", metavar="WxH", help="of both cameras, if wrong or missing in the files"
-    )
-    command.add_argument(
-        "--layout", type=str.lower, choices=BAR_LAYOUTS, help="which program wrote the table"
-    )
-    add_questions(command, *ORIGIN)
-    add_lens_model(command)
+OPTIONS: Options = {
+    "files FILE...": WANTED,
+    "--out OUT": "folder of the data set",
+    "--cameras P,S": "primary and secondary camera: 1,2 or names (default: 1,2); all: a data set "
+    "of every camera, for rig",
+    **questions("unit"),
+    "--baseline B": f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
+    "--distance D": "measured distance between A and B in m",
+    "--image-size WxH": "of both cameras, if wrong or missing in the files",
+    "--layout": {
+        "type": str.lower,
+        "choices": BAR_LAYOUTS,
+        "help": "which program wrote the table",
+    },
+    **questions(*ORIGIN),
+    **LENSES_AND_LENGTHS,
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -8,13 +8,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from stereocal.commands.boards import lenses_of, search, write_recording
-from stereocal.commands.options import (
-    add_board,
-    add_settings,
-    add_workers,
-    pattern_of,
-    workers_from,
-)
+from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.frames.pairing import pair_names
@@ -32,26 +27,16 @@ from stereocal.system.photograph_files import Photographs, photographs_in
 OPENCV_SUFFIXES = (".yml", ".yaml")
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "images", type=Path, nargs="+", metavar="IMAGES", help="photographs, folders, zips"
-    )
-    add_board(command)
-    command.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="camera.json, or .yml for OpenCV; a folder for a data set, from photographs of two "
-        "cameras",
-    )
-    add_settings(command, LensSettings)
-
-    command.add_argument(
-        "--leave-out", nargs="+", default=[], metavar="NAME", help="photographs not to use"
-    )
-    add_workers(command)
+OPTIONS: Options = {
+    "images IMAGES...": "photographs, folders, zips",
+    **BOARD,
+    "--out FILE": "camera.json, or .yml for OpenCV; a folder for a data set, from photographs of "
+    "two cameras",
+    **settings_options(LensSettings),
+    "--leave-out NAME...": "photographs not to use",
+    **WORKERS,
+}
+DEFAULTS = {"leave_out": ()}
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.options import add_workers, workers_from
-from stereocal.commands.point_options import add_point_options, point_tables
+from stereocal.commands.options import WORKERS, workers_from
+from stereocal.commands.parser import ONE_OF, Options
+from stereocal.commands.point_options import POINT_OPTIONS, point_tables
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import match_points
@@ -24,49 +25,32 @@ from stereocal.rig.parameters import RigParameters
 A_POINT = np.zeros((1, 2))
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "primary",
-        type=Path,
-        help="table frame,u,v,... as CSV or Parquet; or, with --layout, of another program",
-    )
-    command.add_argument("secondary", type=Path, help="the same for the secondary camera")
-    command.add_argument(
-        "others", type=Path, nargs="*", help="further cameras, with --rig; each as NAME=FILE"
-    )
-    parameters = command.add_mutually_exclusive_group(required=True)
-    parameters.add_argument("--parameters", type=Path, metavar="FILE", help="parameters_2d.json")
-    parameters.add_argument(
-        "--rig", type=Path, metavar="FILE", help="rig.json; tables as NAME=FILE, out: tracks.csv"
-    )
-    command.add_argument("--out", type=Path, required=True, help="pairs.csv or pairs.parquet")
-    command.add_argument(
-        "--threshold",
-        metavar="PX",
-        help='largest reprojection error of a pair in pixels, or "auto" (default): by the noise '
+OPTIONS: Options = {
+    "primary": "table frame,u,v,... as CSV or Parquet; or, with --layout, of another program",
+    "secondary": "the same for the secondary camera",
+    "others": {
+        "type": Path,
+        "nargs": "*",
+        "help": "further cameras, with --rig; each as NAME=FILE",
+    },
+    ONE_OF: {
+        "--parameters FILE": "parameters_2d.json",
+        "--rig FILE": "rig.json; tables as NAME=FILE, out: tracks.csv",
+    },
+    "--out OUT": "pairs.csv or pairs.parquet",
+    "--threshold PX": {
+        "type": str,
+        "help": 'largest reprojection error of a pair in pixels, or "auto" (default): by the noise '
         "of the points",
-    )
-    command.add_argument(
-        "--sigma-px",
-        type=float,
-        metavar="PX",
-        help="noise of the points, one standard deviation of a coordinate (default: of their "
-        "column sigma_px, or estimated from their epipolar errors)",
-    )
-    command.add_argument(
-        "--depth",
-        type=float,
-        nargs=2,
-        default=(0.0, float("inf")),
-        metavar=("NEAR", "FAR"),
-        help="only pairs at this depth in front of the primary camera, in metres",
-    )
-    command.add_argument(
-        "--unmatched", type=Path, metavar="FILE", help="write the points without a partner here"
-    )
-    add_workers(command)
-    add_point_options(command)
+    },
+    "--sigma-px PX": "noise of the points, one standard deviation of a coordinate (default: of "
+    "their column sigma_px, or estimated from their epipolar errors)",
+    "--depth NEAR FAR": "only pairs at this depth in front of the primary camera, in metres",
+    "--unmatched FILE": "write the points without a partner here",
+    **WORKERS,
+    **POINT_OPTIONS,
+}
+DEFAULTS = {"depth": (0.0, float("inf"))}
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.world_file import read_world
@@ -25,54 +26,57 @@ from stereocal.system.executors import engine
 from stereocal.system.limits import Limits
 
 
-def add_search_options(parser: argparse.ArgumentParser) -> None:
-    """The settings of the search and of the calibration."""
-    add_settings(parser, SearchSettings, CalibrationSettings)
-
-
-def add_settings(parser: argparse.ArgumentParser, *kinds: type) -> None:
+def settings_options(*kinds: type) -> Options:
     """An option for each setting, as it describes itself."""
-    for settings in kinds:
-        for name, about in descriptions(settings).items():
-            option = f"--{(about.option or name).replace('_', '-')}"
-            usual, told = about.default, dict[str, Any](dest=name, help=about.help)
-            if isinstance(usual, bool):
-                parser.add_argument(option, action="store_true", **told)
-            elif isinstance(usual, tuple):
-                parser.add_argument(
-                    option, type=int, nargs="+", default=usual, metavar="FRAME", **told
-                )
-            else:
-                told["help"] += f" (default: {usual})"
-                told |= {"choices": about.choices} if about.choices else {"metavar": "N"}
-                parser.add_argument(option, type=type(usual), default=usual, **told)
+    found: dict[str, Any] = {}
+    for name, about in (each for kind in kinds for each in descriptions(kind).items()):
+        usual, told = about.default, dict[str, Any](dest=name, help=about.help)
+        if isinstance(usual, tuple):
+            told |= {"type": int, "nargs": "+", "default": usual, "metavar": "FRAME"}
+        elif not isinstance(usual, bool):
+            told["help"] += f" (default: {usual})"
+            told |= {"choices": about.choices} if about.choices else {"metavar": "N"}
+            told |= {"type": type(usual), "default": usual}
+        else:
+            told["action"] = "store_true"
+        found[f"--{(about.option or name).replace('_', '-')}"] = told
+    return found
 
 
-def add_lens_model(parser: argparse.ArgumentParser) -> None:
-    """The option of the lens model, and those of the standard errors of the lengths."""
-    add_questions(parser, "lens_model")
-    for option, what in (
-        ("--baseline-sigma", "the baseline"),
-        ("--distance-sigma", "the distance between the targets"),
-    ):
-        parser.add_argument(option, type=float, metavar="S", help=f"standard error of {what}, m")
-
-
-def add_pair(parser: argparse.ArgumentParser) -> None:
-    """The option of the two cameras of a data set that has more."""
-    parser.add_argument(
-        "--pair", metavar="LEFT-RIGHT", help="two cameras of a data set with more than two"
-    )
-
-
-def add_questions(parser: argparse._ActionsContainer, *names: str) -> None:
+def questions(*names: str) -> Options:
     """What files of other programs may not say, as options that `answers` reads."""
-    for name in names:
-        asked = QUESTIONS[name]
-        kind: dict[str, Any] = (
-            {"choices": tuple(asked.choices)} if asked.choices else {"type": float, "metavar": "N"}
+    return {
+        QUESTIONS[name].option: {"dest": name, "help": QUESTIONS[name].help}
+        | (
+            {"choices": tuple(QUESTIONS[name].choices)}
+            if QUESTIONS[name].choices
+            else {"type": float, "metavar": "N"}
         )
-        parser.add_argument(asked.option, dest=name, help=asked.help, **kind)
+        for name in names
+    }
+
+
+SEARCH = settings_options(SearchSettings, CalibrationSettings)
+LENSES_AND_LENGTHS: Options = {
+    **questions("lens_model"),
+    "--baseline-sigma S": "standard error of the baseline, m",
+    "--distance-sigma S": "standard error of the distance between the targets, m",
+}
+PAIR: Options = {"--pair LEFT-RIGHT": "two cameras of a data set with more than two"}
+BOARD: Options = {
+    "--board 18x12": {"required": True, "help": "inner corners, where four squares meet"},
+    "--square M": {"required": True, "help": "side of a square, in metres"},
+    "--charuco DICT": "a ChArUco board, such as DICT_4X4_250",
+    "--marker M": "side of its markers, in metres",
+}
+WORLD: Options = {
+    "--world FILE": "world.json of the command world, or a 4x4 matrix (JSON or CSV) from the "
+    "primary camera's coordinates to yours"
+}
+WORKERS: Options = {
+    "--workers N": "N processes (default: threads)",
+    "--scheduler ADDRESS": "a Dask cluster: tcp://host:8786",
+}
 
 
 def answers(parsed: argparse.Namespace) -> dict[str, Any]:
@@ -111,50 +115,21 @@ def image_size(text: str | None) -> tuple[int, int] | None:
     return width, height
 
 
-def add_board(parser: argparse.ArgumentParser) -> None:
-    """The options of a board, which `pattern_of` reads."""
-    parser.add_argument(
-        "--board", required=True, metavar="18x12", help="inner corners, where four squares meet"
-    )
-    parser.add_argument(
-        "--square", type=float, required=True, metavar="M", help="side of a square, in metres"
-    )
-    parser.add_argument("--charuco", metavar="DICT", help="a ChArUco board, such as DICT_4X4_250")
-    parser.add_argument("--marker", type=float, metavar="M", help="side of its markers, in metres")
-
-
 def pattern_of(parsed: argparse.Namespace) -> BoardPattern:
-    """The board of `add_board`."""
+    """The board of `BOARD`."""
     return BoardPattern.parse(parsed.board, parsed.square, parsed.charuco, parsed.marker)
 
 
-def add_world(parser: argparse._ActionsContainer) -> None:
-    """The option of the world frame of points, which `world_from` reads."""
-    parser.add_argument(
-        "--world",
-        type=Path,
-        metavar="FILE",
-        help="world.json of the command world, or a 4x4 matrix (JSON or CSV) from the primary "
-        "camera's coordinates to yours",
-    )
-
-
 def world_from(parsed: argparse.Namespace) -> Pose | None:
-    """The world frame of `add_world`; None: the primary's."""
+    """The world frame of `WORLD`; None: the primary's."""
     return None if parsed.world is None else read_world(parsed.world)
-
-
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """The options of a long command's executor."""
-    parser.add_argument("--workers", type=int, metavar="N", help="N processes (default: threads)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster: tcp://host:8786")
 
 
 @contextmanager
 def workers_from(
     parsed: argparse.Namespace, compile_first: Callable[[], object] | None = None
 ) -> Iterator[Executor]:
-    """The executor of `add_workers`.
+    """The executor of `WORKERS`.
 
     Args:
         compile_first: called before worker processes start, to fill the cache of compiled code.
@@ -192,7 +167,7 @@ def refine_settings_from(
 def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
-    """The settings of `add_search_options`, and of the command."""
+    """The settings of `SEARCH`, and of the command."""
     described = (*descriptions(SearchSettings), *descriptions(CalibrationSettings))
     return CalibrationSettings.from_json(
         {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 
-from stereocal.commands.options import add_questions, add_workers, workers_from
+from stereocal.commands.options import WORKERS, questions, workers_from
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import draw_rigs
@@ -16,20 +16,15 @@ from stereocal.figures.plan_report import plan_report
 from stereocal.formats.plan_file import read_plan
 from stereocal.system.atomic_files import write_all
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument("plan", type=Path, help="plan.json")
-    command.add_argument("--out", type=Path, required=True, help="folder for the two files")
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
-    command.add_argument(
-        "--rigs",
-        type=int,
-        metavar="N",
-        help="rigs drawn from the plan (default: 128, fewer for many frames)",
-    )
-    add_questions(command, "lens_model")
-    add_workers(command)
+OPTIONS: Options = {
+    "plan": "plan.json",
+    "--out OUT": "folder for the two files",
+    "--seed N": "default: 0",
+    "--rigs N": "rigs drawn from the plan (default: 128, fewer for many frames)",
+    **questions("lens_model"),
+    **WORKERS,
+}
+DEFAULTS = {"seed": 0}
 
 
 def run(parsed: argparse.Namespace) -> None:

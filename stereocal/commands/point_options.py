@@ -6,7 +6,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from stereocal.commands.options import add_questions, answers
+from stereocal.commands.options import answers, questions
+from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
 from stereocal.formats.exchange.reading import camera_index
@@ -30,39 +31,29 @@ from stereocal.system.atomic_files import read_whole
 
 BY_HAND = "columns"
 COUNTED = "-"
-OPTIONS = {
+POINT_OPTIONS: Options = {
+    "point files of other programs:": {
+        "--layout": {
+            "type": str.lower,
+            "choices": (*LAYOUTS, BY_HAND),
+            "help": "which program wrote both files",
+        },
+        "--cameras P,S": "primary and secondary camera in the file: 1,2 or names",
+        "--columns FRAME U V": "columns by name or number (from 1), with --layout columns or "
+        'table; "-" as FRAME counts the rows',
+        **questions(*ORIGIN),
+        "--px-per-unit N": {"type": float, "help": "pixels in one unit"},
+        "--least-likelihood P": "leave out less likely points",
+    }
+}
+"""For files of other programs: the same as the questions on the page."""
+WITH_LAYOUT = {
     "cameras": "--cameras",
     "columns": "--columns",
     **{name: QUESTIONS[name].option for name in ORIGIN},
     "px_per_unit": "--px-per-unit",
     "least_likelihood": "--least-likelihood",
 }
-
-
-def add_point_options(parser: argparse.ArgumentParser) -> None:
-    """The options for reading other programs' files."""
-    group = parser.add_argument_group("point files of other programs")
-    group.add_argument(
-        "--layout",
-        type=str.lower,
-        choices=(*LAYOUTS, BY_HAND),
-        help="which program wrote both files",
-    )
-    group.add_argument(
-        "--cameras", metavar="P,S", help="primary and secondary camera in the file: 1,2 or names"
-    )
-    group.add_argument(
-        "--columns",
-        nargs=3,
-        metavar=("FRAME", "U", "V"),
-        help='columns by name or number (from 1), with --layout columns or table; "-" as FRAME '
-        "counts the rows",
-    )
-    add_questions(group, *ORIGIN)
-    group.add_argument("--px-per-unit", type=float, metavar="N", help="pixels in one unit")
-    group.add_argument(
-        "--least-likelihood", type=float, metavar="P", help="leave out less likely points"
-    )
 
 
 def two_cameras(text: str) -> tuple[str, str]:
@@ -77,7 +68,7 @@ def point_tables(
     parsed: argparse.Namespace, rig: RigParameters, folder: Path
 ) -> tuple[PointTable, PointTable]:
     """The points of both cameras; other programs' files are converted into `folder`."""
-    given = [option for name, option in OPTIONS.items() if getattr(parsed, name) is not None]
+    given = [option for name, option in WITH_LAYOUT.items() if getattr(parsed, name) is not None]
     if parsed.layout is None and given:
         raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
     files = (parsed.primary, rig.primary), (parsed.secondary, rig.secondary)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
-from stereocal.commands.options import add_board, add_lens_model, contents, pattern_of
+from stereocal.commands.options import BOARD, LENSES_AND_LENGTHS, contents, pattern_of
+from stereocal.commands.parser import ONE_OF, Options, take
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
@@ -17,46 +19,51 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.plan_file import read_plan
 from stereocal.system.atomic_files import write_atomically
 
+PAPER: Options = {"--paper NAME": f"{', '.join(PAPERS)} (default: A4)"}
+DRAWN: Options = {**PAPER, "--out FILE": ".pdf or .svg"}
+KINDS: Mapping[str, tuple[str, Options]] = {
+    "target": (
+        "the two targets of the bar",
+        {
+            ONE_OF: {
+                "--side M": "side of a target, in metres",
+                "--camera FILE": "a camera file, with --far",
+                "--focal PX": "focal length in px, with --far",
+            },
+            "--far M": "largest distance of the bar",
+            "--near M": "least distance (default: --far)",
+            "--px N": {
+                "type": float,
+                "default": GOOD_PX,
+                "help": f"width in the photographs at the largest distance (default: {GOOD_PX:g})",
+            },
+            **DRAWN,
+        },
+    ),
+    "board": ("the board for the lens calibration", {**BOARD, **DRAWN}),
+    "tags": (
+        "two tags for the ends of the bar",
+        {
+            "--target KIND": {"required": True, "help": "as for detect: tags:4X4_50:3,7"},
+            "--side M": {"required": True, "help": "side of a black square, in metres"},
+            **DRAWN,
+        },
+    ),
+    "sheet": (
+        "a plan on one page, to take along",
+        {"plan": {"metavar": "PLAN.json"}, **LENSES_AND_LENGTHS, **PAPER, "--out FILE": ".pdf"},
+    ),
+}
+"""What is printed, with its help and options."""
+
 
 def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command and of what it prints."""
-    kinds = command.add_subparsers(dest="kind", required=True, metavar="target|board|tags|sheet")
-    target = kinds.add_parser("target", help="the two targets of the bar")
-
-    size = target.add_mutually_exclusive_group(required=True)
-    size.add_argument("--side", type=float, metavar="M", help="side of a target, in metres")
-    size.add_argument("--camera", type=Path, metavar="FILE", help="a camera file, with --far")
-    size.add_argument("--focal", type=float, metavar="PX", help="focal length in px, with --far")
-    target.add_argument("--far", type=float, metavar="M", help="largest distance of the bar")
-    target.add_argument("--near", type=float, metavar="M", help="least distance (default: --far)")
-    target.add_argument(
-        "--px",
-        type=float,
-        default=GOOD_PX,
-        metavar="N",
-        help=f"width in the photographs at the largest distance (default: {GOOD_PX:g})",
-    )
-    board = kinds.add_parser("board", help="the board for the lens calibration")
-
-    add_board(board)
-    tags = kinds.add_parser("tags", help="two tags for the ends of the bar")
-
-    tags.add_argument(
-        "--target", required=True, metavar="KIND", help="as for detect: tags:4X4_50:3,7"
-    )
-    tags.add_argument(
-        "--side", type=float, required=True, metavar="M", help="side of a black square, in metres"
-    )
-    sheet = kinds.add_parser("sheet", help="a plan on one page, to take along")
-
-    sheet.add_argument("plan", type=Path, metavar="PLAN.json")
-    add_lens_model(sheet)
-    drawn = ".pdf or .svg"
-    for one, suffixes in ((target, drawn), (board, drawn), (tags, drawn), (sheet, ".pdf")):
-        one.add_argument(
-            "--paper", default="A4", metavar="NAME", help=f"{', '.join(PAPERS)} (default: A4)"
-        )
-        one.add_argument("--out", type=Path, required=True, metavar="FILE", help=suffixes)
+    """The options of what is printed."""
+    kinds = command.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
+    for name, (about, options) in KINDS.items():
+        one = kinds.add_parser(name, help=about)
+        take(one, options)
+        one.set_defaults(paper="A4")
 
 
 def run(parsed: argparse.Namespace) -> None:

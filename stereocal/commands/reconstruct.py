@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.options import add_workers, add_world, workers_from, world_from
+from stereocal.commands.options import WORKERS, WORLD, workers_from, world_from
+from stereocal.commands.parser import ONE_OF, Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.point_table import PointTable
@@ -21,32 +21,19 @@ from stereocal.rig.parameters import RigParameters
 A_POINT = np.zeros((1, 2))
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "pairs", type=Path, help="pairs.csv or pairs.parquet of match; with --rig its tracks.csv"
-    )
-    parameters = command.add_mutually_exclusive_group(required=True)
-    parameters.add_argument("--parameters", type=Path, metavar="FILE", help="parameters_3d.json")
-    parameters.add_argument(
-        "--rig", type=Path, metavar="FILE", help="rig.json: points from all cameras that see them"
-    )
-    command.add_argument("--out", type=Path, required=True, help="points.csv or points.parquet")
-    add_world(command)
-    command.add_argument(
-        "--sigma-px",
-        type=float,
-        metavar="PX",
-        help="noise of the points, for the standard errors in metres (default: of the columns "
-        "that match writes, or estimated from the pairs)",
-    )
-    command.add_argument(
-        "--matched-with",
-        type=Path,
-        metavar="FILE",
-        help="the parameter file of match: checks that it belongs to the same rig",
-    )
-    add_workers(command)
+OPTIONS: Options = {
+    "pairs": "pairs.csv or pairs.parquet of match; with --rig its tracks.csv",
+    ONE_OF: {
+        "--parameters FILE": "parameters_3d.json",
+        "--rig FILE": "rig.json: points from all cameras that see them",
+    },
+    "--out OUT": "points.csv or points.parquet",
+    **WORLD,
+    "--sigma-px PX": "noise of the points, for the standard errors in metres (default: of the "
+    "columns that match writes, or estimated from the pairs)",
+    "--matched-with FILE": "the parameter file of match: checks that it belongs to the same rig",
+    **WORKERS,
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

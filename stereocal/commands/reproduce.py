@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from stereocal.commands.calibrate import evaluation_of
-from stereocal.commands.compiling import compile_apart
+from stereocal.commands.parser import Options
+from stereocal.commands.warming import compile_apart
 from stereocal.paper_kit.reproduction import (
     Comparison,
     ReproducibleResult,
@@ -24,16 +24,14 @@ DIFFERENT = 1
 MOST_SHOWN = 5
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.epilog = (
-        "Exit status: 0 if all files are identical or within the tolerance, 1 if one differs, "
-        "2 for bad input."
-    )
-    command.add_argument(
-        "archive", type=Path, help="a paper kit, its archive.zip, or a project's zip"
-    )
-    command.add_argument("--out", type=Path, required=True, help="folder for the files")
+EPILOG = (
+    "Exit status: 0 if all files are identical or within the tolerance, 1 if one differs, "
+    "2 for bad input."
+)
+OPTIONS: Options = {
+    "archive": "a paper kit, its archive.zip, or a project's zip",
+    "--out OUT": "folder for the files",
+}
 
 
 def run(parsed: argparse.Namespace) -> int:

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from stereocal.commands.options import add_questions
+from stereocal.commands.options import questions
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
@@ -19,27 +20,15 @@ from stereocal.network.unknowns import RigSettings
 from stereocal.pairs_of_rig import files_of_pairs
 from stereocal.system.atomic_files import write_all
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "inputs",
-        type=Path,
-        nargs="+",
-        metavar="DATASET",
-        help="a data set with dataset.json of format 2; or refined parameter files of its pairs",
-    )
-    command.add_argument("--out", type=Path, required=True, help="folder for the files")
-    command.add_argument(
-        "--time-offset", action="store_true", help="bring the cameras into step; each its offset"
-    )
-    command.add_argument(
-        "--pairs",
-        action="store_true",
-        help="of every pair also the two sets of the paper, with forecast and threshold",
-    )
-    command.add_argument("--baseline-sigma", type=float, metavar="S", help="of baselines, m")
-    add_questions(command, "lens_model")
+OPTIONS: Options = {
+    "inputs DATASET...": "a data set with dataset.json of format 2; or refined parameter files of "
+    "its pairs",
+    "--out OUT": "folder for the files",
+    "--time-offset": "bring the cameras into step; each its offset",
+    "--pairs": "of every pair also the two sets of the paper, with forecast and threshold",
+    "--baseline-sigma S": "of baselines, m",
+    **questions("lens_model"),
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

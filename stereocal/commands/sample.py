@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.resources import ROOT
@@ -22,11 +22,14 @@ SAMPLES = {
 }
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    about = "; ".join(f"{name}: {what}" for name, what in SAMPLES.items())
-    command.add_argument("name", choices=SAMPLES, metavar="SAMPLE", help=about)
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for it")
+OPTIONS: Options = {
+    "name SAMPLE": {
+        "type": str,
+        "choices": SAMPLES,
+        "help": "; ".join(f"{name}: {what}" for name, what in SAMPLES.items()),
+    },
+    "--out DIR": "folder for it",
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

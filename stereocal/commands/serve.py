@@ -8,18 +8,14 @@ import os
 import subprocess
 import sys
 
+from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError
 from stereocal.system.resources import ROOT
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "--port", type=int, metavar="N", help="default: 8501, or the next free one"
-    )
-    command.add_argument(
-        "--headless", action="store_true", help="do not open a browser; print the address"
-    )
+OPTIONS: Options = {
+    "--port N": "default: 8501, or the next free one",
+    "--headless": "do not open a browser; print the address",
+}
 
 
 def run(parsed: argparse.Namespace) -> None:

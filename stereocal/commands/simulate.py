@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError
 from stereocal.formats.simulated import write_field, write_nineteen
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument("--datasets", type=int, default=19, metavar="N", help="default: 19")
-    command.add_argument("--frames", type=int, default=25, metavar="N", help="default: 25")
-    command.add_argument("--out", type=Path, required=True, help="folder for the data sets")
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0")
+OPTIONS: Options = {
+    "--datasets N": "default: 19",
+    "--frames N": "default: 25",
+    "--out OUT": "folder for the data sets",
+    "--seed N": "default: 0",
+}
+DEFAULTS = {"datasets": 19, "frames": 25, "seed": 0}
 
 
 def run(parsed: argparse.Namespace) -> None:

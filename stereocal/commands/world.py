@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from stereocal.commands.options import contents
+from stereocal.commands.parser import Options
 from stereocal.commands.progress import report
 from stereocal.field.world.find import WorldSettings, find_world
 from stereocal.field.world.frame import Axes
@@ -15,66 +15,28 @@ from stereocal.formats.world_tables import read_observed
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_atomically
 
-
-def add(command: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    command.add_argument(
-        "observed",
-        type=Path,
-        metavar="SURVEY.csv|PLUMB.csv|THROW.csv",
-        help="surveyed points (point,x,y,z and pixels of both cameras), plumb lines, level lines "
-        "and horizons (line,kind and pixels), or a throw (frame and pixels)",
-    )
-    command.add_argument(
-        "--parameters",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="the parameters to measure with: parameters_3d.json or parameters_refined.json",
-    )
-    command.add_argument("--out", type=Path, required=True, help="world.json")
-    command.add_argument(
-        "--frame-rate", type=float, metavar="FPS", help="frames per second, for a throw"
-    )
-    command.add_argument(
-        "--origin",
-        metavar="NAME",
-        help="camera (the primary), first (first point of a throw) or the name of a surveyed "
-        "point (default: the survey's own origin, else camera)",
-    )
-    command.add_argument(
-        "--x-axis",
-        metavar="NAME",
-        help="horizontal part of: view (the primary's viewing direction), baseline, or a level "
-        "line's name (default: the survey's own axes, else view)",
-    )
-    command.add_argument(
-        "--heading",
-        type=float,
-        default=0.0,
-        metavar="DEG",
-        help="turn the x axis from there, counter-clockwise seen from above (default: 0)",
-    )
-    command.add_argument(
-        "--sigma-px",
-        type=float,
-        metavar="PX",
-        help="noise of a pixel coordinate (default: of the residuals of lines or a throw, else "
-        "of the parameter file)",
-    )
-    command.add_argument(
-        "--survey-sigma",
-        type=float,
-        default=SURVEY_SIGMA_M,
-        metavar="M",
-        help="standard error of a surveyed coordinate in metres (default: %(default)g)",
-    )
-    command.add_argument(
-        "--no-drag", action="store_true", help="ignore air drag (for a heavy thrown object)"
-    )
-    command.add_argument(
-        "--upside-down", action="store_true", help="the cameras hang upside down (for lines)"
-    )
+OPTIONS: Options = {
+    "observed SURVEY.csv|PLUMB.csv|THROW.csv": "surveyed points (point,x,y,z and pixels of both "
+    "cameras), plumb lines, level lines and horizons (line,kind and pixels), or a throw (frame "
+    "and pixels)",
+    "--parameters FILE": {
+        "required": True,
+        "help": "the parameters to measure with: parameters_3d.json or parameters_refined.json",
+    },
+    "--out OUT": "world.json",
+    "--frame-rate FPS": "frames per second, for a throw",
+    "--origin NAME": "camera (the primary), first (first point of a throw) or the name of a "
+    "surveyed point (default: the survey's own origin, else camera)",
+    "--x-axis NAME": "horizontal part of: view (the primary's viewing direction), baseline, or a "
+    "level line's name (default: the survey's own axes, else view)",
+    "--heading DEG": "turn the x axis from there, counter-clockwise seen from above (default: 0)",
+    "--sigma-px PX": "noise of a pixel coordinate (default: of the residuals of lines or a throw, "
+    "else of the parameter file)",
+    "--survey-sigma M": "standard error of a surveyed coordinate in metres (default: %(default)g)",
+    "--no-drag": "ignore air drag (for a heavy thrown object)",
+    "--upside-down": "the cameras hang upside down (for lines)",
+}
+DEFAULTS = {"heading": 0.0, "survey_sigma": SURVEY_SIGMA_M}
 
 
 def run(parsed: argparse.Namespace) -> None:

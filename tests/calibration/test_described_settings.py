@@ -8,7 +8,8 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.commands.options import add_search_options, settings_from
+from stereocal.commands.options import SEARCH, settings_from
+from stereocal.commands.parser import take
 from stereocal.errors import StereocalError
 from stereocal.system.described import descriptions
 
@@ -31,14 +32,14 @@ OPTIONS = {
 
 def parsed(*words: str) -> CalibrationSettings:
     parser = argparse.ArgumentParser()
-    add_search_options(parser)
+    take(parser, SEARCH)
     parser.set_defaults(known_points=False)
     return settings_from(parser.parse_args(words), None)
 
 
 def test_the_options_are_those_that_scripts_write() -> None:
     parser = argparse.ArgumentParser()
-    add_search_options(parser)
+    take(parser, SEARCH)
     found = {each.dest: each.option_strings for each in parser._actions if each.dest != "help"}
     assert found == {name: [option] for name, option in OPTIONS.items()}
 
