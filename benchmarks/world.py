@@ -21,9 +21,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.studies import exact_interval, run_studies
-from stereocal.field.world.lines import world_of_lines
-from stereocal.field.world.survey import world_of_survey
-from stereocal.field.world.throw import world_of_throw
+from stereocal.field.world.find import find_world
+from stereocal.field.world.frame import WorldSettings
 from tests.rigs.worlds import (
     CLICK_PX,
     GRAVITY,
@@ -43,7 +42,7 @@ def print_plumb(trials: int, of: Callable[[int, int], Iterator[Place]] = places)
     """Errors of the vertical, and how often its limit holds."""
     errors, limits = [], []
     for place in of(trials, 1):
-        found = world_of_lines(place.rig, plumb_lines(place), sigma_px=CLICK_PX)
+        found = find_world(place.rig, plumb_lines(place), WorldSettings(sigma_px=CLICK_PX))
         errors.append(off_vertical(place, found.pose, 4.0))
         limits.append(found.uncertainty["vertical_deg"])
     _print_errors(errors, limits)
@@ -69,7 +68,7 @@ def print_gravity(trials: int) -> None:
     """How often the interval of |g| holds 9.81."""
     errors, limits, held, halves, agree, seen = [], [], 0, [], 0, 0
     for place in places(trials, 2):
-        found = world_of_throw(place.rig, thrown(place))
+        found = find_world(place.rig, thrown(place))
         gravity = found.about["gravity"]
         interval = gravity["m_per_s2"]
         held += interval["low"] <= GRAVITY <= interval["high"]
@@ -88,7 +87,7 @@ def print_survey(trials: int) -> None:
     """Errors of the vertical of surveyed points."""
     errors, limits = [], []
     for place in places(trials, 3):
-        found = world_of_survey(place.rig, surveyed(place, 8))
+        found = find_world(place.rig, surveyed(place, 8))
         errors.append(off_vertical(place, found.pose, 7.0))
         limits.append(found.uncertainty["vertical_deg"])
     _print_errors(errors, limits)

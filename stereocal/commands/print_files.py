@@ -11,9 +11,8 @@ from stereocal.commands.parser import ONE_OF, Options, take
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
-from stereocal.field.printing.print_board import print_board
-from stereocal.field.printing.print_tags import print_tags
-from stereocal.field.printing.print_target import GOOD_PX, print_targets, target_size
+from stereocal.field.printing.print_target import GOOD_PX, target_size
+from stereocal.field.printing.prints import print_board, print_tags, print_targets
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.plan_file import read_plan

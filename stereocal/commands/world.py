@@ -7,9 +7,8 @@ import argparse
 from stereocal.commands.options import contents
 from stereocal.commands.parser import Options
 from stereocal.commands.progress import report
-from stereocal.field.world.find import WorldSettings, find_world
-from stereocal.field.world.frame import Axes
-from stereocal.field.world.survey import SURVEY_SIGMA_M
+from stereocal.field.world.find import find_world
+from stereocal.field.world.frame import Axes, WorldSettings
 from stereocal.formats.world_file import write_world
 from stereocal.formats.world_tables import read_observed
 from stereocal.rig.parameters import RigParameters
@@ -36,7 +35,7 @@ OPTIONS: Options = {
     "--no-drag": "ignore air drag (for a heavy thrown object)",
     "--upside-down": "the cameras hang upside down (for lines)",
 }
-DEFAULTS = {"heading": 0.0, "survey_sigma": SURVEY_SIGMA_M}
+DEFAULTS = {"heading": 0.0, "survey_sigma": WorldSettings.survey_sigma_m}
 
 
 def run(parsed: argparse.Namespace) -> None:

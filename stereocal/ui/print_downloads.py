@@ -9,18 +9,16 @@ import streamlit as st
 
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
+from stereocal.field.planning.bars import bar_places
 from stereocal.field.planning.plan import Plan
-from stereocal.field.printing.bar_places import bar_places
 from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
-from stereocal.field.printing.print_board import fitted, print_board
-from stereocal.field.printing.print_tags import print_tags
 from stereocal.field.printing.print_target import (
     DETECTED_PX,
     GOOD_PX,
     describe_target,
     planned_target,
-    print_targets,
 )
+from stereocal.field.printing.prints import fitted, print_board, print_tags, print_targets
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern

@@ -7,8 +7,17 @@ from dataclasses import dataclass
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.find import WorldSettings, find_world
-from stereocal.field.world.frame import BASELINE, CAMERA, FIRST, SURVEY, VIEW, Axes, WorldFrame
+from stereocal.field.world.find import find_world
+from stereocal.field.world.frame import (
+    BASELINE,
+    CAMERA,
+    FIRST,
+    SURVEY,
+    VIEW,
+    Axes,
+    WorldFrame,
+    WorldSettings,
+)
 from stereocal.field.world.observed import Observed, Survey, Throw
 from stereocal.formats.world_file import is_json, parse_world, write_world
 from stereocal.formats.world_tables import FRAME, kind_of_table, read_observed

@@ -14,9 +14,8 @@ from stereocal.detection.tags import find_tags
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
-from stereocal.field.printing.print_board import print_board
-from stereocal.field.printing.print_tags import print_tags
-from stereocal.field.printing.print_target import print_targets, target_size
+from stereocal.field.printing.print_target import target_size
+from stereocal.field.printing.prints import print_board, print_tags, print_targets
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray

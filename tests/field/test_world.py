@@ -9,12 +9,9 @@ import pytest
 from scipy.stats import binom
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.find import WorldSettings, find_world
-from stereocal.field.world.frame import Axes
-from stereocal.field.world.lines import world_of_lines
+from stereocal.field.world.find import find_world
+from stereocal.field.world.frame import Axes, WorldSettings
 from stereocal.field.world.observed import Line
-from stereocal.field.world.survey import world_of_survey
-from stereocal.field.world.throw import world_of_throw
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests.fisheye_rig import fisheye_rig
@@ -106,17 +103,17 @@ class TestLines:
                 truth.primary, truth.secondary, truth.pose, "2d", 1.0, {}, {}, noise_px=CLICK_PX
             )
             place = Place(truth, rig, world_of_cameras(rng), rng)
-            found = world_of_lines(rig, plumb_lines(place, depth=1.5))
+            found = find_world(rig, plumb_lines(place, depth=1.5))
             off.append(off_vertical(place, found.pose, 1.5) / found.uncertainty["vertical_deg"])
         # Over the stated 95 %; measured: 0.1 to 1.0.
         assert max(off) < 1.5
 
     def test_a_calibrated_rig_states_its_part(self, calibrated: Place) -> None:
         lines = plumb_lines(calibrated)
-        found = world_of_lines(calibrated.rig, lines, sigma_px=CLICK_PX)
+        found = find_world(calibrated.rig, lines, WorldSettings(sigma_px=CLICK_PX))
         assert "covariance" in found.uncertainty["errors_of_parameters"]
         alone = replace(calibrated.rig, uncertainties=None)
-        less = world_of_lines(alone, lines, sigma_px=CLICK_PX)
+        less = find_world(alone, lines, WorldSettings(sigma_px=CLICK_PX))
         np.testing.assert_array_equal(less.pose.R, found.pose.R)
         assert less.uncertainty["errors_of_parameters"] == "unknown: image noise only"
         assert less.uncertainty["vertical_deg"] < found.uncertainty["vertical_deg"]
@@ -124,26 +121,26 @@ class TestLines:
 
     def test_one_line_one_camera_and_too_little(self, place: Place) -> None:
         lines = plumb_lines(place, 2)
-        one = world_of_lines(place.rig, lines[:1])
+        one = find_world(place.rig, lines[:1])
         assert "nothing to check it" in one.notes[0]
         assert off_vertical(place, one.pose, 4.0) < 0.5
         nothing = np.empty((0, 2))
         single = [replace(line, pixels=(line.pixels[0], nothing)) for line in lines]
-        assert off_vertical(place, world_of_lines(place.rig, single).pose, 4.0) < 3.0
+        assert off_vertical(place, find_world(place.rig, single).pose, 4.0) < 3.0
         with pytest.raises(StereocalError, match=r"vertical undetermined.*Add a plumb line"):
-            world_of_lines(place.rig, single[:1])
+            find_world(place.rig, single[:1])
 
     def test_level_lines_and_a_horizon(self, place: Place) -> None:
         lines = [level_line(place, "shore", 0.2, 6.0), level_line(place, "roof", 1.1, 7.0)]
-        found = world_of_lines(place.rig, lines, Axes(x_axis="roof"))
+        found = find_world(place.rig, lines, WorldSettings(Axes(x_axis="roof")))
         assert found.source == "level"
         assert off_vertical(place, found.pose, 6.0) < 0.5
         with pytest.raises(StereocalError, match="undetermined"):
-            world_of_lines(place.rig, lines[:1])
-        sea = world_of_lines(place.rig, [horizon(place)])
+            find_world(place.rig, lines[:1])
+        sea = find_world(place.rig, [horizon(place)])
         assert off_vertical(place, sea.pose, 6.0) < 0.1
         assert "horizon" in sea.notes[0]
-        together = world_of_lines(place.rig, [horizon(place), *plumb_lines(place, 2), lines[0]])
+        together = find_world(place.rig, [horizon(place), *plumb_lines(place, 2), lines[0]])
         assert together.source == "plumb"
         assert "2 plumb lines and 1 level line and 1 horizon" in together.sentence
 
@@ -151,32 +148,32 @@ class TestLines:
         lines = plumb_lines(place, 4)
         bad = [*lines[:3], lean(place, lines[3], 5.0)]
         with pytest.raises(StereocalError, match="without line 3 the others agree"):
-            world_of_lines(place.rig, bad)
+            find_world(place.rig, bad)
         with pytest.raises(StereocalError, match="cannot tell which"):
-            world_of_lines(place.rig, [lines[0], lean(place, lines[3], 5.0)])
-        little = world_of_lines(place.rig, [*lines[:3], lean(place, lines[3], 0.5)])
-        exact = world_of_lines(place.rig, lines)
+            find_world(place.rig, [lines[0], lean(place, lines[3], 5.0)])
+        little = find_world(place.rig, [*lines[:3], lean(place, lines[3], 0.5)])
+        exact = find_world(place.rig, lines)
         assert little.uncertainty["vertical_deg"] > 1.5 * exact.uncertainty["vertical_deg"]
 
     def test_axes(self, place: Place) -> None:
         lines = plumb_lines(place)
-        view = world_of_lines(place.rig, lines).pose
+        view = find_world(place.rig, lines).pose
         assert view.R[1, 2] == pytest.approx(0, abs=1e-12)  # the view has no part along y
         assert view.R[0, 2] > 0.9
         np.testing.assert_array_equal(view.T, 0.0)
-        along = world_of_lines(place.rig, lines, Axes(x_axis="baseline")).pose
+        along = find_world(place.rig, lines, WorldSettings(Axes(x_axis="baseline"))).pose
         second = along.apply(place.rig.pose.inverse().T)
         assert second[0] > 0 and second[1] == pytest.approx(0, abs=1e-9)
-        turned = world_of_lines(place.rig, lines, Axes(heading_deg=90.0)).pose
+        turned = find_world(place.rig, lines, WorldSettings(Axes(heading_deg=90.0))).pose
         np.testing.assert_allclose(turned.R[0], view.R[1], atol=1e-12)
-        down = world_of_lines(place.rig, lines, upside_down=True).pose
+        down = find_world(place.rig, lines, WorldSettings(upside_down=True)).pose
         np.testing.assert_allclose(down.R[2], -view.R[2], atol=1e-12)
         for axes, says in (
             (Axes(origin="P1"), 'origin "P1" is unknown here; choose one of: camera'),
             (Axes(x_axis="north"), 'x axis "north" is unknown'),
         ):
             with pytest.raises(StereocalError, match=says):
-                world_of_lines(place.rig, lines, axes)
+                find_world(place.rig, lines, WorldSettings(axes))
         with pytest.raises(StereocalError, match="heading"):
             Axes(heading_deg=float("nan"))
 
@@ -184,7 +181,7 @@ class TestLines:
 class TestSurvey:
     def test_the_frame_of_surveyed_points(self, calibrated: Place) -> None:
         survey = surveyed(calibrated, 8)
-        found = world_of_survey(calibrated.rig, survey)
+        found = find_world(calibrated.rig, survey)
         assert off_vertical(calibrated, found.pose, 7.0) < found.uncertainty["vertical_deg"] * 2
         away = np.linalg.norm(found.pose.T - calibrated.world.T)
         assert away < 0.1
@@ -195,11 +192,11 @@ class TestSurvey:
 
     def test_origin_and_axes(self, place: Place) -> None:
         survey = surveyed(place, 6)
-        own = world_of_survey(place.rig, survey).pose
-        point = world_of_survey(place.rig, survey, Axes(origin="P2")).pose
+        own = find_world(place.rig, survey).pose
+        point = find_world(place.rig, survey, WorldSettings(Axes(origin="P2"))).pose
         np.testing.assert_allclose(point.R, own.R, atol=1e-12)
         np.testing.assert_allclose(own.T - point.T, survey.world_m[2], atol=1e-9)
-        camera = world_of_survey(place.rig, survey, Axes("camera", "view")).pose
+        camera = find_world(place.rig, survey, WorldSettings(Axes("camera", "view"))).pose
         np.testing.assert_allclose(camera.T, 0, atol=1e-12)
         np.testing.assert_allclose(camera.R[2], own.R[2], atol=1e-12)
         assert camera.R[0, 2] > 0.9
@@ -215,27 +212,27 @@ class TestSurvey:
     def test_points_in_one_plane_cannot_tell(self) -> None:
         for place in known_places(10, 15):
             survey = surveyed(place, 3, on_ground=True)
-            found = world_of_survey(place.rig, survey)
+            found = find_world(place.rig, survey)
             assert any("a mirrored survey would fit as well" in note for note in found.notes)
             exchanged = replace(survey, world_m=survey.world_m[:, [1, 0, 2]])
             with pytest.raises(StereocalError, match="Cannot tell whether the survey is mirrored"):
-                world_of_survey(place.rig, exchanged)
+                find_world(place.rig, exchanged)
 
     def test_a_wrong_point_is_named(self, place: Place) -> None:
         survey = surveyed(place, 6)
         world = survey.world_m.copy()
         world[3] += [2.0, 0, 0]
         with pytest.raises(StereocalError, match=r"contradict.*without P3 the others agree"):
-            world_of_survey(place.rig, replace(survey, world_m=world))
+            find_world(place.rig, replace(survey, world_m=world))
         shuffled = replace(survey, world_m=np.roll(survey.world_m, 1, axis=0))
         with pytest.raises(StereocalError, match="cannot tell which"):
-            world_of_survey(place.rig, shuffled)
+            find_world(place.rig, shuffled)
 
 
 class TestThrow:
     def test_gravity_and_the_vertical(self, calibrated: Place) -> None:
         throw = thrown(calibrated, 3, drag=0.02)
-        found = world_of_throw(calibrated.rig, throw)
+        found = find_world(calibrated.rig, throw)
         gravity = found.about["gravity"]
         assert gravity["agrees"]
         assert abs(gravity["m_per_s2"]["value"] - GRAVITY) < 0.15
@@ -251,13 +248,13 @@ class TestThrow:
         trials = 25
         held = 0
         for place in known_places(trials, 16):
-            interval = world_of_throw(place.rig, thrown(place)).about["gravity"]["m_per_s2"]
+            interval = find_world(place.rig, thrown(place)).about["gravity"]["m_per_s2"]
             held += interval["low"] <= GRAVITY <= interval["high"]
         assert held >= binom.ppf(0.001, trials, 0.95)
 
     def test_drag_is_needed_where_it_is(self, place: Place) -> None:
         throw = thrown(place, 2, drag=0.03)
-        found = world_of_throw(place.rig, throw)
+        found = find_world(place.rig, throw)
         assert "The residuals show drag" in found.notes[0]
         assert "Without it, g would be" in found.notes[0]
         heavy = thrown(place, 1, drag=0.0)
@@ -276,10 +273,10 @@ class TestThrow:
         curve = 0.5 * 2.3**2 * np.gradient(np.gradient(pixels[:, 2:], axis=0), axis=0)
         pixels[:, 2:] += late + curve
         off = replace(throw, pixels=pixels)
-        wrong = world_of_throw(place.rig, off, drag=False)
+        wrong = find_world(place.rig, off, WorldSettings(drag=False))
         rig = replace(place.rig, time_offset=MeasuredOffset(2.3, sigma=0.01))
-        found = world_of_throw(rig, off, drag=False)
-        exact = world_of_throw(place.rig, throw, drag=False)
+        found = find_world(rig, off, WorldSettings(drag=False))
+        exact = find_world(place.rig, throw, WorldSettings(drag=False))
         g = [each.about["gravity"]["m_per_s2"]["value"] for each in (wrong, found, exact)]
         # Measured: 9.838 m/s^2 as recorded, 9.793 shifted, 9.798 in step.
         assert abs(g[1] - g[2]) < 0.2 * abs(g[0] - g[2])

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
+from stereocal.field.world.find import find_world
 from stereocal.field.world.observed import Line, Survey, Throw
-from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import path
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
@@ -199,7 +199,7 @@ def off_vertical(place: Place, pose: Pose, depth: float) -> float:
 def refusal(place: Place, survey: Survey) -> str | None:
     """Why a survey is refused; None if it is accepted."""
     try:
-        world_of_survey(place.rig, survey)
+        find_world(place.rig, survey)
     except StereocalError as error:
         return str(error)
     return None

@@ -1,26 +1,13 @@
-"""The targets of the bar to print: 2x2 checkerboards of a size that detection finds."""
+"""The size of the targets of the bar, 2x2 checkerboards, that detection finds."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 
-from reportlab.graphics.shapes import Group
-
 from stereocal.errors import StereocalError
 from stereocal.field.planning.plan import Plan
-from stereocal.field.printing.paper import (
-    ACTUAL_SIZE,
-    MARGIN_MM,
-    PAPERS,
-    Paper,
-    Sheet,
-    block,
-    footer,
-    footer_height,
-    stroke,
-)
+from stereocal.field.printing.prints import SMALLEST_M
 from stereocal.system.numbers import rounded
 
 GOOD_PX = 50.0
@@ -29,13 +16,9 @@ DETECTED_PX = (20.0, 400.0)
 """Width of the targets that detection is made for."""
 STEP_MM, FINE_STEP_MM, FINE_MM = 5.0, 1.0, 50.0
 """Sides are rounded up to a multiple of the step, of the finer one below 50 mm."""
-MARK_MM, MARK_GAP_MM = 3.5, 1.5
-"""Length of a mark outside the target, and its distance from it."""
-AROUND_MM = MARK_MM + MARK_GAP_MM
 SEPARATION = 1.6
 """Least distance of the targets across the line of sight, in sides of a target, so that neither
 hides the other."""
-SMALLEST_M, LARGEST_M = 0.002, 10.0
 
 
 @dataclass(frozen=True)
@@ -55,10 +38,9 @@ class TargetSize:
     far_m: float
     bar_m: float | None = None
 
-    @property
-    def widths_px(self) -> tuple[float, float]:
-        """Width at the near and at the far end, seen frontally."""
-        return self.focal_px * self.side_m / self.near_m, self.focal_px * self.side_m / self.far_m
+    def _px_at(self, distance_m: float) -> float:
+        """Width seen frontally."""
+        return self.focal_px * self.side_m / distance_m
 
     @property
     def sentence(self) -> str:
@@ -69,21 +51,19 @@ class TargetSize:
     @property
     def widths(self) -> list[str]:
         """Width and distance in words, at the far end and, if it is another, at the near end."""
-        near, far = self.widths_px
-        found = [f"{far:.0f} px across at {rounded(self.far_m, 4)} m"]
+        found = [f"{self._px_at(self.far_m):.0f} px across at {rounded(self.far_m, 4)} m"]
         if self.near_m < self.far_m:
-            found.append(f"{near:.0f} px at {rounded(self.near_m, 4)} m")
+            found.append(f"{self._px_at(self.near_m):.0f} px at {rounded(self.near_m, 4)} m")
         return found
 
     @property
     def advice(self) -> list[str]:
         """What to do if the target is too small, too large, or too large for the bar."""
-        near, far = self.widths_px
         least, most = DETECTED_PX
         found = []
-        if far < least:
+        if self._px_at(self.far_m) < least:
             found.append(f"Detection needs at least {least:.0f} px: print larger targets.")
-        if near > most:
+        if self._px_at(self.near_m) > most:
             found.append(
                 f"Detection finds targets of up to {most:.0f} px: keep the bar beyond "
                 f"{rounded(self.focal_px * self.side_m / most, 3)} m, or print smaller targets."
@@ -134,84 +114,3 @@ def describe_target(side_m: float, focal_px: float) -> str:
         f"{rounded(near, 3)} m (there {most:.0f} px across) to {rounded(far, 3)} m ({least:.0f} "
         f"px), and found well up to {rounded(good, 3)} m ({GOOD_PX:.0f} px)."
     )
-
-
-def print_targets(side_m: float, paper: Paper) -> Sheet:
-    """A sheet with both targets if they fit, else with one, which is printed twice.
-
-    Both targets are alike: detection calls one A and the other B by where they are.
-
-    Args:
-        side_m: side of the whole target, of 2x2 squares.
-    """
-    if not SMALLEST_M <= side_m <= LARGEST_M:
-        raise StereocalError(
-            f"A target of {side_m:g} m cannot be printed: its side must be {SMALLEST_M:g} to "
-            f"{LARGEST_M:g} m."
-        )
-    side = 1e3 * side_m
-    for columns, rows in ((2, 1), (1, 2), (1, 1)):
-        texts = _texts(side, columns * rows)
-        for turned in paper.both_ways:
-            bottom = footer_height(texts, turned.width_mm)
-            across = _centres(turned.width_mm - 2.0 * MARGIN_MM, side, columns)
-            up = _centres(turned.height_mm - MARGIN_MM - bottom, side, rows)
-            if across and up:
-                shapes = Group(footer(texts, turned.width_mm))
-                for x, y in itertools.product(across, up):
-                    shapes.add(_target(MARGIN_MM + x, bottom + y, side))
-                return Sheet(f"Target of {rounded(side, 4)} mm", turned, shapes)
-    raise StereocalError(_too_large(side, paper))
-
-
-def largest_side(paper: Paper) -> float:
-    """Side in metres of the largest target that fits on a paper, in whole steps of 5 mm."""
-    bottom = footer_height(_texts(100.0, 1), paper.width_mm)
-    room = min(paper.width_mm - 2.0 * MARGIN_MM, paper.height_mm - MARGIN_MM - bottom)
-    return 1e-3 * STEP_MM * math.floor((room - 2.0 * AROUND_MM) / STEP_MM)
-
-
-def _too_large(side: float, paper: Paper) -> str:
-    fitting = [name for name, other in PAPERS.items() if 1e3 * largest_side(other) >= side]
-    what = (
-        f"print it on {fitting[0]}, in a copy shop if need be"
-        if fitting
-        else "paint it on a board, with edges that meet in one point"
-    )
-    return (
-        f"A target of {rounded(side, 4)} mm does not fit on {paper.name}, which holds "
-        f"{1e3 * largest_side(paper):.0f} mm: {what}."
-    )
-
-
-def _texts(side: float, count: int) -> list[str]:
-    often = (
-        "Two targets, one for each end of the bar"
-        if count == 2
-        else "Print this sheet twice: one target for each end of the bar"
-    )
-    return [
-        f"stereocal target, {rounded(side, 4)} mm. {often}.",
-        "Cut at the corner marks, and glue it to something flat and matt. The distance A-B of the "
-        "bar is measured between the middles of the targets, where the four squares meet.",
-        f"{ACTUAL_SIZE}, and the target {rounded(side, 4)} mm wide and high.",
-    ]
-
-
-def _centres(room: float, side: float, count: int) -> list[float]:
-    """Where the targets have their centres along a length, evenly spread; empty if too short."""
-    free = (room - count * side - (count + 1) * AROUND_MM) / (count + 1)
-    step = side + AROUND_MM + free
-    return [step * (place + 1) - 0.5 * side for place in range(count)] if free >= -1e-9 else []
-
-
-def _target(x: float, y: float, side: float) -> Group:
-    """Two black squares that meet in (x, y), with marks around to cut and to align by."""
-    half = 0.5 * side
-    shapes = Group(block(x - half, y, half, half), block(x, y - half, half, half))
-    start, end = half + MARK_GAP_MM, half + MARK_GAP_MM + MARK_MM
-    for sign in (-1.0, 1.0):
-        for across in (-half, 0.0, half):
-            shapes.add(stroke(x + across, y + sign * start, x + across, y + sign * end))
-            shapes.add(stroke(x + sign * start, y + across, x + sign * end, y + across))
-    return shapes

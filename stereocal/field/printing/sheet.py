@@ -15,8 +15,7 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import Flowable, KeepInFrame, Paragraph, Table, TableStyle
 
-from stereocal.field.planning.plan import Plan
-from stereocal.field.printing.bar_places import (
+from stereocal.field.planning.bars import (
     ACROSS,
     DISTANCES,
     HEIGHTS,
@@ -24,9 +23,10 @@ from stereocal.field.printing.bar_places import (
     bar_places,
     ground_from_primary,
 )
+from stereocal.field.planning.plan import Plan
 from stereocal.field.printing.paper import FONT, FONT_BOLD, MARGIN_MM, PAPERS, Paper
 from stereocal.field.printing.sheet_drawing import draw_from_above
-from stereocal.field.printing.sheet_words import camera_notes, measurements, records
+from stereocal.field.printing.sheet_words import RECORDS, camera_notes, measurements
 from stereocal.system.numbers import rounded
 
 TEXT = ParagraphStyle("text", fontName=FONT, fontSize=8.5, leading=10.4)
@@ -75,7 +75,7 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
         ),
         Paragraph("Write down", HEADING),
         _table(
-            [[_text(cell) for cell in row] for row in records()],
+            [[_text(cell) for cell in row] for row in RECORDS],
             [41.0, 0.5 * width - 41.0] * 2,
             height_mm=RECORD_MM,
         ),
@@ -95,32 +95,22 @@ def _checklist(plan: Plan, places: Sequence[BarPlace], width_mm: float) -> Table
     """Rows from near to far, columns from left to right, and a box for each frame."""
     head = 30.0
     rows: list[list[Paragraph]] = [[_text(""), *(_text(f"<b>{word}</b>") for word in ACROSS)]]
+    # Positions are to about a thousandth of the farthest.
+    digits = int(np.clip(np.ceil(2.0 - np.log10(plan.far_m)), 0, 4))
+    lens = ground_from_primary(plan).T[1]
     for distance in DISTANCES:
         here = [place for place in places if place.distance == distance]
-        if here:
-            cells = [[one for one in here if one.across == word] for word in ACROSS]
-            rows.append(
-                [
-                    _text(_heights(plan, distance, here)),
-                    *(_text(_boxes(cell, _digits(plan))) for cell in cells),
-                ]
-            )
+        if not here:
+            continue
+        lines = [f"<b>{distance}</b>"]
+        for height in reversed(HEIGHTS):
+            up = [lens - one.position_m[1] for one in here if one.height == height]
+            if up:
+                lines.append(f"{height}: {round(float(np.mean(up)), digits) + 0.0:+.{digits}f} m")
+        cells = [[one for one in here if one.across == word] for word in ACROSS]
+        texts = ["<br/>".join(lines), *(_boxes(cell, digits) for cell in cells)]
+        rows.append([_text(words) for words in texts])
     return _table(rows, [head, *[(width_mm - head) / 3.0] * 3])
-
-
-def _heights(plan: Plan, distance: str, here: Sequence[BarPlace]) -> str:
-    lens, digits = ground_from_primary(plan).T[1], _digits(plan)
-    lines = [f"<b>{distance}</b>"]
-    for height in reversed(HEIGHTS):
-        up = [lens - one.position_m[1] for one in here if one.height == height]
-        if up:
-            lines.append(f"{height}: {round(float(np.mean(up)), digits) + 0.0:+.{digits}f} m")
-    return "<br/>".join(lines)
-
-
-def _digits(plan: Plan) -> int:
-    """Decimals of positions in metres: to about a thousandth of the farthest."""
-    return int(np.clip(np.ceil(2.0 - np.log10(plan.far_m)), 0, 4))
 
 
 def _boxes(places: Sequence[BarPlace], digits: int) -> str:
@@ -150,7 +140,7 @@ def _table(
     height_mm: float | None = None,
 ) -> Table:
     style = TableStyle([("VALIGN", (0, 0), (-1, -1), "TOP")])
-    for side, padding in (("TOP", 1.5), ("BOTTOM", 1.5), ("LEFT", 3.0), ("RIGHT", 3.0)):
+    for side, padding in {"TOP": 1.5, "BOTTOM": 1.5, "LEFT": 3.0, "RIGHT": 3.0}.items():
         style.add(f"{side}PADDING", (0, 0), (-1, -1), padding if lines else 0.0)
     if lines:
         style.add("GRID", (0, 0), (-1, -1), 0.3, grey)

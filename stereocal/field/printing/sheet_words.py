@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereocal.field.planning.bars import ground_from_primary
 from stereocal.field.planning.plan import Plan
-from stereocal.field.printing.bar_places import ground_from_primary
 from stereocal.field.printing.print_target import planned_target
-from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
 HAND_SPEED_M_S = 0.5
@@ -19,37 +18,70 @@ BESIDE = 0.2
 """Fraction of the baseline from which one camera is beside the other."""
 PARALLEL_DEG, TILT_DEG, SMALL = 0.05, 0.7, 0.002
 """Angles, and distances as fractions of the baseline, below these are not worth a word."""
+RECORDS = [
+    ("Date, place, people", "", "Trigger, time offset of S", ""),
+    ("Camera and lens P, serial", "", "Camera and lens S, serial", ""),
+    ("Aperture, focus distance", "", "Exposure time, gain", ""),
+    ("Image size, frames per s", "", "Baseline measured from - to", ""),
+    ("Frames of the bar, first - last", "", "Board: squares, photographs", ""),
+    ("Recordings, first - last", "", "Touched, moved: when", ""),
+]
+"""What to write down, and room for it."""
 
 
 def camera_notes(plan: Plan) -> list[str]:
     """The pose of the cameras, and what holds for both; Paragraph markup."""
+    points, size = plan.common_points, planned_target(plan)
+    sizes = []
+    for depth in (points[:, 2].min(), points[:, 2].max()):
+        across, up = np.ptp(points[points[:, 2] == depth], axis=0)[:2]
+        sizes.append(f"{rounded(across)} x {rounded(up)} m at {rounded(depth, 3)} m")
+    largest = max(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
+    px_per_ms = 1e-3 * HAND_SPEED_M_S * largest / plan.near_m
+    targets = f"Targets of <b>{rounded(1e3 * size.side_m, 4)} mm</b>: {', '.join(size.widths)}."
     return [
         _placed(plan),
         _aimed(plan),
-        _seen(plan),
+        f"Both see in common (grey): {sizes[0]}, {sizes[1]}.",
         "Lock focus, zoom and aperture with tape before the photographs of the board for the "
         "lenses, and leave them until the last recording. No autofocus, no stabilisation.",
         "Expose so that the white squares are not saturated.",
-        _timed(plan),
-        _targets(plan),
+        "One trigger for both cameras; without it hold the bar at rest. Carried at "
+        f"{HAND_SPEED_M_S:g} m/s at {rounded(plan.near_m, 4)} m it moves {rounded(px_per_ms)} px "
+        f"per ms: expose for at most <b>{rounded(BLUR_PX / px_per_ms)} ms</b>, with both cameras "
+        f"in step to <b>{rounded(plan.noise_px / px_per_ms)} ms</b>.",
+        " ".join([targets, *size.advice]),
     ]
 
 
 def measurements(plan: Plan) -> list[tuple[str, str, str]]:
     """What to measure, between which points and how, and room for the numbers."""
-    wanted = plan.uncertainty
+    baseline, bar = (
+        f"{rounded(length, 4)} m, to {rounded(1e3 * sigma)} mm"
+        for length, sigma in (
+            (plan.baseline_m, plan.uncertainty.baseline_m),
+            (plan.bar_m, plan.uncertainty.bar_m),
+        )
+    )
+    way = plan.pose.inverse().T / plan.baseline_m
+    # How the distance of two like points in front of the pupils differs from the baseline.
+    per_cm = 10.0 * float((np.eye(3)[2] - plan.pose.R[2]) @ way)
+    what, how = ("add", "in") if per_cm > 0 else ("subtract", "out")
+    correction = (
+        f" The cameras are turned {how}: {what} {abs(per_cm):.1f} mm for each cm that these points "
+        "lie in front of the pupils."
+    )
     return [
         (
-            f"<b>Baseline</b>, planned<br/>{rounded(plan.baseline_m, 4)} m, to "
-            f"{_mm(wanted.baseline_m)}",
+            f"<b>Baseline</b>, planned<br/>{baseline}",
             "Between the entrance pupils: there the aperture appears to be when you look into a "
             "lens from the front. With two cameras of one kind, measure between like points, such "
             "as the middles of the front rings: the laser range finder with its rear edge at "
-            f"one, a card at the other.{_turned_correction(plan)}",
+            f"one, a card at the other.{correction if abs(per_cm) >= 0.05 else ''}",
             f"1 {BLANK} m<br/>2 {BLANK} m<br/>3 {BLANK} m",
         ),
         (
-            f"<b>Distance A-B</b>, planned<br/>{rounded(plan.bar_m, 4)} m, to {_mm(wanted.bar_m)}",
+            f"<b>Distance A-B</b>, planned<br/>{bar}",
             "Between the middles of the targets, where the four squares meet: with a steel tape or "
             "the laser, before and after, with the bar held as in the recording.",
             f"before {BLANK} m<br/>after {BLANK} m",
@@ -62,45 +94,27 @@ def measurements(plan: Plan) -> list[tuple[str, str, str]]:
     ]
 
 
-def records() -> list[tuple[str, str, str, str]]:
-    """What to write down, and room for it."""
-    return [
-        ("Date, place, people", "", "Trigger, time offset of S", ""),
-        ("Camera and lens P, serial", "", "Camera and lens S, serial", ""),
-        ("Aperture, focus distance", "", "Exposure time, gain", ""),
-        ("Image size, frames per s", "", "Baseline measured from - to", ""),
-        ("Frames of the bar, first - last", "", "Board: squares, photographs", ""),
-        ("Recordings, first - last", "", "Touched, moved: when", ""),
-    ]
-
-
-def _axes(plan: Plan) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """In the primary's frame, (3,) each: the way from primary to secondary, both optical axes."""
-    way = plan.pose.inverse().T
-    return way / np.linalg.norm(way), np.array([0.0, 0.0, 1.0]), plan.pose.R[2]
-
-
 def _placed(plan: Plan) -> str:
     right, down, ahead = ground_from_primary(plan).R @ plan.pose.inverse().T
     parts = []
     if abs(right) > BESIDE * plan.baseline_m:
         parts.append(f"to the {'right' if right > 0 else 'left'}, seen from behind the cameras")
-    if abs(down) > SMALL * plan.baseline_m:
-        parts.append(f"<b>{rounded(abs(down), 3)} m {'higher' if down < 0 else 'lower'}</b>")
-    if abs(ahead) > SMALL * plan.baseline_m:
-        parts.append(
-            f"<b>{rounded(abs(ahead), 3)} m farther {'forward' if ahead > 0 else 'back'}</b>"
-        )
-    level = [] if abs(down) > SMALL * plan.baseline_m else ["at the same height"]
+    higher = "higher" if down < 0 else "lower"
+    farther = f"farther {'forward' if ahead > 0 else 'back'}"
+    for away, word in ((down, higher), (ahead, farther)):
+        if abs(away) > SMALL * plan.baseline_m:
+            parts.append(f"<b>{rounded(abs(away), 3)} m {word}</b>")
+    if abs(down) <= SMALL * plan.baseline_m:
+        parts.append("at the same height")
     return (
         f"Secondary (S) <b>{rounded(plan.baseline_m, 4)} m</b> from the primary (P), "
-        f"{', '.join([*parts, *level])}."
+        f"{', '.join(parts)}."
     )
 
 
 def _aimed(plan: Plan) -> str:
-    way, primary, secondary = _axes(plan)
-    turned = np.degrees(np.arcsin([primary @ way, -(secondary @ way)]))
+    way, axes = plan.pose.inverse().T / plan.baseline_m, np.array([np.eye(3)[2], plan.pose.R[2]])
+    turned = np.degrees(np.arcsin(axes @ way * (1, -1)))
     if np.abs(turned).max() < PARALLEL_DEG:
         return (
             "Both look straight ahead, at right angles to the line P-S: aim them at two marks "
@@ -110,64 +124,14 @@ def _aimed(plan: Plan) -> str:
         f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
         for name, angle in zip("PS", turned, strict=True)
     ]
-    aim = ""
+    found = f"Turned from straight ahead: <b>{', '.join(how)}</b>."
     if turned.sum() > PARALLEL_DEG:
         meeting = plan.baseline_m / float(np.sum(np.tan(np.radians(turned))))
-        aim = (
+        found += (
             f" The axes meet about <b>{rounded(meeting, 3)} m</b> ahead: aim both at a mark there."
         )
-    return f"Turned from straight ahead: <b>{', '.join(how)}</b>.{aim}{_tilted(plan)}"
-
-
-def _tilted(plan: Plan) -> str:
-    """Which camera looks up or down, where that can be seen."""
-    down = ground_from_primary(plan).R[1]
-    tilts = np.degrees(np.arcsin([-(axis @ down) for axis in _axes(plan)[1:]]))
-    return "".join(
-        f" {name} looks {abs(tilt):.1f}° {'up' if tilt > 0 else 'down'}."
-        for name, tilt in zip("PS", tilts, strict=True)
-        if abs(tilt) > TILT_DEG
-    )
-
-
-def _seen(plan: Plan) -> str:
-    points = plan.common_points
-    sizes = []
-    for depth in (points[:, 2].min(), points[:, 2].max()):
-        across, up = np.ptp(points[points[:, 2] == depth], axis=0)[:2]
-        sizes.append(f"{rounded(across)} x {rounded(up)} m at {rounded(depth, 3)} m")
-    return f"Both see in common (grey): {sizes[0]}, {sizes[1]}."
-
-
-def _timed(plan: Plan) -> str:
-    largest = max(float(camera.K[0, 0]) for camera in (plan.primary, plan.secondary))
-    px_per_ms = 1e-3 * HAND_SPEED_M_S * largest / plan.near_m
-    return (
-        "One trigger for both cameras; without it hold the bar at rest. Carried at "
-        f"{HAND_SPEED_M_S:g} m/s at {rounded(plan.near_m, 4)} m it moves {rounded(px_per_ms)} px "
-        f"per ms: expose for at most <b>{rounded(BLUR_PX / px_per_ms)} ms</b>, with both cameras "
-        f"in step to <b>{rounded(plan.noise_px / px_per_ms)} ms</b>."
-    )
-
-
-def _targets(plan: Plan) -> str:
-    size = planned_target(plan)
-    seen = f"Targets of <b>{rounded(1e3 * size.side_m, 4)} mm</b>: {', '.join(size.widths)}."
-    return " ".join([seen, *size.advice])
-
-
-def _turned_correction(plan: Plan) -> str:
-    """How the distance of two like points in front of the pupils differs from the baseline."""
-    way, primary, secondary = _axes(plan)
-    per_cm = 10.0 * float((primary - secondary) @ way)
-    if abs(per_cm) < 0.05:
-        return ""
-    what, how = ("add", "in") if per_cm > 0 else ("subtract", "out")
-    return (
-        f" The cameras are turned {how}: {what} {abs(per_cm):.1f} mm for each cm that these points "
-        "lie in front of the pupils."
-    )
-
-
-def _mm(sigma_m: float) -> str:
-    return f"{rounded(1e3 * sigma_m)} mm"
+    tilts = np.degrees(np.arcsin(-axes @ ground_from_primary(plan).R[1]))
+    for name, tilt in zip("PS", tilts, strict=True):
+        if abs(tilt) > TILT_DEG:
+            found += f" {name} looks {abs(tilt):.1f}° {'up' if tilt > 0 else 'down'}."
+    return found

@@ -6,14 +6,16 @@ has to suit those points. What the errors of the parameters do is added to the c
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
 from scipy.stats import chi2, f, norm, t
 
+from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray, IntArray
 
 LEVEL = 0.95
@@ -148,16 +150,14 @@ class Blocks:
         here = errors(x)
         steps = STEP * np.maximum(1.0, np.abs(x))
         J = np.zeros((len(here), len(x)))
-        for k in range(self.common):
+        everywhere, inside = np.arange(len(here)), np.flatnonzero(self.of_error >= 0)
+        first = self.common + self.size * self.of_error[inside]
+        for k in range(self.common + self.size):
+            block = k - self.common
+            moved_ones = slice(k, None, self.size) if block >= 0 else slice(k, k + 1)
+            rows, at = (inside, first + block) if block >= 0 else (everywhere, k)
             moved = x.copy()
-            moved[k] += steps[k]
-            J[:, k] = (errors(moved) - here) / steps[k]
-        rows = np.flatnonzero(self.of_error >= 0)
-        for k in range(self.size):
-            columns = slice(self.common + k, None, self.size)
-            moved = x.copy()
-            moved[columns] += steps[columns]
-            at = self.common + k + self.size * self.of_error[rows]
+            moved[moved_ones] += steps[moved_ones]
             J[rows, at] = (errors(moved) - here)[rows] / steps[at]
         return J
 
@@ -177,11 +177,7 @@ def solve(
         blocks: which unknowns act on which errors; None: all on all.
     """
     known = blocks or Blocks(len(start), 0, np.full(len(errors(start)), -1))
-
-    def jacobian(x: FloatArray) -> FloatArray:
-        return known.jacobian(errors, x)
-
-    found = least_squares(errors, start, jacobian, x_scale="jac", method="trf")
+    found = least_squares(errors, start, partial(known.jacobian, errors), x_scale="jac")
     J, e = (np.asarray(each, dtype=np.float64) for each in (found.jac, found.fun))
     return Solution(found.x, J, e, np.zeros((len(e), 0)) if by_rig is None else by_rig(found.x))
 
@@ -192,3 +188,14 @@ def _squares_left(design: FloatArray, errors: FloatArray) -> tuple[float, int]:
     design = design / np.where(scale > 0, scale, 1.0)
     fitted, _, rank, _ = np.linalg.lstsq(design, errors, rcond=SMALLEST_PART)
     return float(np.sum((errors - design @ fitted) ** 2)), len(errors) - int(rank)
+
+
+def culprit(names: Sequence[str], agree_without: Callable[[str], bool], most: int) -> str:
+    """Which observation contradicts the others, if it is just one; of at most `most` names."""
+    found = []
+    for name in names if len(names) <= most else []:
+        with suppress(StereocalError):
+            found += [name] * agree_without(name)
+    return (
+        f"without {found[0]} the others agree" if len(found) == 1 else "cannot tell which is wrong"
+    )

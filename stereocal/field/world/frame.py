@@ -22,8 +22,6 @@ NEAREST_TO_UP = float(np.sin(np.radians(5.0)))
 """A direction within 5 degrees of the vertical cannot be the x axis."""
 LARGEST_TILT = float(np.radians(5.0))
 """A vertical with a larger 95 % error counts as undetermined."""
-FEWEST_UPRIGHT = 0.1
-"""Least part of the images' up direction along the vertical that tells which of its ends is up."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,22 @@ class Axes:
             )
 
 
+@dataclass(frozen=True)
+class WorldSettings:
+    """What a person states about the observations, and the axes they choose."""
+
+    axes: Axes = field(default_factory=Axes)
+    sigma_px: float | None = None
+    """Noise of an image coordinate; None: as the points of lines or of a throw scatter, else that
+    of the parameters."""
+    survey_sigma_m: float = 0.005
+    """Standard error of a surveyed coordinate."""
+    drag: bool = True
+    """Whether the air may slow a thrown object; False for one that is heavy for its size."""
+    upside_down: bool = False
+    """Whether the cameras hang upside down, for lines."""
+
+
 @dataclass(frozen=True, eq=False)
 class WorldFrame:
     """The world frame, and what is known about it."""
@@ -62,6 +76,7 @@ class WorldFrame:
 
 
 def frame_of_up(
+    rig: Rig,
     up: FloatArray,
     axes: Axes,
     origins: Mapping[str, FloatArray],
@@ -72,16 +87,25 @@ def frame_of_up(
 
     Args:
         up: (3,) in the primary's frame, as all vectors here.
-        origins, directions: what `axes` may name.
+        origins, directions: what `axes` may name besides the camera's.
         usual: origin and x axis where `axes` names none.
     """
-    origin = _named(origins, axes.origin or usual[0], "origin")
-    along = _named(directions, axes.x_axis or usual[1], "x axis")
+    origins = {**origins, CAMERA: np.zeros(3)}
+    own = {VIEW: np.array([0.0, 0.0, 1.0]), BASELINE: rig.pose.inverse().T}
+    directions = {**own, **directions}
+    chosen = axes.origin or usual[0], axes.x_axis or usual[1]
+    for name, known, what in zip(chosen, (origins, directions), ("origin", "x axis"), strict=True):
+        if name not in known:
+            raise StereocalError(
+                f'The {what} "{name[:60]}" is unknown here; choose one of: '
+                f"{', '.join(known)[:200]}."
+            )
+    origin, along = origins[chosen[0]], directions[chosen[1]]
     along = along / np.linalg.norm(along)
     level = along - (along @ up) * up
     if np.linalg.norm(level) < NEAREST_TO_UP:
         raise StereocalError(
-            f"The x axis cannot follow {axes.x_axis or usual[1]}, which points straight up or "
+            f"The x axis cannot follow {chosen[1]}, which points straight up or "
             f"down; choose another: {', '.join(directions)}."
         )
     x = level / np.linalg.norm(level)
@@ -92,31 +116,17 @@ def frame_of_up(
     return Pose(R, -R @ origin)
 
 
-def _named(known: Mapping[str, FloatArray], name: str, what: str) -> FloatArray:
-    if name not in known:
-        raise StereocalError(
-            f'The {what} "{name[:60]}" is unknown here; choose one of: {", ".join(known)[:200]}.'
-        )
-    return known[name]
-
-
-def camera_directions(rig: Rig) -> dict[str, FloatArray]:
-    """What the x axis can follow in any case, in the primary's frame."""
-    return {VIEW: np.array([0.0, 0.0, 1.0]), BASELINE: rig.pose.inverse().T}
-
-
 def uprightness(rig: Rig, up: FloatArray) -> float:
     """Mean over the cameras of the part of the image's up direction along `up`: 1 for upright
     cameras, -1 upside down, 0 if they look straight up or down or lie on their side.
     """
-    in_cameras = (up, rig.pose.R @ up)
-    return float(np.mean([-each[1] for each in in_cameras]))
+    return -0.5 * float(up[1] + (rig.pose.R @ up)[1])
 
 
-def tilt_covariance(up: FloatArray, covariance: FloatArray) -> FloatArray:
-    """(2, 2) rad^2: of a unit vector's direction, from its covariance (3, 3)."""
-    across = np.linalg.svd(up[None])[2][1:]
-    return np.asarray(across @ covariance @ across.T)
+def check_tilt(what: str, bound: float, advice: str) -> None:
+    """Check that axes are determined: the angle (radians) that holds their error at 95 %."""
+    if not bound <= LARGEST_TILT:
+        raise StereocalError(f"{what} undetermined (within {degrees(bound)}). {advice}")
 
 
 def about_noise(noise: Noise) -> dict[str, Any]:

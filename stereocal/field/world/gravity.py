@@ -57,53 +57,52 @@ class Gravity:
             "drag_fitted": self.with_drag,
         }
         if self.drag is not None:
-            value, low, high = self.drag
-            content["drag_per_m"] = {"value": value, "low": low, "high": high}
+            content["drag_per_m"] = dict(zip(("value", "low", "high"), self.drag, strict=True))
         if self.without_drag is not None:
             content["m_per_s2_without_drag"] = self.without_drag
         return content
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Whether the residuals call for drag, and what a gravity other than 9.81 would mean."""
+        return (*self._of_drag, self._of_scale)
 
-def drag_words(found: Gravity) -> tuple[str, ...]:
-    """Whether the residuals call for drag."""
-    if found.drag is None:
-        return ()
-    value, low, high = found.drag
-    figure = f"{rounded(value)} per metre ({rounded(low)} to {rounded(high)})"
-    if high < 0:
-        return (
-            f"The object gains speed along its way (drag {figure}), which no free flight does: "
-            "frames with the object in a hand, or numbers of frames that skip?",
-        )
-    if low <= 0:
-        text = f"The residuals show no drag: {figure}."
-        if found.with_drag:
-            return (text + " Drag was fitted all the same, since it may be too small to see.",)
-        return (text,)
-    without = "" if found.without_drag is None else f", g would be {found.without_drag:.2f} m/s²"
-    if found.with_drag:
+    @property
+    def _of_drag(self) -> tuple[str, ...]:
+        if self.drag is None:
+            return ()
+        value, low, high = self.drag
+        figure = f"{rounded(value)} per metre ({rounded(low)} to {rounded(high)})"
+        if high < 0:
+            return (
+                f"The object gains speed along its way (drag {figure}), which no free flight does: "
+                "frames with the object in a hand, or numbers of frames that skip?",
+            )
+        if low <= 0:
+            fitted = " Drag was fitted all the same, since it may be too small to see."
+            return (f"The residuals show no drag: {figure}.{fitted * self.with_drag}",)
+        if not self.with_drag:
+            return (f"The residuals show drag, {figure}: fit it, or the vertical leans.",)
+        without = "" if self.without_drag is None else f", g would be {self.without_drag:.2f} m/s²"
         return (f"The residuals show drag: {figure}. Without it{without}.",)
-    return (f"The residuals show drag, {figure}: fit it, or the vertical leans.",)
 
-
-def difference_words(found: Gravity) -> tuple[str, ...]:
-    """What a gravity other than 9.81 would mean."""
-    if found.agrees:
-        off = max(found.high / ON_EARTH[0] - 1, 1 - found.low / ON_EARTH[1])
-        return (
-            f"Lengths are right within {100 * off:.1f} %, if the frame rate is; the bar had no "
-            "part in this.",
+    @property
+    def _of_scale(self) -> str:
+        if self.agrees:
+            off = max(self.high / ON_EARTH[0] - 1, 1 - self.low / ON_EARTH[1])
+            return (
+                f"Lengths are right within {100 * off:.1f} %, if the frame rate is; the bar had no "
+                "part in this."
+            )
+        ratio = self.value / STANDARD
+        text = (
+            f"Either lengths are {100 * abs(ratio - 1):.1f} % too "
+            f"{'long' if ratio > 1 else 'short'} (bar or baseline), or the cameras took "
+            f"{rounded(self.frame_rate / np.sqrt(ratio), 4)} frames per second instead of "
+            f"{rounded(self.frame_rate, 4)}"
         )
-    ratio = found.value / STANDARD
-    rate = found.frame_rate / np.sqrt(ratio)
-    text = (
-        f"Either lengths are {100 * abs(ratio - 1):.1f} % too {'long' if ratio > 1 else 'short'} "
-        f"(bar or baseline), or the cameras took {rounded(rate, 4)} frames per second instead of "
-        f"{rounded(found.frame_rate, 4)}"
-    )
-    if found.per_frame:
-        late = (found.value - STANDARD) / found.per_frame
+        late = (self.value - STANDARD) / self.per_frame if self.per_frame else np.inf
         if abs(late) <= MOST_FRAMES_LATE:
             when = "later" if late > 0 else "earlier"
             text += f", or the secondary took each frame {rounded(abs(late))} frames {when}"
-    return (text + "; gravity alone cannot tell which.",)
+        return f"{text}; gravity alone cannot tell which."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -59,4 +60,4 @@ class Throw:
             )
 
 
-Observed = Survey | tuple[Line, ...] | Throw
+Observed = Survey | Sequence[Line] | Throw

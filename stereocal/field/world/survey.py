@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.adjustment import Solution, solve
-from stereocal.field.world.frame import (
-    CAMERA,
-    LARGEST_TILT,
-    SURVEY,
-    Axes,
-    WorldFrame,
-    about_noise,
-    camera_directions,
-    degrees,
-    frame_of_up,
-    uprightness,
-)
+from stereocal.field.world import frame
+from stereocal.field.world.adjustment import Solution, culprit, solve
 from stereocal.field.world.noise import (
     MeasuredPoints,
     Noise,
@@ -34,7 +24,6 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 
-SURVEY_SIGMA_M = 0.005
 FEWEST_POINTS = 3
 CLEARLY_WORSE = 25.0
 """Difference of chi-square that tells the survey from its mirror image: five standard errors."""
@@ -48,65 +37,40 @@ UPSIDE_DOWN = -0.2
 """`uprightness` below which cameras count as upside down."""
 UPRIGHT = 0.5
 """Least `uprightness` that tells points in one plane from mirrored ones: tilted by 60 degrees."""
-MIRROR = np.diag([1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class RigidFit:
     """world = R (X - middle) + centre, and its errors."""
 
-    measured: MeasuredPoints
-    world_m: FloatArray
-    sigma_m: float
-    noise: Noise
-    R: FloatArray
-    centre: FloatArray
+    pose: Pose
+    """`world_from_primary`."""
     scale: float
+    residuals_m: FloatArray
+    """(n, 3): measured minus surveyed, in the world's axes."""
+    limit_m: float
+    """Largest root mean square residual of points that do not contradict each other."""
     solution: Solution
     """Of a small rotation about the world's axes, the centre, and, if fitted, log scale."""
 
     @property
-    def middle(self) -> FloatArray:
-        return np.asarray(self.measured.xyz.mean(axis=0))
-
-    @property
-    def pose(self) -> Pose:
-        """`world_from_primary`."""
-        return Pose(self.R, self.centre - self.R @ self.middle)
-
-    @property
-    def residuals_m(self) -> FloatArray:
-        """(n, 3): measured minus surveyed, in the world's axes."""
-        scaled = self.scale * (self.measured.xyz - self.middle) @ self.R.T + self.centre
-        return np.asarray(scaled - self.world_m)
-
-    @property
-    def limit_m(self) -> float:
-        """Largest root mean square residual of points that do not contradict each other."""
-        return LARGEST_RESIDUAL * _rms(self.world_m - self.world_m.mean(axis=0))
+    def rms_m(self) -> float:
+        return _rms(self.residuals_m)
 
     @property
     def is_close(self) -> bool:
         """Whether the residuals are below this limit, or no larger than the noise explains."""
-        return _rms(self.residuals_m) <= self.limit_m or self.solution.widening < 3
+        return self.rms_m <= self.limit_m or self.solution.widening < 3
 
 
 def world_of_survey(
-    rig: RigParameters,
-    survey: Survey,
-    axes: Axes | None = None,
-    sigma_px: float | None = None,
-    sigma_m: float = SURVEY_SIGMA_M,
-) -> WorldFrame:
-    """The world frame of surveyed points.
-
-    Args:
-        sigma_px: noise of an image coordinate; None: that of the parameters.
-        sigma_m: standard error of a surveyed coordinate.
-    """
+    rig: RigParameters, survey: Survey, stated: frame.WorldSettings
+) -> frame.WorldFrame:
+    """The world frame of surveyed points."""
+    sigma_m, world_m = stated.survey_sigma_m, survey.world_m
     if not (np.isfinite(sigma_m) and sigma_m >= 0):
         raise StereocalError(f"The survey's standard error is {sigma_m} m; it must be 0 or more.")
-    axes, noise = axes or Axes(), noise_of(rig, sigma_px)
+    noise, names = noise_of(rig, stated.sigma_px), np.array(survey.names)
     distinct = list(dict.fromkeys(survey.names))
     if len(distinct) < FEWEST_POINTS:
         raise StereocalError(
@@ -114,36 +78,75 @@ def world_of_survey(
             f"{len(distinct)}."
         )
     xyz = survey.measured_m.copy()
-    seen = np.asarray(np.isnan(xyz).any(axis=1))
-    names = tuple(name for name, there in zip(survey.names, seen, strict=True) if there)
-    if names:
-        xyz[seen] = reconstructed(rig, survey.pixels[seen], names)
+    seen = np.isnan(xyz).any(axis=1)
+    if seen.any():
+        xyz[seen] = reconstructed(rig, survey.pixels[seen], tuple(names[seen].tolist()))
     measured = measured_points(rig, xyz, noise.spread)
     if not np.isfinite(measured.own).all():
         raise StereocalError("A measured point of the survey lies behind a camera.")
-    _refuse_line(survey.world_m, "surveyed")
-    _refuse_line(xyz, "measured")
-    with_scale = fit_rigid(measured, survey.world_m, noise, sigma_m, scale=True)
-    mirrored = fit_rigid(measured, survey.world_m @ MIRROR, noise, sigma_m, scale=True)
-    hand = _hand(with_scale, mirrored)
+    _check_spread(world_m, xyz)
+    scaled, mirrored = (
+        fit_rigid(measured, seen_as, noise, sigma_m, scale=True)
+        for seen_as in (world_m, world_m * (1, 1, -1))
+    )
+    hand = _hand(scaled, mirrored)
     if hand < 0 and mirrored.is_close:
         raise StereocalError(
             "The surveyed points fit only as a mirror image: their axes are left-handed. "
             "Exchange two of the columns x, y, z, or change the sign of one, whichever is wrong: "
             "for example x to the right, y ahead, z up."
         )
-    _refuse_scale(with_scale)
-    fit = fit_rigid(measured, survey.world_m, noise, sigma_m)
-    _refuse_contradiction(with_scale, survey)
-    up = fit.R[2]
-    if not hand and uprightness(rig, up) < UPRIGHT:
+    if not 1 / LARGEST_SCALE < scaled.scale < LARGEST_SCALE and scaled.is_close:
+        raise StereocalError(
+            f"The survey's distances are {rounded(scaled.scale, 3)} times those measured with "
+            "these parameters: write the survey in metres, or make sure that the parameters are "
+            "of these cameras."
+        )
+    if not scaled.is_close:
+
+        def agree_without(name: str) -> bool:
+            rest = names != name
+            part = MeasuredPoints(*(own[rest] for own in vars(measured).values()))
+            again = fit_rigid(part, world_m[rest], noise, sigma_m, scale=True)
+            return again.rms_m < 0.2 * scaled.limit_m
+
+        raise _contradiction(scaled, distinct, agree_without)
+    fit = fit_rigid(measured, world_m, noise, sigma_m)
+    if not hand and frame.uprightness(rig, fit.pose.R[2]) < UPRIGHT:
         raise StereocalError(
             "Cannot tell whether the survey is mirrored: its points lie in one plane, and with z "
             "up they would put the cameras upside down or on their side. Two axes may be "
             "exchanged, or one sign be wrong. Survey one more point well off the plane."
         )
-    pose = _placed(rig, survey, fit.pose, axes)
-    return _found(rig, survey, fit, with_scale, pose, bool(hand))
+    to_primary = fit.pose.inverse()
+    origins = {name: to_primary.apply(world_m[survey.names.index(name)]) for name in distinct}
+    origins[frame.SURVEY] = to_primary.T
+    up, along, usual = fit.pose.R[2], {frame.SURVEY: fit.pose.R[0]}, (frame.SURVEY, frame.SURVEY)
+    pose = frame.frame_of_up(rig, up, stated.axes, origins, along, usual)
+    residuals = {name: fit.residuals_m[names == name].mean(axis=0) for name in distinct}
+    return _found(fit, scaled, pose, residuals, noise, sigma_m, _hand_note(rig, fit, hand))
+
+
+def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
+    for points, what in ((surveyed, "surveyed"), (measured, "measured")):
+        extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if not extent[1] > 0.01 * extent[0]:
+            raise StereocalError(
+                f"The {what} points lie on one line, so nothing fixes the turn about it: add a "
+                "point well off the line."
+            )
+
+
+def _contradiction(
+    scaled: RigidFit, names: Sequence[str], agree_without: Callable[[str], bool]
+) -> StereocalError:
+    tried = names if len(names) > FEWEST_POINTS + 1 else []
+    return StereocalError(
+        "The surveyed and the measured points contradict each other by "
+        f"{rounded(scaled.rms_m, 3)} m (root mean square): "
+        f"{culprit(tried, agree_without, MOST_TRIED)}. Check the names, the coordinates and the "
+        "image points."
+    )
 
 
 def fit_rigid(
@@ -155,14 +158,11 @@ def fit_rigid(
     middle = measured.xyz.mean(axis=0)
     about = measured.xyz - middle
     weights = 1.0 / np.trace(covariance, axis1=1, axis2=2)
-    shift = np.average(world_m, axis=0, weights=weights)
-    own = np.average(about, axis=0, weights=weights)
+    shift, own = (np.average(each, axis=0, weights=weights) for each in (world_m, about))
     start, _ = Rotation.align_vectors(world_m - shift, about - own, weights=weights)
     R0 = start.as_matrix()
     centre0 = shift - R0 @ own
-    size = np.sqrt(np.mean(np.sum((world_m - shift) ** 2, axis=1)))
-    scale0 = size / np.sqrt(np.mean(np.sum((about - own) ** 2, axis=1)))
-    log0 = float(np.log(scale0)) if scale else 0.0
+    log0 = float(np.log(_rms(world_m - shift) / _rms(about - own))) if scale else 0.0
 
     def unpacked(x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         factor = np.exp(log0 + x[6]) if scale else 1.0
@@ -178,16 +178,9 @@ def fit_rigid(
     # statement about the parameters.
     found = solve(errors, np.zeros(7 if scale else 6), (lambda _: by_rig) if scale else None)
     R, centre, factor = unpacked(found.x)
-    return RigidFit(measured, world_m, sigma_m, noise, R, centre, factor, found)
-
-
-def _refuse_line(points: FloatArray, what: str) -> None:
-    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if not extent[1] > 0.01 * extent[0]:
-        raise StereocalError(
-            f"The {what} points lie on one line, so nothing fixes the turn about it: add a point "
-            "well off the line."
-        )
+    residuals = factor * about @ R.T + centre - world_m
+    limit = LARGEST_RESIDUAL * _rms(world_m - world_m.mean(axis=0))
+    return RigidFit(Pose(R, centre - R @ middle), factor, residuals, limit, found)
 
 
 def _hand(fit: RigidFit, mirrored: RigidFit) -> int:
@@ -198,126 +191,50 @@ def _hand(fit: RigidFit, mirrored: RigidFit) -> int:
     return int(np.sign(difference)) if abs(difference) > CLEARLY_WORSE else 0
 
 
-def _refuse_scale(with_scale: RigidFit) -> None:
-    """Refuse another unit; where the points do not fit with any, that is the error."""
-    scale = with_scale.scale
-    if 1 / LARGEST_SCALE < scale < LARGEST_SCALE or not with_scale.is_close:
-        return
-    raise StereocalError(
-        f"The survey's distances are {rounded(scale, 3)} times those measured with these "
-        "parameters: "
-        "write the survey in metres, or make sure that the parameters are of these cameras."
-    )
-
-
-def _refuse_contradiction(fit: RigidFit, survey: Survey) -> None:
-    """Refuse residuals that no noise explains; name the point where one alone contradicts.
-
-    Args:
-        fit: with its scale, whose difference is reported, not an error.
-    """
-    if fit.is_close:
-        return
-    culprits = []
-    names = np.array(survey.names)
-    distinct = list(dict.fromkeys(survey.names))
-    for name in distinct if FEWEST_POINTS + 1 < len(distinct) <= MOST_TRIED else []:
-        rest = names != name
-        part = replace(
-            fit.measured,
-            **{key: getattr(fit.measured, key)[rest] for key in ("xyz", "own", "by_rig")},
-        )
-        again = fit_rigid(part, survey.world_m[rest], fit.noise, fit.sigma_m, scale=True)
-        if _rms(again.residuals_m) < 0.2 * fit.limit_m:
-            culprits.append(name)
-    where = (
-        f"without {culprits[0]} the others agree: check its coordinates and its image points"
-        if len(culprits) == 1
-        else "cannot tell which: check the names, the coordinates and the image points"
-    )
-    raise StereocalError(
-        "The surveyed and the measured points contradict each other by "
-        f"{rounded(_rms(fit.residuals_m), 3)} m (root mean square): {where}."
-    )
+def _hand_note(rig: RigParameters, fit: RigidFit, hand: int) -> list[str]:
+    if not hand:
+        return [
+            "The points lie in one plane, so a mirrored survey would fit as well: the axes are "
+            "taken for right-handed. A point well off the plane would tell."
+        ]
+    if frame.uprightness(rig, fit.pose.R[2]) < UPSIDE_DOWN:
+        return ["z points down as the cameras see it, or they hang upside down."]
+    return []
 
 
 def _rms(vectors: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
-def _placed(rig: RigParameters, survey: Survey, pose: Pose, axes: Axes) -> Pose:
-    """The pose with the chosen origin and axes."""
-    to_primary = pose.inverse()
-    points = {
-        name: to_primary.apply(survey.world_m[survey.names.index(name)])
-        for name in dict.fromkeys(survey.names)
-    }
-    origins = {**points, CAMERA: np.zeros(3), SURVEY: to_primary.T}
-    directions = {**camera_directions(rig), SURVEY: pose.R[0]}
-    return frame_of_up(pose.R[2], axes, origins, directions, (SURVEY, SURVEY))
-
-
 def _found(
-    rig: RigParameters,
-    survey: Survey,
     fit: RigidFit,
-    with_scale: RigidFit,
+    scaled: RigidFit,
     pose: Pose,
-    hand_is_known: bool,
-) -> WorldFrame:
-    solution = fit.solution
-    covariance = solution.covariance
-    tilt = solution.bound(covariance[:2, :2])
-    if tilt > LARGEST_TILT or solution.bound(covariance[2:3, 2:3]) > LARGEST_TILT:
-        raise StereocalError(
-            f"The points leave the axes undetermined by {degrees(tilt)} or more: survey points "
-            "farther apart, and not along one line."
-        )
-    residuals = {
-        name: fit.residuals_m[np.array(survey.names) == name].mean(axis=0)
-        for name in dict.fromkeys(survey.names)
-    }
+    residuals: dict[str, FloatArray],
+    noise: Noise,
+    sigma_m: float,
+    hand_note: list[str],
+) -> frame.WorldFrame:
+    solution, of_scale = fit.solution, scaled.solution
+    tilt, heading, position = (
+        solution.bound(solution.covariance[part, part])
+        for part in (slice(2), slice(2, 3), slice(3, 6))
+    )
+    advice = "Survey points farther apart, and not along one line."
+    frame.check_tilt("The points leave the axes", max(tilt, heading), advice)
     sizes = {name: float(np.linalg.norm(each)) for name, each in residuals.items()}
     worst = max(sizes, key=lambda name: sizes[name])
-    position = solution.bound(covariance[3:6, 3:6])
-    scaled = with_scale.solution
-    half = scaled.quantile * float(np.sqrt(scaled.covariance[6, 6] + np.sum(scaled.shift[6] ** 2)))
+    variance = of_scale.covariance[6, 6] + np.sum(of_scale.shift[6] ** 2)
+    half = of_scale.quantile * float(np.sqrt(variance))
     x, y, z = pose.T.tolist()
-    rms = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
     sentence = (
-        f"World frame of {len(residuals)} surveyed points: residuals {rounded(rms)} m (root mean "
-        f"square), largest {rounded(sizes[worst])} m at {worst}; axes within {degrees(tilt)}, "
-        f"position within {rounded(position)} m (95 %). The primary stands at x {x:.2f}, y "
-        f"{y:.2f}, z {z:.2f} m."
+        f"World frame of {len(residuals)} surveyed points: residuals "
+        f"{rounded(_rms(np.array(list(residuals.values()))))} m (root mean square), largest "
+        f"{rounded(sizes[worst])} m at {worst}; axes within {frame.degrees(tilt)}, position within "
+        f"{rounded(position)} m (95 %). The primary stands at x {x:.2f}, y {y:.2f}, z {z:.2f} m."
     )
-    return WorldFrame(
-        pose,
-        "survey",
-        {
-            **about_noise(fit.noise),
-            "survey_m": fit.sigma_m,
-            "vertical_deg": float(np.degrees(tilt)),
-            "heading_deg": float(np.degrees(solution.bound(covariance[2:3, 2:3]))),
-            "position_m": position,
-        },
-        sentence,
-        _notes(fit, with_scale, half, rig, hand_is_known),
-        {
-            "residuals_m": {name: each.tolist() for name, each in residuals.items()},
-            "scale": {
-                "value": with_scale.scale,
-                "low": with_scale.scale * float(np.exp(-half)),
-                "high": with_scale.scale * float(np.exp(half)),
-            },
-        },
-    )
-
-
-def _notes(
-    fit: RigidFit, with_scale: RigidFit, half: float, rig: RigParameters, hand_is_known: bool
-) -> tuple[str, ...]:
     notes = []
-    off = float(np.log(with_scale.scale))
+    off = float(np.log(scaled.scale))
     if abs(off) > half and abs(off) > 0.001:
         low, high = sorted(100 * abs(np.expm1(off + each)) for each in (-half, half))
         notes.append(
@@ -325,22 +242,32 @@ def _notes(
             f"{rounded(high)}) {'longer' if off > 0 else 'shorter'} than measured: the survey, or "
             "the scale of the parameters (bar, baseline), is wrong. The scale was not changed."
         )
-    if fit.solution.degrees and fit.solution.widening > 2:
+    if solution.degrees and solution.widening > 2:
         why = (
             "A point may be wrong."
-            if with_scale.solution.widening > 2
+            if of_scale.widening > 2
             else "The errors that the parameter file states of itself explain them."
         )
         notes.append(
-            f"The residuals are {fit.solution.widening:.1f} times as large as "
-            f"{rounded(fit.noise.sigma_px)} px and {rounded(1000 * fit.sigma_m)} mm of survey "
-            f"explain; the errors stated are larger by that factor. {why}"
+            f"The residuals are {solution.widening:.1f} times as large as "
+            f"{rounded(noise.sigma_px)} px and {rounded(1000 * sigma_m)} mm of survey explain; the "
+            f"errors stated are larger by that factor. {why}"
         )
-    if not hand_is_known:
-        notes.append(
-            "The points lie in one plane, so a mirrored survey would fit as well: the axes are "
-            "taken for right-handed. A point well off the plane would tell."
-        )
-    elif uprightness(rig, fit.R[2]) < UPSIDE_DOWN:
-        notes.append("z points down as the cameras see it, or they hang upside down.")
-    return tuple(notes)
+    limits = {
+        "survey_m": sigma_m,
+        "vertical_deg": float(np.degrees(tilt)),
+        "heading_deg": float(np.degrees(heading)),
+        "position_m": position,
+    }
+    low, value, high = (scaled.scale * float(np.exp(each)) for each in (-half, 0.0, half))
+    return frame.WorldFrame(
+        pose,
+        "survey",
+        {**frame.about_noise(noise), **limits},
+        sentence,
+        (*notes, *hand_note),
+        {
+            "residuals_m": {name: each.tolist() for name, each in residuals.items()},
+            "scale": {"value": value, "low": low, "high": high},
+        },
+    )

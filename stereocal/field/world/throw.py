@@ -9,29 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import block_diag
 
 from stereocal.errors import StereocalError
+from stereocal.field.world import frame
 from stereocal.field.world.adjustment import Blocks, Solution, solve
-from stereocal.field.world.frame import (
-    CAMERA,
-    FIRST,
-    LARGEST_TILT,
-    VIEW,
-    Axes,
-    WorldFrame,
-    about_noise,
-    camera_directions,
-    degrees,
-    frame_of_up,
-    how_cameras_stand,
-    tilt_covariance,
-)
-from stereocal.field.world.gravity import Gravity, difference_words, drag_words
+from stereocal.field.world.gravity import Gravity
 from stereocal.field.world.noise import (
     MeasuredPoints,
     Noise,
@@ -55,6 +42,7 @@ STEPS = 64
 ROUNDS = 60
 CONTRADICTION = 10.0
 """Residuals over the parameters' image noise, above which the path is no free flight."""
+ADVICE = "Take a longer flight, a faster camera, or several throws in different directions."
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,21 +67,18 @@ class FlightFit:
     """(3, r): what the parameters' errors do to the direction of reconstructed plumb lines."""
 
     @property
-    def gravity(self) -> FloatArray:
-        return np.asarray(self.solution.x[:3])
-
-    @property
     def up(self) -> FloatArray:
         """(3,) unit vector in the primary's frame."""
-        return np.asarray(-self.gravity / np.linalg.norm(self.gravity))
+        return np.asarray(-self.solution.x[:3] / np.linalg.norm(self.solution.x[:3]))
 
     @property
     def bound(self) -> float:
         """Angle that holds the error of the vertical at 95 %, radians."""
-        size = float(np.linalg.norm(self.gravity))
+        size = float(np.linalg.norm(self.solution.x[:3]))
         turns = -self.solution.shift[:3] / size - self.turns
         own = self.solution.covariance[:3, :3] / size**2
-        return self.solution.bound(tilt_covariance(self.up, own + turns @ turns.T))
+        across = np.linalg.svd(self.up[None])[2][1:]
+        return self.solution.bound(across @ (own + turns @ turns.T) @ across.T)
 
     @property
     def strength(self) -> tuple[float, float]:
@@ -101,59 +86,58 @@ class FlightFit:
         own = float(self.up @ self.solution.covariance[:3, :3] @ self.up)
         variance = own + float(np.sum((self.up @ self.solution.shift[:3]) ** 2))
         half = self.solution.quantile * float(np.sqrt(variance))
-        return float(np.linalg.norm(self.gravity)), half
+        return float(np.linalg.norm(self.solution.x[:3])), half
 
 
 def world_of_throw(
-    rig: RigParameters,
-    throw: Throw,
-    axes: Axes | None = None,
-    sigma_px: float | None = None,
-    drag: bool = True,
-) -> WorldFrame:
-    """The world frame whose vertical is the acceleration of thrown objects.
-
-    Args:
-        sigma_px: noise of an image coordinate; None: as the residuals show it.
-        drag: whether the air may slow the object; False for one that is heavy for its size.
-    """
-    axes, noise = axes or Axes(), noise_of(rig, sigma_px)
-    throw = in_step(rig, throw)
+    rig: RigParameters, throw: Throw, stated: frame.WorldSettings
+) -> frame.WorldFrame:
+    """The world frame whose vertical is the acceleration of thrown objects."""
+    noise, throw = noise_of(rig, stated.sigma_px), in_step(rig, throw)
     flights = flights_of(throw)
     names = tuple(
-        f"frame {frame} of {track}" if track else f"frame {frame}"
-        for frame, track in zip(throw.frames, throw.tracks, strict=True)
+        f"frame {number} of {track}" if track else f"frame {number}"
+        for number, track in zip(throw.frames, throw.tracks, strict=True)
     )
-    xyz = reconstructed(rig, throw.pixels, names)
-    measured = measured_points(rig, xyz, noise.spread)
-    plain = fit_flights(rig, measured, flights, noise, drag=False)
-    fit = fit_flights(rig, measured, flights, noise, drag=True)
-    if drag and fit is None:
+    measured = measured_points(rig, reconstructed(rig, throw.pixels, names), noise.spread)
+    plain, fit = (fit_flights(rig, measured, flights, noise, drag) for drag in (False, True))
+    chosen = fit if stated.drag else plain
+    if chosen is None:
         raise StereocalError("The path does not settle; are all frames of a free flight?")
-    chosen = fit if drag and fit is not None else plain
-    assert chosen is not None  # the fit without drag is linear
-    _refuse_contradiction(chosen, noise)
-    if not chosen.bound < LARGEST_TILT:
+    widening = chosen.solution.widening * chosen.noise.sigma_px / noise.sigma_px
+    if widening > CONTRADICTION or (widening > 3 and not chosen.bound < frame.LARGEST_TILT):
         raise StereocalError(
-            f"The throw leaves the vertical undetermined (within {degrees(chosen.bound)}): take a "
-            "longer flight, a faster camera, or several throws in different directions."
+            f"The points are {widening:.0f} times the image noise of {rounded(noise.sigma_px)} px "
+            "off the path of a free flight. Leave out frames in which the object was held, caught "
+            "or bounced, and make sure that both cameras number the frames alike."
         )
-    found = _gravity(rig, throw, flights, chosen, plain, fit)
-    origins = {CAMERA: np.zeros(3), FIRST: chosen.solution.x[-6 * len(flights) :][:3]}
-    pose = frame_of_up(chosen.up, axes, origins, camera_directions(rig), (CAMERA, VIEW))
+    frame.check_tilt("The throw leaves the vertical", chosen.bound, ADVICE)
+    value, half = chosen.strength
+    drag = None
+    if fit is not None:
+        k = float(fit.solution.x[3])
+        reach = fit.solution.quantile * float(np.sqrt(fit.solution.covariance[3, 3]))
+        drag = k, k - reach, k + reach
+    gravity = Gravity(
+        value,
+        value - half,
+        value + half,
+        throw.frame_rate,
+        stated.drag,
+        drag,
+        None if plain is None else plain.strength[0],
+        _per_frame_of_offset(rig, throw, flights),
+    )
+    first, usual = chosen.solution.x[-6 * len(flights) :][:3], (frame.CAMERA, frame.VIEW)
+    pose = frame.frame_of_up(rig, chosen.up, stated.axes, {frame.FIRST: first}, {}, usual)
     throws = f"{len(flights)} throws" if len(flights) > 1 else "a throw"
     sentence = (
         f"World frame of {throws} of {len(throw.frames)} frames: the vertical is known within "
-        f"{degrees(chosen.bound)} (95 %); {how_cameras_stand(pose)}. {found.sentence}"
+        f"{frame.degrees(chosen.bound)} (95 %); {frame.how_cameras_stand(pose)}. {gravity.sentence}"
     )
-    return WorldFrame(
-        pose,
-        "throw",
-        {**about_noise(chosen.noise), "vertical_deg": float(np.degrees(chosen.bound))},
-        sentence,
-        (*drag_words(found), *difference_words(found)),
-        {"gravity": found.to_json()},
-    )
+    limits = {**frame.about_noise(chosen.noise), "vertical_deg": float(np.degrees(chosen.bound))}
+    about = {"gravity": gravity.to_json()}
+    return frame.WorldFrame(pose, "throw", limits, sentence, gravity.notes, about)
 
 
 def in_step(rig: RigParameters, throw: Throw) -> Throw:
@@ -230,8 +214,7 @@ def fit_flights(
     head = 4 if drag else 3
 
     def paths(x: FloatArray) -> FloatArray:
-        begun = x[head:].reshape(-1, 6)
-        k = float(x[3]) if drag else 0.0
+        k, begun = float(x[3]) if drag else 0.0, x[head:].reshape(-1, 6)
         with np.errstate(over="ignore", invalid="ignore"):
             return np.concatenate(
                 [
@@ -249,8 +232,9 @@ def fit_flights(
         return np.asarray(np.einsum("nij,njr->nir", W, on_path).reshape(3 * len(W), -1))
 
     of_error = np.repeat(np.arange(len(flights)), [3 * len(each.times) for each in flights])
+    start = np.insert(_start(xyz, flights), 3, [0.0] * drag)
     try:
-        found = solve(errors, _start(xyz, flights, drag), by_rig, Blocks(head, 6, of_error))
+        found = solve(errors, start, by_rig, Blocks(head, 6, of_error))
     except (ValueError, np.linalg.LinAlgError):
         return None
     factor = None if noise.source == "stated" else found.noise_factor
@@ -261,54 +245,12 @@ def fit_flights(
     return FlightFit(found, noise, turns_at(rig, up, xyz, noise.spread))
 
 
-def _start(xyz: FloatArray, flights: Sequence[Flight], drag: bool) -> FloatArray:
+def _start(xyz: FloatArray, flights: Sequence[Flight]) -> FloatArray:
     """The unknowns without drag, by unweighted least squares."""
-    design = np.zeros((len(xyz), 1 + 2 * len(flights)))
-    row = 0
-    for k, flight in enumerate(flights):
-        t = flight.times
-        rows = slice(row, row + len(t))
-        design[rows, 0] = 0.5 * t**2
-        design[rows, 1 + 2 * k], design[rows, 2 + 2 * k] = 1.0, t
-        row += len(t)
-    x = np.linalg.lstsq(design, xyz, rcond=None)[0]
-    return np.concatenate([x[0], [0.0] * drag, x[1:].ravel()])
-
-
-def _refuse_contradiction(fit: FlightFit, noise: Noise) -> None:
-    widening = fit.solution.widening * fit.noise.sigma_px / noise.sigma_px
-    if widening > CONTRADICTION or (widening > 3 and not fit.bound < LARGEST_TILT):
-        raise StereocalError(
-            f"The points are {widening:.0f} times the image noise of {rounded(noise.sigma_px)} px "
-            "off the path of a free flight. Leave out frames in which the object was held, caught "
-            "or bounced, and make sure that both cameras number the frames alike."
-        )
-
-
-def _gravity(
-    rig: RigParameters,
-    throw: Throw,
-    flights: Sequence[Flight],
-    chosen: FlightFit,
-    plain: FlightFit | None,
-    fit: FlightFit | None,
-) -> Gravity:
-    value, half = chosen.strength
-    about_drag: dict[str, Any] = {}
-    if fit is not None:
-        k = float(fit.solution.x[3])
-        reach = fit.solution.quantile * float(np.sqrt(fit.solution.covariance[3, 3]))
-        about_drag = {"drag": (k, k - reach, k + reach)}
-    return Gravity(
-        value,
-        value - half,
-        value + half,
-        throw.frame_rate,
-        chosen is fit,
-        without_drag=None if plain is None else plain.strength[0],
-        per_frame=_per_frame_of_offset(rig, throw, flights),
-        **about_drag,
-    )
+    own = block_diag(*(np.column_stack([np.ones(len(f.times)), f.times]) for f in flights))
+    times = np.concatenate([flight.times for flight in flights])
+    x = np.linalg.lstsq(np.column_stack([0.5 * times**2, own]), xyz, rcond=None)[0]
+    return np.asarray(x.ravel())
 
 
 def _per_frame_of_offset(
@@ -317,16 +259,13 @@ def _per_frame_of_offset(
     """Change of the measured |g| if the secondary's frames were taken one frame later; None if
     that cannot be computed."""
     strengths = []
+    order = np.concatenate([flight.rows for flight in flights])
+    speed = [np.gradient(throw.pixels[each.rows, 2:], each.times, axis=0) for each in flights]
     for frames in (-0.5, 0.5):
-        pixels = throw.pixels.copy()
-        for flight in flights:
-            seen = pixels[flight.rows, 2:]
-            pixels[flight.rows, 2:] += (
-                frames / throw.frame_rate * np.gradient(seen, flight.times, axis=0)
-            )
+        pixels = throw.pixels[order]
+        pixels[:, 2:] += frames / throw.frame_rate * np.concatenate(speed)
         xyz = rig.reconstruct(pixels[:, :2], pixels[:, 2:])
         if not np.isfinite(xyz).all():
             return None
-        order = np.concatenate([flight.rows for flight in flights])
-        strengths.append(float(np.linalg.norm(_start(xyz[order], flights, False)[:3])))
+        strengths.append(float(np.linalg.norm(_start(xyz, flights)[:3])))
     return strengths[1] - strengths[0]
