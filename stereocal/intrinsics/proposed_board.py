@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import LARGE_PX, eight_bits
+from stereocal.intrinsics.board_corners import LARGE_PX, are_crossings, eight_bits, outer_squares
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
@@ -21,6 +21,9 @@ FEWEST_MARKERS = 6
 MOST_SQUARES = 20
 FITTING = 0.15
 """Largest RMS distance of markers from where a board has them, in squares."""
+CROSSINGS, OF_SQUARE = 0.75, 0.3
+"""Least part of the corners that must be crossings of squares, and how far from them, in squares,
+this is looked at."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +67,24 @@ def proposed_board(photographs: Photographs, least: float = 0.0) -> ProposedBoar
 
 
 def _chessboard(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
-    """At least as many columns as rows."""
+    """At least as many columns as rows.
+
+    The finder takes large 2x2 targets, whose edges it crosses as it likes, for a board of 4x3: at
+    most 2 of its 12 corners were crossings of squares, of a board all are.
+    """
     if max(grey.shape) > LARGE_PX:
         half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         grey = np.asarray(half, dtype=np.uint8)
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
-    return ProposedBoard(max(meta.shape), min(meta.shape)) if found else None
+    found, corners, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
+    if not found:
+        return None
+    grid = np.asarray(corners, dtype=np.float64).reshape(*meta.shape, 2)
+    spacing = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
+    crossings = are_crossings(grey, grid.reshape(-1, 2), OF_SQUARE * spacing)
+    if crossings.mean() < CROSSINGS or not outer_squares(grid, grey):
+        return None
+    return ProposedBoard(max(meta.shape), min(meta.shape))
 
 
 def _charuco(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:

@@ -33,9 +33,13 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.simulation.simulate import place_bars
 from stereocal.system.photograph import read_photograph
+from tests.ball_bars import BAR_M, RIG
 from tests.lens import PATTERN, SMALL, AtOnce
 from tests.rigs.boards import charuco, photographs, placings, stereo
+from tools.photographs.bars import BarSettings, photograph_bars
+from tools.photographs.rendering import PhotographSettings
 
 SQUARE, EVEN = BoardPattern(6, 6, 0.03), BoardPattern(7, 5, 0.03)
 
@@ -263,6 +267,18 @@ def test_sizes_of_lens_files_and_photographs() -> None:
     found = found_boards(boards)
     with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
         recording_of(found, (replace(SMALL, image_size=(800, 600)), SMALL), "x")
+
+
+def test_large_2x2_targets_are_no_board(tmp_path: Path) -> None:
+    """In one photograph of each pair the finder has a grid of 4x3."""
+    rng = np.random.default_rng(25)
+    scene = place_bars(RIG, rng, 4, BAR_M, (1.2, 2.5))
+    bar, settings = BarSettings(board_m=0.25), PhotographSettings()
+    pairs = list(photograph_bars(scene, (80.0, 80.0), bar, settings, rng))
+    for image in (pairs[1].primary, pairs[3].secondary):
+        path = tmp_path / "bar.png"
+        cv2.imwrite(str(path), image)
+        assert proposed_board({path.name: path}, least=0.5) is None
 
 
 @pytest.mark.parametrize(
