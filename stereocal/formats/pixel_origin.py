@@ -41,3 +41,6 @@ class PixelOrigin:
         """Convert their pixels (n, 2) to ours."""
         matrix = np.linalg.inv(self.matrix(height))
         return np.asarray(np.asarray(pixels, np.float64) @ matrix[:2, :2].T + matrix[:2, 2])
+
+
+LOWER_LEFT = PixelOrigin("lower-left")

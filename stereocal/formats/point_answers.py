@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 from stereocal.errors import StereocalError
 from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout
-from stereocal.formats.point_layouts import first_rows, propose_layout
-from stereocal.formats.rig_layouts import is_number
+from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
 
 OURS = "stereocal"
 UNKNOWN = "a program that is not known"

@@ -45,11 +45,10 @@ class PointLayout:
     program: str
     """Program that writes such files, for messages."""
     columns: tuple[PointColumns, ...]
-    header_rows: int
+    header_rows: int = 1
     delimiter: str = ","
     frame: int | None = None
-    """Column of the frame number; None: rows are counted from `first_frame`."""
-    first_frame: int = 1
+    """Column of the frame number; None: rows are counted from 1."""
     further: tuple[tuple[str, int], ...] = ()
     """Names and indices of columns that are passed through."""
     origin: PixelOrigin = field(default_factory=PixelOrigin)
@@ -92,16 +91,15 @@ def read_points(
         raise StereocalError(
             f"{source}: there is no camera {camera}; the file has {', '.join(layout.cameras)}."
         )
-    raw = _table(content, layout, source, first_rows)
-    frames = _frames(raw, layout, source)
-    parts = []
+    rows = _Rows(_table(content, layout, source, first_rows), layout, source)
+    frames, parts = rows.frames(), []
     for each in chosen:
-        pixels = _pixels(raw, layout, each, image_height, source)
+        pixels = rows.pixels(each, image_height)
         part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
         if len(layout.points) > 1:
             part["point"] = each.point
         for name, index in layout.further:
-            part[name] = raw[index].array
+            part[name] = rows.raw[index].array
         parts.append(part[np.isfinite(pixels).all(axis=1)])
     return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
 
@@ -120,27 +118,26 @@ def read_bars(
         cameras: names of the primary and the secondary.
         ends: names of the points A and B.
     """
-    raw = _table(content, layout, source, None)
-    frames = _frames(raw, layout, source)
-    found: list[tuple[FloatArray, FloatArray]] = []
+    rows = _Rows(_table(content, layout, source, None), layout, source)
+    columns = {(each.camera, each.point): each for each in reversed(layout.columns)}
+    found = []
     for end in ends:
-        sides = []
         for camera, height in zip(cameras, image_heights, strict=True):
-            wanted = [e for e in layout.columns if (e.camera, e.point) == (camera, end)]
-            if not wanted:
+            if (camera, end) not in columns:
                 raise StereocalError(f"{source}: there is no point {end} of camera {camera}.")
-            sides.append(_pixels(raw, layout, wanted[0], height, source))
-        found.append((sides[0], sides[1]))
-    seen = [np.isfinite(np.hstack(sides)).all(axis=1) for sides in found]
-    if not any(each.any() for each in seen):
+            found.append(rows.pixels(columns[camera, end], height))
+    both = np.vstack([np.hstack(found[:2]), np.hstack(found[2:])])
+    seen = np.isfinite(both).all(axis=1)
+    if not seen.any():
         raise StereocalError(
             f"{source}: no end of the bar was seen by both cameras, {cameras[0]} and {cameras[1]}."
         )
+    frames = rows.frames()
     return Correspondences.from_arrays(
-        frame=np.concatenate([frames[each] for each in seen]),
-        target=["A"] * int(seen[0].sum()) + ["B"] * int(seen[1].sum()),
-        primary=np.concatenate([sides[0][each] for sides, each in zip(found, seen, strict=True)]),
-        secondary=np.concatenate([sides[1][each] for sides, each in zip(found, seen, strict=True)]),
+        frame=np.tile(frames, 2)[seen],
+        target=np.repeat(["A", "B"], len(frames))[seen].tolist(),
+        primary=both[seen, :2],
+        secondary=both[seen, 2:],
     )
 
 
@@ -172,44 +169,42 @@ def _table(
     return raw
 
 
-def _frames(
-    raw: pd.DataFrame, layout: PointLayout, source: str
-) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    if layout.frame is None:
-        return np.arange(layout.first_frame, layout.first_frame + len(raw))
-    column = Column(f"column {layout.frame + 1}", is_whole=True)
-    return _numbers(raw, layout, layout.frame, source, column).astype(np.int64)
+@dataclass(frozen=True)
+class _Rows:
+    """The rows below the header, with their layout."""
 
+    raw: pd.DataFrame
+    layout: PointLayout
+    source: str
 
-def _pixels(
-    raw: pd.DataFrame,
-    layout: PointLayout,
-    columns: PointColumns,
-    image_height: int | None,
-    source: str,
-) -> FloatArray:
-    """(n, 2): our pixels; NaN for missing points."""
-    if layout.origin.corner == "lower-left" and image_height is None:
-        raise StereocalError(
-            f"{source}: the points are counted from the lower left, so the image height is needed."
-        )
-    pixels = np.column_stack([_numbers(raw, layout, k, source) for k in (columns.u, columns.v)])
-    if layout.zero_is_missing:
-        pixels[(pixels == 0).all(axis=1)] = np.nan
-    if columns.likelihood is not None:
-        likelihood = _numbers(raw, layout, columns.likelihood, source)
-        pixels[likelihood < layout.least_likelihood] = np.nan
-    pixels[np.isnan(pixels).any(axis=1)] = np.nan
-    return layout.origin.to_ours(pixels * layout.px_per_unit, image_height or 0)
+    def frames(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        """(n,): their frame numbers."""
+        if self.layout.frame is None:
+            return np.arange(1, len(self.raw) + 1)
+        return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
 
+    def pixels(self, columns: PointColumns, image_height: int | None) -> FloatArray:
+        """(n, 2): our pixels; NaN for missing points."""
+        layout = self.layout
+        if layout.origin.corner == "lower-left" and image_height is None:
+            raise StereocalError(
+                f"{self.source}: the points are counted from the lower left, so the image height "
+                "is needed."
+            )
+        pixels = np.column_stack([self._numbers(k) for k in (columns.u, columns.v)])
+        if layout.zero_is_missing:
+            pixels[(pixels == 0).all(axis=1)] = np.nan
+        if columns.likelihood is not None:
+            pixels[self._numbers(columns.likelihood) < layout.least_likelihood] = np.nan
+        pixels[np.isnan(pixels).any(axis=1)] = np.nan
+        return layout.origin.to_ours(pixels * layout.px_per_unit, image_height or 0)
 
-def _numbers(
-    raw: pd.DataFrame, layout: PointLayout, index: int, source: str, column: Column | None = None
-) -> FloatArray:
-    column = column or Column(f"column {index + 1}", may_be_empty=True)
-    own = raw[[index]].set_axis([column.name], axis=1)
-    values, reasons = numbers_in(own, [column], layout.delimiter == ";", MISSING)
-    if reasons:
-        problems = [RowProblem(int(raw.index[row]), reasons[row]) for row in reasons]
-        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
-    return values[column.name]
+    def _numbers(self, index: int, is_whole: bool = False) -> FloatArray:
+        name = f"column {index + 1}"
+        column = Column(name, may_be_empty=not is_whole, is_whole=is_whole)
+        own = self.raw[[index]].set_axis([name], axis=1)
+        values, reasons = numbers_in(own, [column], self.layout.delimiter == ";", MISSING)
+        if reasons:
+            problems = [RowProblem(int(self.raw.index[row]), reasons[row]) for row in reasons]
+            raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")
+        return values[name]

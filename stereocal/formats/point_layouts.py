@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from stereocal.errors import StereocalError
 from stereocal.formats.other_files import refuse_other_points
+from stereocal.formats.pixel_origin import LOWER_LEFT, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout
-from stereocal.formats.rig_layouts import argus_layout, dltdv_layout, wand_layout
 
 HEAD_BYTES = 200_000
 FRAME_NAMES = ("frame", "frames", "frame_number", "image", "t", "time", "index")
 U_NAMES = ("u", "x", "x_px", "col", "column", "position_x", "x_position", "cx", "centroid_x")
 V_NAMES = ("v", "y", "y_px", "row", "position_y", "y_position", "cy", "centroid_y")
+ASK_LOWER_LEFT = (
+    "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
+    "programs take h - 1 or h + 1, newer ones count from the upper left."
+)
+DLTDV = re.compile(r"(.+)_cam(\d+)_([UV]|[XY])")
+ARGUS = re.compile(r"(.*?)[ _.-]*cam(?:era)?[ _.-]*(\d+)[ _.-]*([xy])", re.IGNORECASE)
+Guess = Callable[[list[list[str]]], PointLayout | None]
+"""The layout of first rows; None if they are of another program."""
 
 
 def propose_layout(content: bytes, source: str, name: str | None = None) -> PointLayout:
@@ -25,12 +35,12 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
         name: the layout in `LAYOUTS` to use; None: try all.
     """
     rows, delimiter = first_rows(content, source)
-    for guess in LAYOUTS.values() if name is None else (LAYOUTS[name],):
-        layout = guess(rows, delimiter)
-        if name == "wand":  # chosen by the user, with any header
-            layout = wand_layout(rows, delimiter, any_header=True)
-        if layout is not None:
-            return layout
+    known: Mapping[str, Guess] = LAYOUTS
+    if name is not None:  # a wand file chosen by the user may have any header
+        known = {name: partial(_wand, any_header=True) if name == "wand" else LAYOUTS[name]}
+    for guess in known.values():
+        if (layout := guess(rows)) is not None:
+            return replace(layout, delimiter=delimiter)
     first = f'its first line is "{delimiter.join(rows[0])[:100]}".'
     if name is not None:
         raise StereocalError(f"{source}: the file does not have the layout {name}; {first}")
@@ -44,10 +54,10 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
 def layout_name(content: bytes, source: str) -> str | None:
     """The name in `LAYOUTS` of the first layout that fits a file; None if none fits."""
     try:
-        rows, delimiter = first_rows(content, source)
+        rows, _ = first_rows(content, source)
     except StereocalError:
         return None
-    return next((name for name, guess in LAYOUTS.items() if guess(rows, delimiter)), None)
+    return next((name for name, guess in LAYOUTS.items() if guess(rows)), None)
 
 
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
@@ -72,81 +82,49 @@ def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
     return rows, delimiter
 
 
-def _deeplabcut(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+def _deeplabcut(rows: list[list[str]]) -> PointLayout | None:
     """Rows scorer, [individuals,] bodyparts, coords; then x, y, likelihood of each part."""
     names = [row[0].strip().lower() if row else "" for row in rows]
     if names[0] != "scorer" or "coords" not in names[:4]:
         return None
     coords = names.index("coords")
-    labels = [rows[k] for k in range(1, coords)]
     marks = [cell.strip().lower() for cell in rows[coords]]
-    columns = [
+    columns = tuple(
         PointColumns(
             "cam1",
-            " ".join(row[k].strip() for row in labels if k < len(row)),
+            " ".join(row[k].strip() for row in rows[1:coords] if k < len(row)),
             k,
             k + 1,
             k + 2 if marks[k + 2 : k + 3] == ["likelihood"] else None,
         )
         for k in range(1, len(marks) - 1)
         if marks[k] == "x"
-    ]
-    if not columns:
-        return None
-    return PointLayout(
-        program="DeepLabCut",
-        columns=tuple(columns),
-        header_rows=coords + 1,
-        delimiter=delimiter,
-        frame=0,
-        questions=("How likely must a point be to count? Below 0.6 it is often wrong.",),
     )
+    ask = "How likely must a point be to count? Below 0.6 it is often wrong."
+    found = PointLayout("DeepLabCut", columns, coords + 1, frame=0, questions=(ask,))
+    return found if columns else None
 
 
-def _sleap(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+def _sleap(rows: list[list[str]]) -> PointLayout | None:
     """One row per instance: track, frame_idx, instance.score, then x, y, score of each node."""
-    names = [cell.strip() for cell in rows[0]]
-    columns = [
-        PointColumns(
-            "cam1",
-            node,
-            k,
-            names.index(f"{node}.y"),
-            names.index(f"{node}.score") if f"{node}.score" in names else None,
-        )
-        for k, name in enumerate(names)
-        if (node := name.removesuffix(".x")) != name and f"{node}.y" in names
-    ]
-    if "frame_idx" not in names or not columns or _has_duplicates(names):
+    at = {cell.strip(): k for k, cell in enumerate(rows[0])}
+    columns = tuple(
+        PointColumns("cam1", node, k, at[f"{node}.y"], at.get(f"{node}.score"))
+        for name, k in at.items()
+        if (node := name.removesuffix(".x")) != name and f"{node}.y" in at
+    )
+    if "frame_idx" not in at or not columns or _has_duplicates([cell.strip() for cell in rows[0]]):
         return None
     return PointLayout(
-        program="SLEAP",
-        columns=tuple(columns),
-        header_rows=1,
-        delimiter=delimiter,
-        frame=names.index("frame_idx"),
-        further=(("track", names.index("track")),) if "track" in names else (),
+        "SLEAP",
+        columns,
+        frame=at["frame_idx"],
+        further=(("track", at["track"]),) if "track" in at else (),
         questions=("How large must a point's score be to count?",),
     )
 
 
-def _tracktor(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """`,frame,pos_x,pos_y[,id]`; the first column numbers the rows."""
-    names = [cell.strip().lower() for cell in rows[0]]
-    if not {"frame", "pos_x", "pos_y"} <= set(names) or _has_duplicates(names):
-        return None
-    frame, u, v = (names.index(name) for name in ("frame", "pos_x", "pos_y"))
-    return PointLayout(
-        program="Tracktor",
-        columns=(PointColumns("cam1", "point", u, v),),
-        header_rows=1,
-        delimiter=delimiter,
-        frame=frame,
-        further=tuple((name, k) for k, name in enumerate(names) if name and k not in (frame, u, v)),
-    )
-
-
-def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
+def _trackmate(rows: list[list[str]]) -> PointLayout | None:
     """Spots: names, two more rows of names, units; older versions have the first row only."""
     names = [cell.strip().upper() for cell in rows[0]]
     if not {"POSITION_X", "POSITION_Y", "FRAME"} <= set(names):
@@ -156,52 +134,37 @@ def _trackmate(rows: list[list[str]], delimiter: str) -> PointLayout | None:
     while header < len(rows) and not "".join(rows[header][frame : frame + 1]).strip().isdigit():
         header += 1
     unit = "".join(rows[3][x : x + 1]).strip("() ").lower()[:40] if header == 4 else ""
-    questions = []
-    if unit not in ("pixel", "pixels", "px"):
-        questions.append(
-            f"Positions are in {unit or 'a unit that the file does not name'}: how many pixels is "
-            "one unit?"
-        )
+    ask = f"Positions are in {unit or 'a unit that the file does not name'}: how many pixels is "
     return PointLayout(
-        program="TrackMate",
-        columns=(PointColumns("cam1", "spot", x, names.index("POSITION_Y")),),
-        header_rows=header,
-        delimiter=delimiter,
+        "TrackMate",
+        (PointColumns("cam1", "spot", x, names.index("POSITION_Y")),),
+        header,
         frame=frame,
         further=(("track", names.index("TRACK_ID")),) if "TRACK_ID" in names else (),
-        questions=tuple(questions),
+        questions=() if unit in ("pixel", "pixels", "px") else (f"{ask}one unit?",),
     )
 
 
-def _long_table(rows: list[list[str]], delimiter: str) -> PointLayout | None:
-    """One row per point, with a frame column: ours, and others by their column names."""
+def _long_table(rows: list[list[str]], program: str, *known: tuple[str, ...]) -> PointLayout | None:
+    """One row per point; `known` are names of the columns of the frame, u and v."""
     names = [cell.strip().lower() for cell in rows[0]]
-    at = [
-        next((names.index(name) for name in known if name in names), None)
-        for known in (FRAME_NAMES, U_NAMES, V_NAMES)
-    ]
-    frame, u, v = at
-    if frame is None or u is None or v is None:
+    found = [next((names.index(name) for name in each if name in names), -1) for each in known]
+    frame, u, v = found
+    ours = [names[k : k + 1] for k in found] == [["frame"], ["u"], ["v"]]
+    if -1 in found or (_has_duplicates(names) and not ours):  # our reader reports duplicates
         return None
-    ours = [names[k] for k in (frame, u, v)] == ["frame", "u", "v"]
-    if _has_duplicates(names) and not ours:  # the reader of ours reports duplicates
-        return None
-    asked = (
+    ask = (
         f"Are the columns {names[frame]}, {names[u]} and {names[v]} frame, u and v, with the "
         "centre of the top-left pixel at (0, 0)?"
     )
     return PointLayout(
-        program="stereocal" if ours else "a table with a row for each point",
-        columns=(PointColumns("cam1", "point", u, v),),
-        header_rows=1,
-        delimiter=delimiter,
+        "stereocal" if ours else program,
+        (PointColumns("cam1", "point", u, v),),
         frame=frame,
         further=tuple(
-            (rows[0][k].strip(), k)
-            for k in range(len(names))
-            if names[k] and k not in (frame, u, v)
+            (rows[0][k].strip(), k) for k, name in enumerate(names) if name and k not in found
         ),
-        questions=() if ours else (asked,),
+        questions=() if ours or program == "Tracktor" else (ask,),
     )
 
 
@@ -210,15 +173,111 @@ def _has_duplicates(names: list[str]) -> bool:
     return len(set(named)) < len(named)
 
 
-LAYOUTS: Mapping[str, Callable[[list[list[str]], str], PointLayout | None]] = {
+def _paired(
+    rows: list[list[str]],
+    program: str,
+    pattern: re.Pattern[str],
+    axes: str,
+    origin: PixelOrigin,
+    ask: str,
+) -> PointLayout | None:
+    """Two columns of each point in each camera, named by point, camera and axis."""
+    at = {
+        (match[1] or "point", f"cam{match[2]}", match[3].lower()): k
+        for k, match in enumerate(pattern.fullmatch(name.strip()) for name in rows[0])
+        if match is not None
+    }
+    wanted = [(point, camera) for point, camera, axis in at if axis == axes[0]]
+    whole = len(at) == len(rows[0]) == 2 * len(wanted)
+    if not wanted or not whole or not all((*each, axes[1]) in at for each in wanted):
+        return None
+    columns = tuple(
+        PointColumns(camera, point, at[point, camera, axes[0]], at[point, camera, axes[1]])
+        for point, camera in wanted
+    )
+    return _of_cameras(PointLayout(program, columns, origin=origin), ask)
+
+
+def _wand(rows: list[list[str]], any_header: bool = False) -> PointLayout | None:
+    """4 columns per camera: x, y of end A in all cameras, then of end B; the header is optional.
+
+    Args:
+        any_header: accept a header that does not name the columns x and y alternately.
+    """
+    count = len(rows[1])
+    headed = not all(is_number(cell) for cell in rows[0])
+    if count % 4 or not count or not all(is_number(cell) for cell in rows[1]):
+        return None
+    if headed and not any_header and (count < 8 or not _in_turn(rows[0])):
+        return None
+    cameras = count // 4
+    columns = tuple(
+        PointColumns(f"cam{k + 1}", end, 2 * (k + half * cameras), 2 * (k + half * cameras) + 1)
+        for half, end in enumerate("AB")
+        for k in range(cameras)
+    )
+    program = "a wand file of Argus or easyWand"
+    layout = PointLayout(program, columns, int(headed), origin=LOWER_LEFT)
+    return _of_cameras(layout, ASK_LOWER_LEFT)
+
+
+def _in_turn(names: list[str]) -> bool:
+    """Whether column names alternate in x and y, or u and v, and are equal otherwise."""
+    plain = [name.strip().lower() for name in names]
+    return len(plain) % 2 == 0 and all(
+        len(first) == len(second)
+        and [pair for pair in zip(first, second, strict=True) if pair[0] != pair[1]]
+        in ([("x", "y")], [("u", "v")])
+        for first, second in zip(plain[::2], plain[1::2], strict=True)
+    )
+
+
+def _of_cameras(layout: PointLayout, ask_origin: str) -> PointLayout:
+    """A layout of several cameras, with its questions; (0, 0) is a missing point."""
+    cameras, points = len(layout.cameras), len(layout.points)
+    asked = [ask_origin]
+    if cameras > 2:
+        asked.append(f"Which of the {cameras} cameras are the primary and the secondary?")
+    if points > 2:
+        asked.append(f"Which two of the {points} points are the ends A and B of the bar?")
+    return replace(layout, zero_is_missing=True, questions=tuple(asked))
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is empty or a number."""
+    try:
+        float(text.strip() or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+LAYOUTS: Mapping[str, Guess] = {
     "trackmate": _trackmate,
     "deeplabcut": _deeplabcut,
     "sleap": _sleap,
-    "tracktor": _tracktor,
-    "dltdv5": partial(dltdv_layout, newer=False),
-    "dltdv8": partial(dltdv_layout, newer=True),
-    "argus": argus_layout,
-    "table": _long_table,
-    "wand": wand_layout,
+    "tracktor": lambda rows: _long_table(rows, "Tracktor", ("frame",), ("pos_x",), ("pos_y",)),
+    # (u + 1, h - v), according to its display code.
+    "dltdv5": lambda rows: _paired(
+        rows,
+        "DLTdv5 to 7",
+        DLTDV,
+        "xy",
+        replace(LOWER_LEFT, first_pixel=1.0),
+        f"{ASK_LOWER_LEFT} DLTdv5 to 7 count u from 1.",
+    ),
+    "dltdv8": lambda rows: _paired(
+        rows,
+        "DLTdv8",
+        DLTDV,
+        "uv",
+        PixelOrigin(first_pixel=1.0),
+        "Is the first pixel (1, 1), at the upper left, as in DLTdv8?",
+    ),
+    "argus": lambda rows: _paired(rows, "Argus", ARGUS, "xy", LOWER_LEFT, ASK_LOWER_LEFT),
+    "table": lambda rows: _long_table(
+        rows, "a table with a row for each point", FRAME_NAMES, U_NAMES, V_NAMES
+    ),
+    "wand": _wand,
 }
 """Layouts by name, in the order in which they are tried."""

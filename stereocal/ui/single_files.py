@@ -5,7 +5,7 @@ from __future__ import annotations
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.bars import holds_bars
+from stereocal.formats.archives.gather import holds_bars
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.inputs import Slot

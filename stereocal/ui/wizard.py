@@ -12,7 +12,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.bars import Heights, bars_of
+from stereocal.formats.archives.gather import Heights, bars_of
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.pixel_origin import Corner, PixelOrigin

@@ -10,8 +10,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive
-from stereocal.formats.archives.bars import bars_of
-from stereocal.formats.archives.gather import gather
+from stereocal.formats.archives.gather import bars_of, gather
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions

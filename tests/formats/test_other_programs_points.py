@@ -15,7 +15,7 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.bars import holds_bars
+from stereocal.formats.archives.gather import holds_bars
 from stereocal.formats.point_answers import (
     UNKNOWN,
     answered,

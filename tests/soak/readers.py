@@ -17,9 +17,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
-from stereocal.formats.archives.bars import bars_of, holds_bars
 from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
-from stereocal.formats.archives.gather import gather
+from stereocal.formats.archives.gather import bars_of, gather, holds_bars
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset

@@ -76,17 +76,12 @@ class Archive:
             distance_m: as measured; None: that of the files.
         """
         distance = self.target_distance_m if distance_m is None else distance_m
-        if (
-            self.primary is None
-            or self.secondary is None
-            or self.correspondences is None
-            or distance is None
-            or (baseline_m is None and self.baseline_m is None)
-        ):
-            lines = self.missing(baseline_m, distance_m)
+        if lines := self.missing(baseline_m, distance_m):
             raise StereocalError(
                 f"{'; '.join(f'{line.what} is missing, {line.origin}' for line in lines)}."
             )
+        assert self.primary is not None and self.secondary is not None
+        assert self.correspondences is not None and distance is not None
         nominal, sigma = self.baseline_m or 1.0, self.baseline_sigma_m
         free = baseline_m == np.inf
         if baseline_m is not None:

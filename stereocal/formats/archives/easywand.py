@@ -25,8 +25,7 @@ from stereocal.formats.correspondences_csv import PIXELS
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import Chosen, camera_matrix, camera_of, chosen_pair
 from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
-from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.rig_layouts import LOWER_LEFT
+from stereocal.formats.pixel_origin import LOWER_LEFT, PixelOrigin
 from stereocal.formats.units import UNITS
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray

@@ -7,26 +7,39 @@ found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
-from stereocal.formats.archives.bars import Bars, bars_of
 from stereocal.formats.archives.easywand import open_easywand, read_easywand
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.reading import has_cameras
+from stereocal.formats.exchange.reading import chosen_pair, has_cameras
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
+from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Correspondences
 
+Heights = tuple[int | None, int | None]
+"""Of the images of the primary and the secondary, px."""
 TABLES = (".csv", ".txt", ".tsv")
 WANTED = (
     "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
     "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """The rows of a table, and how it was read."""
+
+    rows: Correspondences
+    words: str
+    remarks: tuple[str, ...] = ()
+    """For the user."""
 
 
 def gather(
@@ -42,57 +55,42 @@ def gather(
     tables = {name: each for name, each in files.items() if name.lower().endswith(TABLES)}
     others = {name: each for name, each in files.items() if name not in tables}
     for name, content in others.items():
-        _check_known(name, content)
+        if is_hdf5(content):
+            raise StereocalError(
+                f"{name}: this is an HDF5 file, as MATLAB saves with -v7.3; it is not read here. "
+                f"{SAVE_AGAIN}."
+            )
+        if format_of(name, content) is None:
+            raise StereocalError(f"{name}: the file is not known; {WANTED}.")
         opened = open_easywand(content, name) if is_matlab(content) else None
-        if opened is None:
-            continue
-        if len(files) > 1:
+        if opened is not None and len(files) > 1:
             raise StereocalError(f"{name}: it has points and lenses; give it alone.")
-        return read_easywand(opened, options)
+        if opened is not None:
+            return read_easywand(opened, options)
     if len(tables) > 1:
         raise StereocalError(f"{', '.join(tables)}: these are {len(tables)} tables; give one.")
-    found = Archive(())
-    if others:
-        found = _with_cameras(found, others, options, baseline_known)
-    if tables:
-        ((name, content),) = tables.items()
+    found = _cameras(others, options, baseline_known) if others else Archive(())
+    for name, content in tables.items():
         found = _with_table(found, name, content, options)
     return found
 
 
-def _check_known(name: str, content: bytes) -> None:
-    """Raise a `StereocalError` for a file that is of no known kind."""
-    if is_hdf5(content):
-        raise StereocalError(
-            f"{name}: this is an HDF5 file, as MATLAB saves with -v7.3; it is not read here. "
-            f"{SAVE_AGAIN}."
-        )
-    if format_of(name, content) is None:
-        raise StereocalError(f"{name}: the file is not known; {WANTED}.")
-
-
-def _with_cameras(
-    found: Archive, files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool
-) -> Archive:
+def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool) -> Archive:
     pair = read_camera_pair(files, options)
     source = ", ".join(files)
     origin = f"{source} ({', '.join(filter(None, (pair.program, pair.words)))})"
-    taken = [
-        lens_taken(which, camera, origin)
-        for which, camera in zip(CAMERAS, (pair.primary, pair.secondary), strict=True)
-    ]
+    cameras = pair.primary, pair.secondary
+    taken = [lens_taken(*each, origin) for each in zip(CAMERAS, cameras, strict=True)]
     baseline = None if pair.pose is None or baseline_known else pair.pose.baseline
     if baseline is not None:
         baseline *= pair.scale(baseline, options.unit, source)
         taken.append(baseline_taken(baseline, f"{source}, its own solution"))
-    return replace(
-        found,
-        taken=(*found.taken, *taken),
-        primary=pair.primary,
-        secondary=pair.secondary,
+    return Archive(
+        tuple(taken),
+        *cameras,
         baseline_m=baseline,
-        notes=(*found.notes, f"Lenses from {origin}."),
-        remarks=found.remarks + (pair.chosen.remarks if pair.chosen else ()),
+        notes=(f"Lenses from {origin}.",),
+        remarks=pair.chosen.remarks if pair.chosen else (),
     )
 
 
@@ -129,3 +127,44 @@ def _bars(found: Archive, name: str, content: bytes, options: ExchangeOptions) -
         )
         return replace(read, remarks=(remark, *read.remarks))
     return bars_of(content, name, options, (first, second))
+
+
+def holds_bars(content: bytes, source: str) -> bool:
+    """Whether a file seems to have two or more points in two or more cameras."""
+    try:
+        layout = propose_layout(content, source)
+    except StereocalError:
+        return False
+    return len(layout.cameras) > 1 and len(layout.points) > 1
+
+
+def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heights) -> Bars:
+    """The bars in a file."""
+    layout = propose_layout(content, source, options.layout)
+    if len(layout.points) < 2:
+        raise StereocalError(
+            f"a table with both ends of the bar is expected; this looks like {layout.program} with "
+            f"the points {', '.join(layout.points)[:60]}.",
+            source,
+        )
+    layout = replace(layout, origin=options.origin(layout.origin))
+    chosen = chosen_pair(layout.cameras, options.cameras, source)
+    if layout.origin.corner == "lower-left" and None in heights:
+        raise StereocalError(
+            "the points are counted from the lower left, so the image height is needed: give the "
+            "camera files, or --image-size WxH.",
+            source,
+        )
+    remarks, ends = chosen.remarks, options.ends or (layout.points[0], layout.points[1])
+    if ends[0] == ends[1]:
+        raise StereocalError(
+            f"the ends A and B are the same point ({ends[0]}): choose two.", source
+        )
+    if len(layout.points) > 2 and options.ends is None:
+        remarks += (
+            f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the "
+            "ends A and B of the bar.",
+        )
+    rows = read_bars(content, layout, chosen.names, ends, heights, source)
+    corner = layout.origin.corner.replace("-", " ")
+    return Bars(rows, f"{layout.program}, {chosen.words}, counted from the {corner}", remarks)
