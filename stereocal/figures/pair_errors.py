@@ -14,7 +14,7 @@ from stereocal.figures.style import (
     finish,
     sentence_only,
 )
-from stereocal.matching.nearest import NearestErrors
+from stereocal.matching.matching import NearestErrors
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded

@@ -10,7 +10,7 @@ displace a good one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,7 +83,8 @@ def match_points(
     kept = assign(first, second, errors, threshold)
     i, j, error = first[kept], second[kept], errors[kept]
     # The least error of a point belongs to its own pair, or to another pair: the runner-up.
-    others = np.minimum(_least_other(of_primary[i], error), _least_other(of_secondary[j], error))
+    two_least = of_primary[i], of_secondary[j]
+    others = np.minimum(*(np.where(own[:, 0] < error, own[:, 0], own[:, 1]) for own in two_least))
     return Matches(
         primary=i,
         secondary=j,
@@ -136,12 +137,10 @@ def assign(first: IntArray, second: IntArray, errors: FloatArray, threshold: flo
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
     kept = []
     for members in np.split(order, starts[1:]):
-        if len(members) == 1:
-            kept.append(members)
-        else:
-            kept.append(
-                members[_solve(first[members], second[members], errors[members], threshold)]
-            )
+        if len(members) > 1:
+            own = _solve(first[members], second[members], errors[members], threshold)
+            members = members[own]
+        kept.append(members)
     chosen = np.concatenate(kept)
     return chosen[np.argsort(first[chosen])]
 
@@ -178,10 +177,51 @@ def _solve_sparse(
     return np.flatnonzero(partner[i] == j)
 
 
-def _least_other(two_least: FloatArray, own: FloatArray) -> FloatArray:
-    """(k,): the least error of each point in other pairs, from its two least errors (k, 2)."""
-    other: FloatArray = np.where(two_least[:, 0] < own, two_least[:, 0], two_least[:, 1])
-    return other
+@dataclass(frozen=True, eq=False)
+class NearestErrors:
+    """Errors of n points of the primary camera."""
+
+    best_px: FloatArray
+    """(n,) least reprojection error with any point of the secondary; inf if there is none."""
+    runner_up_px: FloatArray
+    """(n,) second least; inf if there is none."""
+    frames: int
+    """Number of frames."""
+
+    def __len__(self) -> int:
+        return len(self.best_px)
+
+    def within(self, threshold_px: float) -> tuple[int, int]:
+        """The numbers of points with one and with two partners within the threshold."""
+        return (
+            int((self.best_px <= threshold_px).sum()),
+            int((self.runner_up_px <= threshold_px).sum()),
+        )
+
+
+def nearest_errors(
+    rig: RigParameters,
+    frames: Sequence[tuple[FloatArray, FloatArray]],
+    depths_m: tuple[float, float] = ANY_DEPTH,
+) -> NearestErrors:
+    """The two least errors of each primary point.
+
+    Args:
+        frames: as of `threshold.choose_threshold`.
+    """
+    near, far = check_depths(depths_m)
+    found = [np.empty((0, 2))]
+    for primary, secondary in frames:
+        if not len(primary):
+            continue
+        first = rig.primary.undistort(primary[:, :2])
+        second = rig.secondary.undistort(secondary[:, :2])
+        _, _, _, least, _ = pairs_within(
+            rig.pose.R, rig.pose.T, first, second, rig.pixel_scale, 0.0, near, far
+        )
+        found.append(least)
+    both = np.concatenate(found)
+    return NearestErrors(both[:, 0], both[:, 1], len(frames))
 
 
 def purpose_warning(rig: RigParameters, purpose: str) -> str | None:
@@ -190,17 +230,13 @@ def purpose_warning(rig: RigParameters, purpose: str) -> str | None:
     Args:
         purpose: "matching" or "reconstruction".
     """
-    if rig.purpose == "reconstruction" and purpose == "matching":
-        return (
-            "This is the 3D set, made for measuring: it accepts more wrong pairs than the 2D set. "
-            "Match with parameters_2d.json."
-        )
-    if rig.purpose == "matching" and purpose == "reconstruction":
-        return (
-            "This is the 2D set, made for matching: lengths are less accurate than with the 3D "
-            "set. Measure with parameters_3d.json."
-        )
-    return None
+    warnings = {
+        ("reconstruction", "matching"): "This is the 3D set, made for measuring: it accepts more "
+        "wrong pairs than the 2D set. Match with parameters_2d.json.",
+        ("matching", "reconstruction"): "This is the 2D set, made for matching: lengths are less "
+        "accurate than with the 3D set. Measure with parameters_3d.json.",
+    }
+    return warnings.get((rig.purpose, purpose))
 
 
 LARGEST_RELATIVE_DIFFERENCE = 0.05
@@ -218,39 +254,30 @@ def refuse_different_rigs(one: RigParameters, other: RigParameters) -> None:
     where a measured length or a lens is wrong.
     """
     same = bool(one.inputs.get("sha256")) and one.inputs.get("sha256") == other.inputs.get("sha256")
-    what, remedy = (
-        ("of one recording, but do not fit each other", WRONG_LENGTH)
-        if same
-        else ("of different rigs", "")
-    )
+    what = "of one recording, but do not fit each other" if same else "of different rigs"
+    if (differs := next(_differences(one, other), None)) is not None:
+        remedy = WRONG_LENGTH if same and not differs.startswith("the images") else ""
+        raise StereocalError(f"The two parameter files are {what}: {differs}{remedy}")
+
+
+def _differences(one: RigParameters, other: RigParameters) -> Iterator[str]:
     for which in CAMERAS:
         a, b = getattr(one, which), getattr(other, which)
         if a.image_size != b.image_size:
-            raise StereocalError(
-                f"The two parameter files are {what}: the images of the {which} camera have "
-                f"{a.image_size[0]}x{a.image_size[1]} px in one and "
-                f"{b.image_size[0]}x{b.image_size[1]} px in the other."
-            )
+            first, second = (f"{w}x{h} px" for w, h in (a.image_size, b.image_size))
+            yield f"the images of the {which} camera have {first} in one and {second} in the other."
         if a.model != b.model:
-            raise StereocalError(
-                f"The two parameter files are {what}: the lens of the {which} camera is a fisheye "
-                f"in only one of them.{remedy}"
-            )
+            yield f"the lens of the {which} camera is a fisheye in only one of them."
         if abs(a.K[0, 0] / b.K[0, 0] - 1) > LARGEST_RELATIVE_DIFFERENCE:
-            raise StereocalError(
-                f"The two parameter files are {what}: the focal length of the {which} "
-                f"camera is {a.K[0, 0]:.1f} px in one and {b.K[0, 0]:.1f} px in the other.{remedy}"
+            yield (
+                f"the focal length of the {which} camera is {a.K[0, 0]:.1f} px in one and "
+                f"{b.K[0, 0]:.1f} px in the other."
             )
     a, b = one.pose.baseline, other.pose.baseline
     if abs(a / b - 1) > LARGEST_RELATIVE_DIFFERENCE:
-        raise StereocalError(
-            f"The two parameter files are {what}: the baseline is {rounded(a, 4)} m in one and "
-            f"{rounded(b, 4)} m in the other.{remedy}"
-        )
+        yield f"the baseline is {rounded(a, 4)} m in one and {rounded(b, 4)} m in the other."
     turn = np.arccos(np.clip((np.trace(one.pose.R @ other.pose.R.T) - 1) / 2, -1, 1))
     swing = np.arccos(np.clip(one.pose.T @ other.pose.T / (a * b), -1, 1))
     if max(turn, swing) > LARGEST_ANGLE:
-        raise StereocalError(
-            f"The two parameter files are {what}: the poses of the cameras differ by "
-            f"{np.degrees(max(turn, swing)):.1f} degrees.{remedy}"
-        )
+        angle = np.degrees(max(turn, swing))
+        yield f"the poses of the cameras differ by {angle:.1f} degrees."

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from heapq import merge
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +20,6 @@ from stereocal.matching.matching import ANY_DEPTH, check_depths, purpose_warning
 from stereocal.matching.pairs import (
     PAIR_COLUMNS,
     POINT,
-    FurtherNames,
     further_names,
     match_frame,
     pixels_of,
@@ -25,10 +27,9 @@ from stereocal.matching.pairs import (
     sigma_columns,
 )
 from stereocal.matching.point_noise import PointNoise
-from stereocal.matching.point_table import Contents, PointTable
-from stereocal.matching.table_writer import open_table
+from stereocal.matching.point_table import Contents, PointTable, open_table
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
@@ -89,20 +90,17 @@ def match_tables(
         executor: matches blocks of frames; None: the calling thread.
     """
     secondary, timing = bring_into_step(secondary, POINT, rig)
+    tables = (primary, secondary)
     contents = [
-        check_points(table, camera, which)
-        for table, camera, which in (
-            (primary, rig.primary, "primary"),
-            (secondary, rig.secondary, "secondary"),
-        )
+        check_points(table, getattr(rig, which), which)
+        for table, which in zip(tables, CAMERAS, strict=True)
     ]
     check_depths(depths_m)
-    tables = (primary, secondary)
     notes = [*filter(None, [timing]), *_notes(rig, tables, contents)]
     chosen = _settle(rig, tables, contents, threshold_px, depths_m, sigma_px)
     names = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))
-    columns = [*PAIR_COLUMNS, *sigma_columns(chosen.noise), *names.columns]
+    columns = [*PAIR_COLUMNS, *sigma_columns(chosen.noise), *names[0].values(), *names[1].values()]
 
     tasks = (
         Task(
@@ -154,37 +152,26 @@ def _few_partners(chosen: ThresholdChoice) -> str:
 
 def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
     """Read a table once and check its points."""
-    outside = 0
-    rows = 0
     size = np.array(camera.image_size)
+    image = f"{size[0]}x{size[1]} px"
 
     def refuse(block: pd.DataFrame) -> list[RowProblem]:
-        nonlocal outside, rows
         pixels = pixels_of(block)
         off = np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
         if len(off) > OTHER_IMAGES * len(block):
             u, v = pixels.max(axis=0)
             raise StereocalError(
                 f"{table.label}: the points of the {which} camera reach ({u:.0f}, {v:.0f}) px, but "
-                f"the parameters are of images of {size[0]}x{size[1]} px: they are of another "
-                "camera, or the images were scaled or cropped."
+                f"the parameters are of images of {image}: they are of another camera, or the "
+                "images were scaled or cropped."
             )
-        lines, frames = block.index.to_numpy(), block["frame"].to_numpy()
-        problems = [
-            RowProblem(
-                int(lines[row]),
-                f"frame {frames[row]}: the point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is "
-                f"outside the {size[0]}x{size[1]} px image of the {which} camera",
-            )
-            for row in off
-        ]
         again = np.flatnonzero(block.duplicated(["frame", *POINT]).to_numpy())
-        problems += [
-            RowProblem(
-                int(lines[row]),
-                f"frame {frames[row]} has the point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) twice",
-            )
-            for row in again
+        lines, frames = block.index.to_numpy(), block["frame"].to_numpy()
+        outside = f"is outside the {image} image of the {which} camera"
+        problems = [
+            RowProblem(int(lines[row]), f"frame {frames[row]}{colon} the point {point} {what}")
+            for rows, colon, what in ((off, ":", outside), (again, " has", "twice"))
+            for row, point in ((row, f"({pixels[row, 0]:g}, {pixels[row, 1]:g})") for row in rows)
         ]
         return sorted(problems, key=lambda problem: problem.line)
 
@@ -210,7 +197,7 @@ def _match_block(
     block: Frames,
     threshold: float,
     depths_m: tuple[float, float],
-    names: FurtherNames,
+    names: Sequence[Mapping[str, str]],
     noise: PointNoise | None,
 ) -> tuple[pd.DataFrame, list[int], pd.DataFrame]:
     """The pairs of a block; numbers of pairs, ambiguous pairs, and unmatched points of each camera;
@@ -220,42 +207,31 @@ def _match_block(
         *(match_frame(rig, *frame, threshold, depths_m, names, noise) for frame in block),
         strict=True,
     )
-    pairs = [len(table) for table in found]
-    numbers = [
-        sum(pairs),
-        sum(int(table["ambiguous"].sum()) for table in found),
-        sum(len(first) for _, first, _ in block) - sum(pairs),
-        sum(len(second) for _, _, second in block) - sum(pairs),
-    ]
-    filled = [table for table in found if len(table)]
-    left = [table for table in lonely if len(table)]
-    return (
-        pd.concat(filled) if filled else found[0],
-        numbers,
-        pd.concat(left) if left else lonely[0],
-    )
+    _, first, second = zip(*block, strict=True)
+    pairs, ambiguous = sum(map(len, found)), sum(int(table["ambiguous"].sum()) for table in found)
+    numbers = [pairs, ambiguous, *(sum(map(len, side)) - pairs for side in (first, second))]
+    return _together(found), numbers, _together(lonely)
 
 
-def _side_by_side(
-    primary: PointTable, secondary: PointTable
-) -> Iterator[tuple[int, pd.DataFrame, pd.DataFrame]]:
+def _together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    filled = [table for table in tables if len(table)]
+    return pd.concat(filled) if filled else tables[0]
+
+
+def _side_by_side(primary: PointTable, secondary: PointTable) -> Iterator[Frame]:
     """Each frame of either table in order, with its rows in both (an empty table if missing)."""
-    sides = [primary.frames(), secondary.frames()]
-    here = [next(side, None) for side in sides]
-    empty = [
-        pd.DataFrame({name: [] for name in ("frame", *POINT, *table.sigmas, *table.further)})
-        for table in (primary, secondary)
-    ]
-    while any(one is not None for one in here):
-        frame = min(one[0] for one in here if one is not None)
-        rows = []
-        for k in (0, 1):
-            one = here[k]
-            if one is not None and one[0] == frame:
-                rows.append(one[1])
-                here[k] = next(sides[k], None)
-            else:
-                rows.append(empty[k])
+
+    def numbered(k: int, table: PointTable) -> Iterator[tuple[int, int, pd.DataFrame]]:
+        return ((frame, k, rows) for frame, rows in table.frames())
+
+    tables = (primary, secondary)
+    empty = {
+        k: pd.DataFrame({name: [] for name in ("frame", *POINT, *table.sigmas, *table.further)})
+        for k, table in enumerate(tables)
+    }
+    both = merge(*(numbered(k, table) for k, table in enumerate(tables)), key=itemgetter(0))
+    for frame, sides in groupby(both, key=itemgetter(0)):
+        rows = empty | {k: own for _, k, own in sides}
         yield frame, rows[0], rows[1]
 
 
@@ -288,13 +264,8 @@ def _notes(
     rig: RigParameters, tables: tuple[PointTable, PointTable], contents: list[Contents]
 ) -> list[str]:
     """Warnings, a sentence each."""
-    notes = []
-    if warning := purpose_warning(rig, "matching"):
-        notes.append(warning)
-    for table, own, other, camera, which in (
-        (tables[0], contents[0], contents[1], rig.primary, "primary"),
-        (tables[1], contents[1], contents[0], rig.secondary, "secondary"),
-    ):
+    notes = [*filter(None, [purpose_warning(rig, "matching")])]
+    for table, own, other, which in zip(tables, contents, contents[::-1], CAMERAS, strict=True):
         alone = np.setdiff1d(own.frames, other.frames)
         if len(alone):
             shown = ", ".join(str(frame) for frame in alone[:3])
@@ -304,7 +275,7 @@ def _notes(
             )
         if own.left_out:
             notes.append(f"{table.label}: {own.left_out} rows without a point were left out.")
-        width, height = camera.image_size
+        width, height = getattr(rig, which).image_size
         if own.rows >= MANY_POINTS and own.largest[0] < width / 2 and own.largest[1] < height / 2:
             notes.append(
                 f"All points of {table.label} lie in the upper left quarter of the {which} "

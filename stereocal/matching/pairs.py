@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +14,7 @@ from stereocal.matching.matching import ANY_DEPTH, match_points
 from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.point_table import PAIR_SIGMAS, SIGMA, SIGMAS
 from stereocal.matching.threshold import FramePixels, choose_threshold, sample_of
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 
@@ -62,12 +62,11 @@ def match(
         for table in (primary, secondary)
     ]
     frames = sorted(both[0].keys() & both[1].keys())
-    names = further_names(
-        *(
-            tuple(str(c) for c in table.columns if c not in ("frame", *POINT, *SIGMAS))
-            for table in (primary, secondary)
-        )
+    first, second = (
+        [str(c) for c in table.columns if c not in ("frame", *POINT, *SIGMAS)]
+        for table in (primary, secondary)
     )
+    names = further_names(first, second)
     wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
     sample = [sample_pixels(both[0][f], both[1][f]) for f in sorted(wanted)]
     given_px = None if threshold_px == "auto" else threshold_px
@@ -79,29 +78,20 @@ def match(
         for f in frames
     ]
     if not found:
-        return pd.DataFrame(columns=[*PAIR_COLUMNS, *names.columns])
+        return pd.DataFrame(columns=[*PAIR_COLUMNS, *names[0].values(), *names[1].values()])
     return pd.concat(found, ignore_index=True)
 
 
-@dataclass(frozen=True)
-class FurtherNames:
-    """Names of the further columns of both inputs in the table of pairs."""
+def further_names(primary: Sequence[str], secondary: Sequence[str]) -> list[dict[str, str]]:
+    """The further columns of both inputs, and their names in the table of pairs.
 
-    primary: Mapping[str, str]
-    secondary: Mapping[str, str]
-
-    @property
-    def columns(self) -> list[str]:
-        return [*self.primary.values(), *self.secondary.values()]
-
-
-def further_names(primary: tuple[str, ...], secondary: tuple[str, ...]) -> FurtherNames:
-    """Unique names stay; names in both inputs or in `PAIR_COLUMNS` get the camera's name added."""
-    taken = set(PAIR_COLUMNS) | (set(primary) & set(secondary))
-    return FurtherNames(
-        {name: f"{name}_primary" if name in taken else name for name in primary},
-        {name: f"{name}_secondary" if name in taken else name for name in secondary},
-    )
+    Unique names stay; names in both inputs or in `PAIR_COLUMNS` get the camera's name added.
+    """
+    taken = {*PAIR_COLUMNS} | ({*primary} & {*secondary})
+    return [
+        {name: f"{name}_{which}" if name in taken else name for name in names}
+        for which, names in zip(CAMERAS, (primary, secondary), strict=True)
+    ]
 
 
 def match_frame(
@@ -111,7 +101,7 @@ def match_frame(
     second: pd.DataFrame,
     threshold: float,
     depths_m: tuple[float, float],
-    names: FurtherNames,
+    names: Sequence[Mapping[str, str]],
     noise: PointNoise | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is known."""
@@ -132,18 +122,13 @@ def match_frame(
         assert noise is not None
         by_column = noise.source == "columns" and SIGMA in table
         columns[name] = table[SIGMA].array[at] if by_column else np.full(len(at), noise.sigma_px)
-    for name, new in names.primary.items():
-        columns[new] = first[name].array[i]
-    for name, new in names.secondary.items():
-        columns[new] = second[name].array[j]
     lonely = []
-    for which, rows, left in (
-        ("primary", first, found.unmatched_primary),
-        ("secondary", second, found.unmatched_secondary),
-    ):
-        table = rows.iloc[left].copy()
-        table.insert(0, "camera", which)
-        lonely.append(table)
+    left = (found.unmatched_primary, found.unmatched_secondary)
+    for k, (which, table) in enumerate(zip(CAMERAS, (first, second), strict=True)):
+        columns |= {new: table[name].array[(i, j)[k]] for name, new in names[k].items()}
+        alone = table.iloc[left[k]].copy()
+        alone.insert(0, "camera", which)
+        lonely.append(alone)
     return pd.DataFrame(columns), pd.concat(lonely)
 
 

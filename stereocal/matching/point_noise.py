@@ -123,9 +123,9 @@ class PairErrors:
         """(n,) reprojection error over the distance, which the geometry determines."""
         return np.asarray(self.error_px / np.maximum(self.off_px, 1e-300))
 
-    def with_sigma(self, sigma_px: float) -> PairErrors:
-        """The same where all points have this standard deviation."""
-        return replace(self, stated=np.full(len(self), sigma_px))
+    def scales(self, factor: float) -> FloatArray:
+        """(n,): scale of the errors of correct pairs."""
+        return np.sqrt((factor * self.stated) ** 2 + self.of_rig)
 
     def where(self, kept: np.typing.NDArray[np.bool_]) -> PairErrors:
         """Some of the pairs."""
@@ -147,7 +147,10 @@ def pair_errors(
     by_point, by_shared = point_jacobians(shared_unknowns(rig), lenses, np.ascontiguousarray(xyz))
     kept = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     by_shared, pixels, xyz = by_shared[kept], pixels[kept], xyz[kept]
-    across = _across(by_point[kept].transpose(0, 2, 1))
+    columns, by_point = np.arange(4), by_point[kept].transpose(0, 2, 1)
+    minors = [np.linalg.det(by_point[:, :, columns != k]) for k in columns]
+    across = np.stack(minors, axis=1) * [1.0, -1.0, 1.0, -1.0]  # (n, 4), across the three rows
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
     seen = np.column_stack([rig.primary.project(xyz), rig.secondary.project(rig.pose.apply(xyz))])
     _, covariance = noise_of_file(rig)
     by_rig = np.einsum("nji,nj->ni", by_shared, across)
@@ -167,14 +170,6 @@ def pair_errors(
         rig.reprojection_errors(pixels[:, :2], pixels[:, 2:]).mean(axis=1),
         frame[kept],
     )
-
-
-def _across(by_point: FloatArray) -> FloatArray:
-    """(n, 4): the unit vectors across the rows of (n, 3, 4)."""
-    columns = np.arange(4)
-    minors = [np.linalg.det(by_point[:, :, columns != k]) for k in columns]
-    across = np.stack(minors, axis=1) * [1.0, -1.0, 1.0, -1.0]
-    return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +193,7 @@ class Mixture:
     @property
     def scales(self) -> FloatArray:
         """(n,): scale of the error of each pair, if it is correct."""
-        return _scales(self.errors, self.factor)
+        return self.errors.scales(self.factor)
 
     @property
     def scale(self) -> float:
@@ -214,27 +209,20 @@ class Mixture:
     def relative_error(self) -> float:
         """Standard error of `factor` over it, with errors in a frame alike (sandwich)."""
         step = 1e-4
-        up, down = (
-            np.stack(
+
+        def changed(sign: int) -> FloatArray:
+            """(2, n): log densities where the factor, and where the share, is larger."""
+            more = np.exp(sign * step)
+            ways = (self.factor * more, self.share), (self.factor, min(self.share * more, 1.0))
+            peaks = (_peak(self.errors, self.limit_px, k, self.degrees) for k, _ in ways)
+            return np.stack(
                 [
-                    _log_density(
-                        self.errors,
-                        self.limit_px,
-                        self.factor * np.exp(sign * step),
-                        self.share,
-                        self.degrees,
-                    ),
-                    _log_density(
-                        self.errors,
-                        self.limit_px,
-                        self.factor,
-                        min(self.share * np.exp(sign * step), 1.0),
-                        self.degrees,
-                    ),
+                    np.log(share * peak + (1 - share) / self.limit_px)
+                    for peak, (_, share) in zip(peaks, ways, strict=True)
                 ]
             )
-            for sign in (1, -1)
-        )
+
+        up, down = changed(1), changed(-1)
         scores = (up - down) / (2 * step)
         information = np.linalg.pinv(scores @ scores.T)
         frames = np.unique(self.errors.frame, return_inverse=True)[1]
@@ -257,7 +245,8 @@ class Mixture:
     @property
     def deviation(self) -> float:
         """k as a standard deviation, with the tails."""
-        return self.factor * _spread(self.degrees)
+        of_scale = np.sqrt(self.degrees / (self.degrees - 2)) if np.isfinite(self.degrees) else 1.0
+        return float(self.factor * of_scale)
 
 
 def stated_noise(sigma_px: float, by_columns: bool, found: Mixture | None) -> PointNoise:
@@ -284,19 +273,19 @@ def fit_pairs(errors: PairErrors, limit_px: float) -> Mixture | None:
         limit_px: all pairs up to this distance are among the errors.
     """
     errors = replace(errors, of_rig=np.zeros(len(errors)))
-    found = _within(errors, limit_px, None)
+    found = fit_noise(errors, limit_px)
     zoom = limit_px
     for _ in range(ZOOMS):
         if found is None or found.scale < zoom / RESOLVED:
             break
         zoom /= 4.0
-        inner = _within(errors, zoom, None)
+        inner = fit_noise(errors, zoom)
         if inner is not None and inner.is_clear and inner.scale < zoom / 4.0:
             found = inner
     for _ in range(ZOOMS):
         if found is None or not found.is_clear or WIDE * found.scale > 0.7 * found.limit_px:
             break
-        found = _within(errors, WIDE * found.scale, None)
+        found = fit_noise(errors, WIDE * found.scale)
     return found
 
 
@@ -307,17 +296,13 @@ def fit_noise(errors: PairErrors, limit_px: float, factor: float | None = None) 
         limit_px: that of `fit_pairs`.
         factor: k, if it is known.
     """
-    return _within(errors, limit_px, factor)
-
-
-def _within(errors: PairErrors, limit: float, known: float | None) -> Mixture | None:
-    errors = errors.where(errors.off_px <= limit)
-    if not len(errors) or not limit > 0:
+    errors = errors.where(errors.off_px <= limit_px)
+    if not len(errors) or not limit_px > 0:
         return None
     best: Mixture | None = None
-    start = known or _start(errors, limit)
+    start = factor or _start(errors, limit_px)
     for degrees in DEGREES:
-        found = _likeliest(errors, limit, start, degrees, known is not None)
+        found = _likeliest(errors, limit_px, start, degrees, factor is not None)
         if best is None:
             best, start = found, found.factor
             continue
@@ -373,16 +358,9 @@ def _best_share(
     return share, float(value)
 
 
-def _log_density(
-    errors: PairErrors, limit: float, factor: float, share: float, degrees: float
-) -> FloatArray:
-    peak = _peak(errors, limit, factor, degrees)
-    return np.asarray(np.log(share * peak + (1 - share) / limit))
-
-
 def _peak(errors: PairErrors, limit: float, factor: float, degrees: float) -> FloatArray:
     """(n,): density of correct pairs, cut off at the limit."""
-    scales = _scales(errors, factor)
+    scales = errors.scales(factor)
     inside = found_within(limit / scales, degrees)
     squares = (errors.off_px / scales) ** 2
     if np.isinf(degrees):
@@ -398,12 +376,3 @@ def found_within(relative: FloatArray, degrees: float) -> FloatArray:
     """Share of correct pairs up to a distance over the scale."""
     below = ndtr(relative) if np.isinf(degrees) else stdtr(degrees, relative)
     return np.asarray(2 * below - 1)
-
-
-def _scales(errors: PairErrors, factor: float) -> FloatArray:
-    return np.sqrt((factor * errors.stated) ** 2 + errors.of_rig)
-
-
-def _spread(degrees: float) -> float:
-    """Standard deviation of Student's distribution over its scale."""
-    return float(np.sqrt(degrees / (degrees - 2))) if np.isfinite(degrees) else 1.0

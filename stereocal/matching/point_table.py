@@ -1,4 +1,4 @@
-"""Large tables of points, CSV or Parquet, read frame by frame.
+"""Large tables of points, CSV or Parquet, read frame by frame and written block by block.
 
     table = PointTable(Path("primary.csv"), ("u", "v"))
     summary = table.check(camera_of_the_rig)
@@ -8,7 +8,7 @@
 A table has a column `frame` and columns of numbers, perhaps `SIGMAS`; all further columns are
 passed through. Rows without any of the numbers (empty or NaN) are left out. If the rows are in the
 order of the frames, only a block of whole frames is in memory at a time; otherwise the table is
-read whole and sorted.
+read whole and sorted. Parquet needs the optional package pyarrow.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.matching.parquet import PARQUET, block_rows, parquet_chunks, parquet_names
+from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.compiled import IntArray
+from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
     MISSING,
@@ -37,6 +39,12 @@ from stereocal.system.tables import (
     numbers_in,
 )
 
+PARQUET = (".parquet", ".pq")
+BLOCK_ROWS = 100_000
+BLOCK_CELLS = 5_000_000
+"""Limit that reduces the rows of a block with many columns."""
+WRITTEN_ROWS = 50_000
+"""Rows that are written at once."""
 LONGEST_HEADER = 1_000_000
 SIGMA = "sigma_px"
 PAIR_SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
@@ -76,7 +84,7 @@ class PointTable:
         self.delimiter = ","
         try:
             Limits.from_environment().check_size(path.stat().st_size, self.label)
-            names = parquet_names(path, self.label) if self.is_parquet else self._csv_names()
+            names = self._parquet_names() if self.is_parquet else self._csv_names()
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             reason = getattr(error, "strerror", None) or error
             raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
@@ -160,12 +168,44 @@ class PointTable:
         self._in_order = True
 
     def _chunks(self) -> Iterator[pd.DataFrame]:
-        if self.is_parquet:
-            chunks = parquet_chunks(self.path, self.label)
-        else:
-            rows = block_rows(self.names)
-            chunks = chunks_of_file(self.path, self.names, self.delimiter, rows, self.label)
+        rows = min(BLOCK_ROWS, max(1, BLOCK_CELLS // max(len(self.names), 1)))
+        chunks = (
+            self._parquet_chunks(rows)
+            if self.is_parquet
+            else chunks_of_file(self.path, self.names, self.delimiter, rows, self.label)
+        )
         yield from map(self._converted, chunks)
+
+    def _parquet_chunks(self, rows: int) -> Iterator[pd.DataFrame]:
+        """The rows in blocks, with an index from 1."""
+        start = 1
+        batches = self._parquet_file().iter_batches(batch_size=rows)
+        while True:
+            try:
+                batch = next(batches, None)
+                if batch is None:
+                    return
+                batch.validate(full=True)  # finds, for example, invalid UTF-8
+                chunk = batch.to_pandas().reset_index(drop=True)
+            except (*DAMAGED, NotImplementedError) as error:
+                raise StereocalError(
+                    f"{self.label}: the Parquet file is damaged ({error})."
+                ) from error
+            chunk.index += start
+            start += len(chunk)
+            yield chunk
+
+    def _parquet_file(self) -> Any:
+        parquet = _parquet_library()
+        try:
+            return parquet.ParquetFile(self.path)
+        except (*DAMAGED, NotImplementedError) as error:  # pyarrow's own errors are ValueErrors
+            raise StereocalError(f"{self.label}: this is not a Parquet file ({error}).") from error
+
+    def _parquet_names(self) -> list[str]:
+        file = self._parquet_file()
+        Limits.from_environment().check_rows(file.metadata.num_rows, self.label)
+        return [str(name) for name in file.schema_arrow.names]
 
     def _csv_names(self) -> list[str]:
         with self.path.open(encoding="utf-8-sig", newline="") as file:
@@ -205,13 +245,76 @@ class PointTable:
             lines = raw.index.to_numpy()
             problems = [RowProblem(int(lines[row]), reasons[row]) for row in sorted(reasons)]
             raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
-        table = pd.DataFrame({"frame": values["frame"].astype(np.int64)}, index=raw.index)
-        for name in (*self.numbers, *self.sigmas):
-            table[name] = values[name]
-        for name in self.further:
-            table[name] = raw[name]
-        return table
+        own = {name: values[name] for name in (*self.numbers, *self.sigmas)}
+        further = {name: raw[name] for name in self.further}
+        frames = values["frame"].astype(np.int64)
+        return pd.DataFrame({"frame": frames, **own, **further}, index=raw.index)
 
 
 class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
+
+
+class TableWriter:
+    """Collects rows and writes them in large blocks; created by `open_table`."""
+
+    def __init__(self, path: Path, columns: list[str], is_parquet: bool) -> None:
+        self._path, self._columns = path, columns
+        self._parquet: Any = _parquet_library() if is_parquet else None
+        self.file: Any = None
+        self._waiting: list[pd.DataFrame] = []
+        self._rows = 0
+
+    def add(self, rows: pd.DataFrame) -> None:
+        """Append rows with the columns of `open_table`."""
+        if len(rows):
+            self._waiting.append(rows)
+            self._rows += len(rows)
+        if self._rows >= WRITTEN_ROWS:
+            self.write()
+
+    def write(self) -> None:
+        """Write the rows that wait."""
+        if self._waiting:
+            rows = pd.concat(self._waiting)[self._columns]
+        elif self.file is None:
+            rows = pd.DataFrame(columns=self._columns)
+        else:
+            return
+        self._waiting, self._rows = [], 0
+        begins = self.file is None
+        if self._parquet is None:
+            self.file = self._path.open("w", encoding="utf-8", newline="") if begins else self.file
+            rows.to_csv(self.file, index=False, header=begins, lineterminator="\n")
+            return
+        import pyarrow as pa
+
+        schema = None if begins else self.file.schema
+        table = pa.Table.from_pandas(rows, schema=schema, preserve_index=False)
+        self.file = self._parquet.ParquetWriter(self._path, table.schema) if begins else self.file
+        self.file.write_table(table)
+
+
+@contextmanager
+def open_table(path: Path, columns: list[str]) -> Iterator[TableWriter]:
+    """A writer for a new table, CSV or Parquet by its name; the file appears complete at the end,
+    or not at all.
+    """
+    with write_in_parts(path) as temporary:
+        writer = TableWriter(temporary, columns, path.suffix.lower() in PARQUET)
+        try:
+            yield writer
+            writer.write()
+        finally:
+            if writer.file is not None:  # Windows cannot remove an open temporary file
+                writer.file.close()
+
+
+def _parquet_library() -> Any:
+    try:
+        import pyarrow.parquet
+    except ImportError as error:
+        raise StereocalError(
+            "Parquet files need the package pyarrow, which is not installed: use CSV."
+        ) from error
+    return pyarrow.parquet

@@ -24,10 +24,9 @@ from stereocal.matching.point_noise import (
     noise_of_calibration,
     pair_errors,
 )
-from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable
+from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable, open_table
 from stereocal.matching.reconstruction import name_of_world, reconstruct_points
-from stereocal.matching.table_writer import open_table
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
@@ -86,11 +85,8 @@ class ReconstructionReport:
 
     def sentence(self) -> str:
         lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
-        found = self.points - self.behind
-        text = (
-            f"{found} points, median reprojection error {rounded(self.median_error_px, 3)} "
-            f"px{lost}."
-        )
+        found, error = self.points - self.behind, rounded(self.median_error_px, 3)
+        text = f"{found} points, median reprojection error {error} px{lost}."
         if self.volume is None:
             return text
         filled = f"outside the volume that the bars filled ({self.volume.depths})"
@@ -164,23 +160,23 @@ def _measured(
 ) -> pd.DataFrame:
     """As `reconstruct`, of pairs in step and with their noise."""
     pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
-    sigmas = None if noise is None else _sigmas(pairs, noise)
+    sigmas = None
+    if noise is not None:  # of the points of both cameras
+        sigmas = np.full((len(pairs), 2), noise.sigma_px)
+        if noise.source == "columns":
+            own = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
+            sigmas = np.where(np.isfinite(own), own, sigmas)
     found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigmas)
-    columns = {"frame": pairs["frame"].to_numpy()}
-    for k, name in enumerate("xyz"):
-        columns[name] = found.xyz[:, k]
+    columns = {"frame": pairs["frame"].to_numpy(), **dict(zip("xyz", found.xyz.T, strict=True))}
     columns["error_px"] = found.error_px.round(ERROR_DECIMALS)
     if found.sigma_m is not None:
-        for k, name in enumerate(SIGMA_COLUMNS):
-            columns[name] = found.sigma_m[:, k]
+        columns |= dict(zip(SIGMA_COLUMNS, found.sigma_m.T, strict=True))
     if found.outside_volume is not None:
         columns[OUTSIDE_VOLUME] = found.outside_volume
     if world is not None:
         columns[COORDINATES] = np.full(len(pairs), name_of_world(world))
-    table = pd.DataFrame(columns)
-    for name, new in _passed_on(tuple(str(c) for c in pairs.columns)).items():
-        table[new] = pairs[name].array
-    return table
+    passed_on = _passed_on(tuple(str(c) for c in pairs.columns))
+    return pd.DataFrame(columns | {new: pairs[name].array for name, new in passed_on.items()})
 
 
 def reconstruct_table(
@@ -260,15 +256,6 @@ def _measure_block(
     return table, outside, errors
 
 
-def _sigmas(pairs: pd.DataFrame, noise: PointNoise) -> FloatArray:
-    """(n, 2): standard deviations of the points of both cameras."""
-    every = np.full((len(pairs), 2), noise.sigma_px)
-    if noise.source != "columns":
-        return every
-    own = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
-    return np.where(np.isfinite(own), own, every)
-
-
 def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
     """The further columns of pairs, and their names in the table of points."""
     own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES}
@@ -282,18 +269,15 @@ def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
 def points_outside_images(rig: RigParameters, block: pd.DataFrame) -> list[RowProblem]:
     """The rows of a block of pairs with a point outside its image."""
     problems = []
-    for which, camera, names in (
-        ("primary", rig.primary, PIXELS[:2]),
-        ("secondary", rig.secondary, PIXELS[2:]),
-    ):
+    for which, names in zip(CAMERAS, (PIXELS[:2], PIXELS[2:]), strict=True):
         pixels = block[list(names)].to_numpy(dtype=np.float64)
-        size, lines = np.array(camera.image_size), block.index.to_numpy()
-        for row in np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1)):
-            problems.append(
-                RowProblem(
-                    int(lines[row]),
-                    f"the {which} point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is outside the "
-                    f"{size[0]}x{size[1]} px image: are these parameters of other images?",
-                )
+        size, lines = np.array(getattr(rig, which).image_size), block.index.to_numpy()
+        problems += [
+            RowProblem(
+                int(lines[row]),
+                f"the {which} point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is outside the "
+                f"{size[0]}x{size[1]} px image: are these parameters of other images?",
             )
+            for row in np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
+        ]
     return sorted(problems, key=lambda problem: problem.line)

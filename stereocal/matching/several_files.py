@@ -13,21 +13,15 @@ from stereocal.errors import StereocalError
 from stereocal.matching.matching_files import check_points
 from stereocal.matching.pairs import ERROR_DECIMALS, POINT, pixels_of
 from stereocal.matching.point_noise import PointNoise, check_sigma
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.point_table import PointTable, open_table
 from stereocal.matching.reconstruction import name_of_world
-from stereocal.matching.reconstruction_files import (
-    COORDINATES,
-    OUTSIDE_VOLUME,
-    POINT_COLUMNS,
-    SIGMA_COLUMNS,
-)
+from stereocal.matching.reconstruction_files import COORDINATES, OUTSIDE_VOLUME, SIGMA_COLUMNS
 from stereocal.matching.several_views import (
     ViewFitter,
     expected_wrong,
     images_of_groups,
     match_views,
 )
-from stereocal.matching.table_writer import open_table
 from stereocal.matching.threshold import choose_threshold
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray
@@ -105,21 +99,18 @@ def match_rig(
     fitter = ViewFitter(rig)
     noise = _noise(rig, points, sigma_px)
     sigma = max(noise.sigma_px, 1e-3)
-    columns = _columns(rig)
-    counts: dict[int, int] = {}
-    ambiguous = 0
-    with open_table(out, columns) as writer:
+    pixels = [f"{axis}_{name}" for name in rig.names for axis in POINT]
+    counts, ambiguous = np.zeros(len(rig.names) + 1, dtype=np.int64), 0
+    with open_table(out, ["frame", *pixels, "views", "error_px", "ambiguous"]) as writer:
         for number, (frame, own) in enumerate(zip(frames, points, strict=True)):
             found = match_views(fitter, own, sigma)
-            images = images_of_groups(found.images, own).reshape(-1, 2 * len(rig.names))
-            rows = pd.DataFrame(images, columns=columns[1:-3])
-            rows.insert(0, "frame", frame)
-            rows["views"], rows["error_px"] = found.views, found.error_px.round(ERROR_DECIMALS)
-            rows["ambiguous"] = found.ambiguous
-            writer.add(rows)
+            images = images_of_groups(found.images, own).reshape(-1, len(pixels))
+            rows = pd.DataFrame(images, columns=pixels)
+            errors = found.error_px.round(ERROR_DECIMALS)
+            own_columns = {"views": found.views, "error_px": errors, "ambiguous": found.ambiguous}
+            writer.add(rows.assign(frame=frame, **own_columns))
             ambiguous += int(found.ambiguous.sum())
-            for views, count in zip(*np.unique(found.views, return_counts=True), strict=True):
-                counts[int(views)] = counts.get(int(views), 0) + int(count)
+            counts += np.bincount(found.views, minlength=len(counts))
             if progress is not None:
                 progress(number + 1, len(frames))
     sample = points[:: max(len(points) // SAMPLE_FRAMES, 1)]
@@ -134,13 +125,8 @@ def match_rig(
         for name, own in contents.items()
         if own.left_out
     ]
-    ordered = dict(sorted(counts.items(), reverse=True))
-    return TracksReport(len(frames), ordered, ambiguous, noise, wrong, notes)
-
-
-def _columns(rig: RigFile) -> list[str]:
-    pixels = [f"{axis}_{name}" for name in rig.names for axis in POINT]
-    return ["frame", *pixels, "views", "error_px", "ambiguous"]
+    by_views = {int(views): int(counts[views]) for views in np.flatnonzero(counts)[::-1]}
+    return TracksReport(len(frames), by_views, ambiguous, noise, wrong, notes)
 
 
 def _noise(
@@ -153,8 +139,7 @@ def _noise(
     both = np.minimum(seen[:, :, None], seen[:, None, :]).sum(axis=0)
     np.fill_diagonal(both, -1.0)
     first, second = sorted(np.unravel_index(int(both.argmax()), both.shape))
-    names = rig.names[int(first)], rig.names[int(second)]
-    pair = rig.pair(*names)
+    pair = rig.pair(rig.names[int(first)], rig.names[int(second)])
     sample = [(frame[int(first)], frame[int(second)]) for frame in frames]
     sample = [own for own in sample if len(own[0]) and len(own[1])]
     found = choose_threshold(pair, sample[:: max(len(sample) // SAMPLE_FRAMES, 1)]).noise
@@ -214,15 +199,12 @@ def reconstruct_rig(
     for k, name in enumerate(SIGMA_COLUMNS):
         table[name] = np.sqrt(covariance[:, k, k])
     table["views"] = np.isfinite(pixels[..., 0]).sum(axis=1)
-    columns = [*POINT_COLUMNS, *SIGMA_COLUMNS, "views"]
     if outside is not None:
         table[OUTSIDE_VOLUME] = outside
-        columns.append(OUTSIDE_VOLUME)
     if world is not None:
         table[COORDINATES] = name_of_world(world)
-        columns.append(COORDINATES)
-    with open_table(out, columns) as writer:
-        writer.add(table[columns])
+    with open_table(out, list(table.columns)) as writer:
+        writer.add(table)
     lost = ~np.isfinite(found.xyz[:, 0])
     median = float(np.nanmedian(found.error_px)) if not lost.all() else float("nan")
     count = None if outside is None else int((outside & ~lost).sum())

@@ -90,17 +90,8 @@ class ViewFitter:
         n, size = len(pixels), len(self.q)
         points, residuals = np.empty((n, 3)), np.empty(pixels.shape)
         own, by_shared = np.empty((n, 3, 3)), np.empty((n if sigma_px else 0, 3, size))
-        fill_point_fits(
-            self.q,
-            self.R,
-            self.lenses,
-            np.ascontiguousarray(pixels),
-            np.ascontiguousarray(rays),
-            points,
-            residuals,
-            own,
-            by_shared,
-        )
+        images = np.ascontiguousarray(pixels), np.ascontiguousarray(rays)
+        fill_point_fits(self.q, self.R, self.lenses, *images, points, residuals, own, by_shared)
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)
@@ -239,12 +230,7 @@ def _sound(
     limits = np.append([0.0, 0.0], chdtri(2.0 * np.arange(2, len(points) + 1) - 3.0, LOST))
     views = np.asarray((groups >= 0).sum(axis=1))
     sound = measured.chi_square <= sigma**2 * limits[views]
-    return groups[sound], Measured(
-        measured.xyz[sound],
-        measured.error_px[sound],
-        measured.covariance[sound],
-        measured.chi_square[sound],
-    )
+    return groups[sound], Measured(*(each[sound] for each in vars(measured).values()))
 
 
 def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
@@ -269,8 +255,5 @@ def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
     picked = np.array(chosen, dtype=np.int64)
     ambiguous = [rivals.get(k, 0) >= int((groups[k] >= 0).sum()) for k in chosen]
     return ViewGroups(
-        groups[picked],
-        measured.xyz[picked],
-        measured.error_px[picked],
-        np.array(ambiguous, dtype=np.bool_),
+        groups[picked], measured.xyz[picked], measured.error_px[picked], np.array(ambiguous, bool)
     )

@@ -22,7 +22,7 @@ not stand out, the threshold is that of the parameter file, which is for points 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class ThresholdChoice:
     def sentence(self) -> str:
         """Noise, threshold, and what it does."""
         of_file = ", that of the parameter file" * (self.shares is None and not self.is_forced)
-        text = f"{self._about_noise} Threshold {rounded(self.threshold_px, 3)} px{of_file}"
+        text = f"{self._about_noise()} Threshold {rounded(self.threshold_px, 3)} px{of_file}"
         if self.shares is None:
             return f"{text}."
         return (
@@ -113,7 +113,6 @@ class ThresholdChoice:
             f"about {_percent(self.shares.wrong)} of the pairs found will be wrong."
         )
 
-    @property
     def _about_noise(self) -> str:
         own, targets = self.noise, self.targets
         if own is not None and own.source != "calibration":
@@ -248,7 +247,11 @@ def _fits(
     rig: RigParameters, sample: _Sample, sigma_px: float | None
 ) -> tuple[Mixture | None, PointNoise | None]:
     """Correct and wrong pairs, if they can be separated, and the noise, if it is known."""
-    errors = sample.errors if sigma_px is None else sample.errors.with_sigma(sigma_px)
+    errors = (
+        sample.errors
+        if sigma_px is None
+        else replace(sample.errors, stated=np.full(len(sample.errors), sigma_px))
+    )
     found = fit_pairs(errors, sample.limit_px)
     is_clear = found is not None and found.is_clear
     limit = found.limit_px if found is not None and is_clear else sample.limit_px

@@ -23,8 +23,7 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.world_tables import check_world
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.pairs import POINT
-from stereocal.matching.parquet import PARQUET
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.point_table import PARQUET, PointTable
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart

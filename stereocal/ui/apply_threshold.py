@@ -13,8 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.figures.pair_errors import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points, digest_of, sample_frames
 from stereocal.matching.in_step import shift_pixels
-from stereocal.matching.matching import ANY_DEPTH, check_depths
-from stereocal.matching.nearest import nearest_errors
+from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold

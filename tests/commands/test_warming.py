@@ -23,7 +23,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluat
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.photograph import read_photograph
 from stereocal.matching.application import sample_frames, unlabelled
-from stereocal.matching.nearest import nearest_errors
+from stereocal.matching.matching import nearest_errors
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine

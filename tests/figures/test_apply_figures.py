@@ -10,11 +10,11 @@ import pytest
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.measured import describe_points, plot_points
 from stereocal.figures.space import VIEWS
-from stereocal.matching.nearest import nearest_errors
+from stereocal.matching.lengths import tracks_by
+from stereocal.matching.matching import nearest_errors
 from stereocal.matching.pairs import match, pixels_of
 from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.matching.threshold import Shares, ThresholdChoice
-from stereocal.matching.tracks import tracks_by
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

@@ -55,7 +55,7 @@ def scattered(folder: Path) -> Application:
 
 def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     work = scattered(tmp_path)
-    monkeypatch.setattr("stereocal.matching.parquet.BLOCK_ROWS", 80)
+    monkeypatch.setattr("stereocal.matching.point_table.BLOCK_ROWS", 80)
     folders = [tmp_path / name for name in ("plain", "whole", "stopped")]
     for folder in folders:
         folder.mkdir()

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.matching import parquet
+from stereocal.matching import point_table
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
@@ -110,7 +110,7 @@ class TestMatch:
     ) -> None:
         assert run_match(folder) == 0
         whole = (folder / "pairs.csv").read_text()
-        monkeypatch.setattr(parquet, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(point_table, "BLOCK_ROWS", rows)
         for ending in ("csv", "parquet"):
             assert run_match(folder, ending=ending) == 0
         assert (folder / "pairs.csv").read_text() == whole

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from stereocal.matching.tracks import track_columns, tracks_by, usual_tracks
+from stereocal.matching.lengths import track_columns, tracks_by, usual_tracks
 
 
 def flight(frames: int = 30, birds: int = 3, step: int = 1) -> pd.DataFrame:
