@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.clutter import Found, Truth
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.labelling import Labelling, label_targets
+from stereocal.frames.labelling import FrameLabels, label_targets
 from tests.rigs.third_boards import small_rig, taken
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")
@@ -39,20 +39,23 @@ def series(kind: str, frames: int, rng: np.random.Generator) -> tuple[Found, Tru
     return found, truth
 
 
-def judged(labelling: Labelling, truth: Truth) -> Counter[str]:
+def judged(labelling: list[FrameLabels], truth: Truth) -> Counter[str]:
     """How many frames are right and sure, wrong and sure, in doubt with the right targets or with
     others, refused."""
     counts: Counter[str] = Counter()
-    for report in labelling.frames:
-        rows = [pair for pair in labelling.pairs if pair.frame == report.frame]
-        if not rows:
+    for report in labelling:
+        if not report.targets:
             counts["refused"] += 1
             continue
-        places = np.array([[row.primary.centre, row.secondary.centre] for row in rows])
-        expected = np.stack(truth[report.frame], axis=1)
+        places, expected = report.places, np.stack(truth[report.frame], axis=1)
         off = min(np.abs(places - expected).max(), np.abs(places - expected[::-1]).max())
-        counts[("right" if off < 1.0 else "wrong") + ("" if rows[0].sure else ", doubtful")] += 1
+        counts[("right" if off < 1.0 else "wrong") + ("" if report.is_sure else ", doubtful")] += 1
     return counts
+
+
+def paired(found: Found) -> dict[int, tuple[Detection, Detection]]:
+    """The detections of both cameras by frame."""
+    return {frame: (one, found[1][frame]) for frame, one in found[0].items()}
 
 
 def without_the_others(found: Found) -> Found:
@@ -83,10 +86,10 @@ def main() -> None:
             rng = np.random.default_rng([asked.seed, at, number])
             found, truth = series(kind, asked.frames, rng)
             bare = without_the_others(found)
-            before += judged(label_targets(*bare, cameras), truth)
-            labelling = label_targets(*found, cameras)
+            before += judged(label_targets(paired(bare), cameras), truth)
+            labelling = label_targets(paired(found), cameras)
             after += judged(labelling, truth)
-            for report in labelling.frames:
+            for report in labelling:
                 if any(found[i][report.frame].alternatives for i in range(2)):
                     asked_of += 1
                     why[f"{report.state}: {report.sentence}"[-90:]] += 1

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.labelling import Labelling, label_targets
+from stereocal.frames.labelling import FrameLabels, label_targets
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.simulate import field_rig
@@ -62,24 +62,23 @@ def detected(seed: int, number: int) -> tuple[Found, Truth, list[float]]:
     return found, truth, seconds
 
 
-def judged_labels(labelling: Labelling, found: Found, truth: Truth) -> dict[str, Any]:
+def judged_labels(labelling: list[FrameLabels], found: Found, truth: Truth) -> dict[str, Any]:
     """How many pairs are whole and rightly labelled, how many wrong and sure, and the errors."""
     good = labelled = wrong_sure = 0
     errors: list[float] = []
     for frame, centres in truth.items():
         both = all(right(found[i][frame], centres[i]) for i in range(2))
         good += both
-        rows = [pair for pair in labelling.pairs if pair.frame == frame]
+        report = next(each for each in labelling if each.frame == frame)
         if not both:
-            wrong_sure += any(row.sure for row in rows)
+            wrong_sure += report.is_sure
             continue
-        places = np.array([[row.primary.centre, row.secondary.centre] for row in rows])
         expected = np.stack(centres, axis=1)
-        off = places - expected
-        off = off if np.abs(off).max() < WRONG_PX else places - expected[::-1]
+        off = report.places - expected
+        off = off if np.abs(off).max() < WRONG_PX else report.places - expected[::-1]
         agree = bool(np.abs(off).max() < WRONG_PX)
         labelled += agree
-        wrong_sure += not agree and rows[0].sure
+        wrong_sure += not agree and report.is_sure
         errors += off.ravel().tolist()
     return {"good": good, "labelled": labelled, "wrong_sure": wrong_sure, "errors": errors}
 
@@ -89,7 +88,7 @@ def scene_result(seed: int, number: int) -> dict[str, Any]:
     rig = field_rig()
     cameras: tuple[Camera, Camera] = (rig.primary, rig.secondary)
     found, truth, seconds = detected(seed, number)
-    labelling = label_targets(found[0], found[1], cameras)
+    labelling = label_targets({k: (one, found[1][k]) for k, one in found[0].items()}, cameras)
     states: Counter[str] = Counter()
     remarks, detection_wrong = [], 0
     for which, frame in np.ndindex(2, len(truth)):
@@ -100,13 +99,13 @@ def scene_result(seed: int, number: int) -> dict[str, Any]:
             remarks.append(f"{frame + 1} {which} {detection.state}: {detection.sentence}")
         elif detection.doubts:
             remarks.append(f"{frame + 1} {which} right, doubtful: {detection.sentence}")
-    for report in labelling.frames:
+    for report in labelling:
         if report.state not in ("agreed", "swapped"):
             remarks.append(f"frame {report.frame} {report.state}: {report.sentence}")
     return {
         "pairs": len(truth),
         "states": dict(states),
-        "frames": dict(Counter(report.state for report in labelling.frames)),
+        "frames": dict(Counter(report.state for report in labelling)),
         "photograph_wrong_sure": detection_wrong,
         "remarks": remarks,
         "seconds": seconds,

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
@@ -26,126 +25,115 @@ from stereocal.frames.epipolar_labels import (
     frame_focal_px,
 )
 from stereocal.refined.outliers import outlying
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import TARGETS
 
-Truth = npt.NDArray[np.bool_]
 FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
 
 SAME_LENGTH, OTHER_LENGTH = 0.1, 0.3
 """Limits of |log(length / median)|, with the right and with the wrong labels."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrameLabels:
-    """The report on the labels of one frame."""
+    """The targets of one frame, and the report on their labels."""
 
     frame: int
     state: FrameState
     """Agreed: the detected order fits the epipolar geometry. Swapped: the secondary's targets were
     exchanged. Doubtful: neither labelling is clearly right, or a detection is doubtful. Outlying:
-    neither fits the other frames. Unchecked: too few frames. Refused: a photograph is missing or
-    shows no targets."""
+    neither fits the other frames. Unchecked: too few frames. Refused: a photograph shows no
+    targets."""
     residual_px: float
     """Distance of the targets from their epipolar lines, root mean square; NaN if unknown."""
     swapped_px: float
     """The same with the other labels."""
     sentence: str
+    targets: tuple[tuple[Corner, Corner], tuple[Corner, Corner]] | None = None
+    """A and B in either camera; None if a photograph shows none."""
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether both detections and the labels are."""
+        return self.state in ("agreed", "swapped")
 
-@dataclass(frozen=True, eq=False)
-class LabelledPair:
-    """One target of one frame in both cameras."""
-
-    frame: int
-    target: str
-    """A or B."""
-    primary: Corner
-    secondary: Corner
-    sure: bool
-    """Both detections and the labels of the frame are sure."""
-
-
-@dataclass(frozen=True, eq=False)
-class Labelling:
-    """The labelled targets of all frames, and a report on every frame."""
-
-    pairs: tuple[LabelledPair, ...]
-    frames: tuple[FrameLabels, ...]
+    @property
+    def places(self) -> FloatArray:
+        """(2, 2, 2): raw pixels by target, camera, (u, v)."""
+        sides = self.targets or ()
+        return np.array([[corner.centre for corner in own] for own in sides]).swapaxes(0, 1)
 
 
 def label_targets(
-    primary: Mapping[int, Detection],
-    secondary: Mapping[int, Detection],
-    cameras: tuple[Camera, Camera],
-    seed: int = 0,
-) -> Labelling:
+    seen: Mapping[int, tuple[Detection, Detection]], cameras: tuple[Camera, Camera], seed: int = 0
+) -> list[FrameLabels]:
     """Make the labels of both cameras agree; where there are too many boards, choose the targets.
 
     Args:
-        primary, secondary: detections by frame number.
+        seen: the detections of both cameras by frame number.
 
-    Every frame has a report; one without two targets in each camera has no pairs.
+    Returns:
+        A report for each frame, by their numbers.
     """
-    labelling = _labelled(primary, secondary, cameras, seed)
+    reports = _labelled(seen, cameras, seed)
     open_frames = {
-        frame: (primary[frame], secondary[frame])
-        for frame in primary.keys() & secondary.keys()
-        if primary[frame].alternatives or secondary[frame].alternatives
+        frame: both for frame, both in seen.items() if both[0].alternatives or both[1].alternatives
     }
     if not open_frames:
-        return labelling
-    sure = np.array([[p.primary.centre, p.secondary.centre] for p in labelling.pairs if p.sure])
+        return reports
+    sure = np.array([report.places for report in reports if report.is_sure])
     chosen = choose_boards(sure.reshape(-1, 2, 2, 2), open_frames, cameras)
-    first = {**primary, **{frame: one.primary for frame, one in chosen.items()}}
-    second = {**secondary, **{frame: one.secondary for frame, one in chosen.items()}}
-    labelling = _labelled(first, second, cameras, seed)
-    messages = {frame: one.sentence for frame, one in chosen.items()}
-    reports = [
-        replace(one, sentence=f"{one.sentence} {messages.get(one.frame, '')}".strip())
-        for one in labelling.frames
+    decided = {frame: (one.primary, one.secondary) for frame, one in chosen.items()}
+    return [
+        replace(report, sentence=f"{report.sentence} {chosen[report.frame].sentence}".strip())
+        if report.targets and report.frame in chosen
+        else report
+        for report in _labelled({**seen, **decided}, cameras, seed)
     ]
-    return Labelling(labelling.pairs, tuple(reports))
 
 
 def _labelled(
-    primary: Mapping[int, Detection],
-    secondary: Mapping[int, Detection],
-    cameras: tuple[Camera, Camera],
-    seed: int,
-) -> Labelling:
+    seen: Mapping[int, tuple[Detection, Detection]], cameras: tuple[Camera, Camera], seed: int
+) -> list[FrameLabels]:
     corners = {
-        frame: (first, second)
-        for frame in sorted(primary.keys() & secondary.keys())
-        if (first := primary[frame].targets) and (second := secondary[frame].targets)
+        frame: (first.targets, second.targets)
+        for frame, (first, second) in sorted(seen.items())
+        if first.targets and second.targets
     }
-    rays = [_rays(cameras[i], [both[i] for both in corners.values()]) for i in range(2)]
+    rays = []
+    for i, camera in enumerate(cameras):
+        centres = [corner.centre for both in corners.values() for corner in both[i]]
+        rays.append(camera.undistort(np.array(centres).reshape(-1, 2)).reshape(-1, 2, 2))
     focal = frame_focal_px(cameras, rays)
     labels = compare_labels(rays[0], rays[1], focal, np.random.default_rng(seed))
     decided = dict(zip(corners, decide_labels(list(corners), labels), strict=True))
-    pairs, reports = [], []
-    for frame in sorted(primary.keys() | secondary.keys()):
+    reports = []
+    for frame, found in sorted(seen.items()):
+        both = tuple(zip(CAMERAS, found, strict=True))
         if frame not in corners:
-            reports.append(_refused(frame, primary.get(frame), secondary.get(frame)))
+            why = (
+                one.sentence
+                if one.reason == "unreadable"
+                else f"{camera.capitalize()}: {one.sentence}"
+                for camera, one in both
+                if one.sentence
+            )
+            reports.append(FrameLabels(frame, "refused", np.nan, np.nan, " ".join(why)))
             continue
         exchange, report = decided[frame]
         first, second = corners[frame]
-        reports.append(_with_doubts(report, primary[frame], secondary[frame]))
-        sure = reports[-1].state in ("agreed", "swapped")
-        pairs += [
-            LabelledPair(frame, target, p, s, sure)
-            for target, p, s in zip(
-                TARGETS, first, second[::-1] if exchange else second, strict=True
-            )
+        doubts = [
+            f"In the {camera}: {one.sentence}" for camera, one in both if one.state == "doubtful"
         ]
-    return Labelling(tuple(pairs), tuple(reports))
-
-
-def _rays(camera: Camera, targets: list[tuple[Corner, Corner]]) -> FloatArray:
-    """(f, 2, 2): normalised points of both targets of each frame."""
-    centres = np.array([corner.centre for both in targets for corner in both]).reshape(-1, 2)
-    return camera.undistort(centres).reshape(-1, 2, 2)
+        reports.append(
+            replace(
+                report,
+                state="doubtful" if doubts and report.is_sure else report.state,
+                sentence=" ".join([report.sentence, *doubts]).strip(),
+                targets=(first, second[::-1] if exchange else second),
+            )
+        )
+    return reports
 
 
 def decide_labels(
@@ -165,39 +153,27 @@ def decide_labels(
     limit = float(least[~far].max(initial=0.0)) + SMALLEST_EXCESS_PX
     better = labels.residual_px[:, 1] < labels.residual_px[:, 0]
     clear = labels.residual_px.max(axis=1) > 2.0 * limit
-    usual = _usual_length(labels, better, clear & ~far)
+    length = np.where(better, labels.length[:, 1], labels.length[:, 0])[clear & ~far]
+    length = length[np.isfinite(length)]
+    usual = float(np.median(length)) if len(length) else np.nan
     decided = []
     for i, frame in enumerate(frames):
         by_length = None if clear[i] else _by_length(labels.length[i], usual)
         exchange = bool(better[i]) if clear[i] else bool(by_length)
-        state, sentence = _state(bool(far[i]), bool(clear[i]), by_length, exchange)
-        if not labels.unique and state in ("agreed", "swapped"):
-            state, sentence = "doubtful", "Other labels of A and B fit all frames nearly as well."
+        state: FrameState = "swapped" if exchange else "agreed"
+        sentence = "A and B of the secondary were exchanged." if exchange else ""
+        if far[i]:
+            state = "outlying"
+            sentence = "Its targets do not lie on the epipolar lines of the other frames."
+        elif not clear[i] and by_length is None:
+            state = "doubtful"
+            sentence = "The bar lies along the epipolar lines, so they cannot distinguish A and B."
+        elif not labels.unique:
+            state = "doubtful"
+            sentence = "Other labels of A and B fit all frames nearly as well."
         kept, other = labels.residual_px[i][:: -1 if exchange else 1]
         decided.append((exchange, FrameLabels(frame, state, float(kept), float(other), sentence)))
     return decided
-
-
-def _state(
-    far: bool, clear: bool, by_length: bool | None, exchange: bool
-) -> tuple[FrameState, str]:
-    """The state of a frame, and the message for the user."""
-    if far:
-        return "outlying", "Its targets do not lie on the epipolar lines of the other frames."
-    if not clear and by_length is None:
-        return "doubtful", (
-            "The bar lies along the epipolar lines, so they cannot distinguish A and B."
-        )
-    if exchange:
-        return "swapped", "A and B of the secondary were exchanged."
-    return "agreed", ""
-
-
-def _usual_length(labels: EpipolarLabels, better: Truth, use: Truth) -> float:
-    """Median length of the bar over the frames with clear labels; NaN if there are none."""
-    length = np.where(better, labels.length[:, 1], labels.length[:, 0])[use]
-    length = length[np.isfinite(length)]
-    return float(np.median(length)) if len(length) else np.nan
 
 
 def _by_length(length: FloatArray, usual: float) -> bool | None:
@@ -208,28 +184,3 @@ def _by_length(length: FloatArray, usual: float) -> bool | None:
     if off.min() < SAME_LENGTH and off.max() > OTHER_LENGTH:
         return bool(off[1] < off[0])
     return None
-
-
-def _with_doubts(report: FrameLabels, first: Detection, second: Detection) -> FrameLabels:
-    """The report with the doubts about the detections added."""
-    doubts = [
-        f"In the {name}: {detection.sentence}"
-        for name, detection in (("primary", first), ("secondary", second))
-        if detection.state == "doubtful"
-    ]
-    if not doubts:
-        return report
-    state = "doubtful" if report.state in ("agreed", "swapped") else report.state
-    sentence = " ".join([report.sentence, *doubts]).strip()
-    return replace(report, state=state, sentence=sentence)
-
-
-def _refused(frame: int, first: Detection | None, second: Detection | None) -> FrameLabels:
-    """The report of a frame that lacks targets."""
-    why = []
-    for name, detection in (("primary", first), ("secondary", second)):
-        if detection is None:
-            why.append(f"There is no photograph of the {name}.")
-        elif detection.targets is None:
-            why.append(f"In the {name}: {detection.sentence}")
-    return FrameLabels(frame, "refused", np.nan, np.nan, " ".join(why))

@@ -9,19 +9,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from stereocal.detection.balls import CERTAIN, choose
 from stereocal.detection.sighting import Sighting, Spot
 from stereocal.detection.target import Balls, Tags
 from stereocal.frames.epipolar_labels import compare_labels, frame_focal_px
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
 from stereocal.frames.labelling import FrameLabels, decide_labels
 from stereocal.frames.pairing import Pair
-from stereocal.frames.still import without_still
 from stereocal.rig.camera import CAMERAS, Camera
 
 EXCHANGED = "A and B fit the other frames only if they are exchanged in one camera."
 FAR_SIGMAS = 4.0
 """A frame that is this much within its own stated errors fits, though others fit better."""
+SAME_PX, SAME_RADII = 4.0, 0.7
+LEAST, SHARE = 3, 0.15
+"""Other photographs with a candidate at the same place, and their share of all."""
 Spots = tuple[Spot | None, Spot | None]
 
 
@@ -109,3 +113,48 @@ def _sigma(first: Spots, second: Spots) -> float:
 def _centres(spots: Spots) -> CentrePair:
     a, b = (Centre(spot.u, spot.v, spot.sigma_px) if spot else None for spot in spots)
     return a, b
+
+
+def without_still(seen: Sequence[Sighting]) -> list[Sighting]:
+    """Choose again in all photographs of one camera, without what is in the same place in others:
+    what stands still before a camera that does not move is not the bar.
+
+    A photograph where nothing else looks like a ball keeps its choice: the bar may rest.
+    """
+    if not any(one.candidates for one in seen):
+        return list(seen)
+    still = [
+        _still([one.candidates[k] if one.candidates else () for one in seen])
+        for k in range(max(len(one.candidates) for one in seen))
+    ]
+    chosen = []
+    for at, one in enumerate(seen):
+        left = tuple(
+            tuple(spot for spot, stands in zip(own, still[k][at], strict=True) if not stands)
+            for k, own in enumerate(one.candidates)
+        )
+        enough = 1 if len(left) == 2 else 2
+        kept = tuple(
+            its if sum(spot.score >= CERTAIN for spot in its) >= enough else own
+            for own, its in zip(one.candidates, left, strict=True)
+        )
+        chosen.append(choose(kept) if one.candidates else one)
+    return chosen
+
+
+def _still(candidates: list[tuple[Spot, ...]]) -> list[list[bool]]:
+    """For each photograph and candidate, whether others have one at the same place."""
+    where = [
+        (at, spot.u, spot.v, max(SAME_PX, SAME_RADII * spot.radius_px))
+        for at, own in enumerate(candidates)
+        for spot in own
+    ]
+    if not where:
+        return [[] for _ in candidates]
+    places = np.array(where)
+    near = cKDTree(places[:, 1:3]).query_ball_point(places[:, 1:3], places[:, 3])
+    least = max(LEAST, SHARE * len(candidates))
+    found: list[list[bool]] = [[] for _ in candidates]
+    for (at, *_), own in zip(where, near, strict=True):
+        found[at].append(len({int(places[k, 0]) for k in own}) - 1 >= least)
+    return found

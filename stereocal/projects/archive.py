@@ -14,16 +14,17 @@ import json
 import re
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.inputs import MANIFEST
-from stereocal.projects.application import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES
+from stereocal.projects.application import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
 from stereocal.projects.data_folder import new_database
 from stereocal.projects.files import PAIR, Store, StoredFile
 from stereocal.projects.photographs import BAR
@@ -37,28 +38,10 @@ from stereocal.system.zip_files import OpenZip, open_zip
 
 MANIFEST_FORMAT = "stereocal-project/1"
 BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
-FOLDERS = {
-    INPUT: "inputs",
-    CALIBRATED: "calibrated",
-    FURTHER: "datasets",
-    BAR: "photographs",
-    **{
-        part: part
-        for part in (
-            *BOARDS,
-            POINT_FILES,
-            TABLES,
-            ASKING,
-            SETS,
-            APPLIED,
-            CHECK,
-            RECORDING,
-            RIG_FILES,
-            PARTS,
-            REPLACED,
-        )
-    },
-}
+APPLY = (POINT_FILES, TABLES, ASKING, SETS, APPLIED, WORLD, CHECK)
+NAMED = {INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs"}
+SAME = (*BOARDS, *APPLY, RECORDING, RIG_FILES, PARTS, REPLACED)
+FOLDERS = NAMED | dict(zip(SAME, SAME, strict=True))
 """Where the files of each part are in the zip."""
 RESULTS = {
     "calibration": "calibration.json",
@@ -70,6 +53,7 @@ RESULTS = {
     **{boards: f"{boards}.npz" for boards in BOARDS},
     **{f"lens_{which}": f"lens_{which}.npz" for which in CAMERAS},
 }
+OF_BAR = ("pairs", "found_by", "boards_found", "boards_doubtful")
 PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
 
@@ -86,8 +70,12 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
         zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive,
         database.reading() as db,
     ):
+        edits = [
+            json.loads(text) for (text,) in db.execute("SELECT json FROM edit ORDER BY number")
+        ]
         manifest: dict[str, Any] = {"format": MANIFEST_FORMAT, "values": {}, "files": []}
         pairs: dict[str, dict[str, Any]] = {}
+        taken: set[str] = set()
 
         def place(scoped: str) -> tuple[str, dict[str, Any], str]:
             """Part, manifest and folder of what the project itself or a pair has."""
@@ -101,16 +89,14 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
         for scoped, name, text in db.execute("SELECT part, name, json FROM value"):
             part, own, _ = place(scoped)
             own["values"].setdefault(part, {})[name] = json.loads(text)
-        manifest["edits"] = [
-            json.loads(text) for (text,) in db.execute("SELECT json FROM edit ORDER BY number")
-        ]
+        manifest["edits"] = edits
         rows = db.execute("SELECT part, name, sha256, about FROM named ORDER BY rowid").fetchall()
-        for (scoped, name, sha256, about), plain in zip(rows, _paths(rows), strict=True):
+        for scoped, name, sha256, text in rows:
             part, own, folder = place(scoped)
-            path = f"{folder}{plain}"
-            own["files"].append(
-                {"part": part, "name": name, "about": json.loads(about), "path": path}
-            )
+            about = json.loads(text)
+            label = about["suffix"] if part == TABLES else about
+            path = _unused(folder + FOLDERS[part], name, label, taken)
+            own["files"].append({"part": part, "name": name, "about": about, "path": path})
             _write(archive, path, StoredFile(sha256, database).pieces())
         for scoped, content in db.execute("SELECT kind, content FROM result"):
             kind, _, folder = place(scoped)
@@ -134,20 +120,14 @@ def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, 
     return {**result, **data}
 
 
-def _paths(rows: Iterable[tuple[str, str, str, str]]) -> Iterator[str]:
-    """A safe and unique path for each file, close to its name."""
-    taken: set[str] = set()
-    for scoped, name, _, about in rows:
-        label, part = json.loads(about), scoped.rpartition("/")[2]
-        label = label["suffix"] if part == TABLES else label
-        suffix = PurePosixPath(f"_{label}").suffix if "." not in name and label else ""
-        plain = "/".join(UNSAFE.sub("_", each) or "_" for each in f"{name}{suffix}".split("/"))
-        path, again = f"{FOLDERS[part]}/{plain}", 1
-        while path in taken:
-            again += 1
-            path = f"{FOLDERS[part]}/{again}_{plain}"
-        taken.add(path)
-        yield path
+def _unused(folder: str, name: str, label: str, taken: set[str]) -> str:
+    """A safe and unique path for a file, close to its name."""
+    suffix = PurePosixPath(f"_{label}").suffix if "." not in name and label else ""
+    plain = "/".join(UNSAFE.sub("_", each) or "_" for each in f"{name}{suffix}".split("/"))
+    numbered = (f"{folder}/{number}_{plain}" for number in count(2))
+    path = next(each for each in chain([f"{folder}/{plain}"], numbered) if each not in taken)
+    taken.add(path)
+    return path
 
 
 def _write(archive: zipfile.ZipFile, path: str, pieces: Iterable[bytes]) -> None:
@@ -182,18 +162,19 @@ def _fill(project: Project, opened: OpenZip, source: str) -> None:
             tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
             database.transaction() as db,
         ):
-            of_bar = ("pairs", "found_by", "boards_found", "boards_doubtful")
             pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
             for own, store in ((manifest, database), *pairs):
-                for part, names in ((INPUT, VALUES), (BAR, of_bar), (SETTING, None)):
+                for part, names in ((INPUT, VALUES), (BAR, OF_BAR), (SETTING, None)):
                     values = dict(own["values"].get(part, {}))
                     kept = {key: values[key] for key in (names or values) if key in values}
                     store.keep_values(part, kept)
                 for item in own["files"]:
-                    part, name, path = item["part"], str(item["name"]), str(item["path"])
+                    if (part := item["part"]) not in FOLDERS:
+                        raise ValueError(part)
+                    name, path = str(item["name"]), str(item["path"])
                     file = _unpacked(opened, path, Path(folder))
                     stored = replace(store.keep_file(file, path), about=item["about"])
-                    store.name_files(_known(part), {name: stored})
+                    store.name_files(part, {name: stored})
                 for kind, file_name in RESULTS.items():
                     path = f"{own.get('folder', '')}results/{file_name}"
                     if path in opened.names:
@@ -203,34 +184,29 @@ def _fill(project: Project, opened: OpenZip, source: str) -> None:
             db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
             recording = ProjectRecording(project)
             _ = recording.read(), recording.rig
+    except StereocalError:
+        raise
     except DAMAGED as error:
-        if isinstance(error, StereocalError):
-            raise
-        raise StereocalError(f"{source}: {MANIFEST} is damaged.") from error
+        raise StereocalError(f"{MANIFEST} is damaged.", source) from error
 
 
 def _manifest(opened: OpenZip, source: str) -> Mapping[str, Any]:
     if MANIFEST not in opened.names:
-        raise StereocalError(f"{source}: there is no stereocal project in this zip.")
+        raise StereocalError("there is no stereocal project in this zip.", source)
     manifest = read_json(opened.read(MANIFEST), f"{source}: {MANIFEST}")
     found = manifest.get("format") if isinstance(manifest, dict) else None
     if found != MANIFEST_FORMAT:
         raise StereocalError(
-            f"{source}: the project was written by another version of stereocal ({found}); "
-            "update stereocal to open it."
+            f"the project was written by another version of stereocal ({found}); update stereocal "
+            "to open it.",
+            source,
         )
     try:
         # Neither NaN nor lone surrogates, which no page can show.
         json.dumps(manifest, ensure_ascii=False, allow_nan=False).encode()
     except ValueError as error:
-        raise StereocalError(f"{source}: {MANIFEST} is damaged.") from error
+        raise StereocalError(f"{MANIFEST} is damaged.", source) from error
     return dict(manifest)
-
-
-def _known(part: str) -> str:
-    if part not in FOLDERS:
-        raise ValueError(part)
-    return part
 
 
 def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
@@ -239,6 +215,5 @@ def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
         raise StereocalError(f"{member} is not in the zip.")
     target = folder / f"file{PurePosixPath(member).suffix.lower()}"
     with target.open("wb") as file:
-        for piece in opened.pieces(member):
-            file.write(piece)
+        file.writelines(opened.pieces(member))
     return target

@@ -14,8 +14,8 @@ from stereocal.figures.measured import TITLES, Colour, describe_points, plot_poi
 from stereocal.figures.photograph import Photograph
 from stereocal.figures.space import VIEWS
 from stereocal.matching.application import Outcome
+from stereocal.matching.lengths import track_columns, tracks_by, usual_tracks
 from stereocal.matching.pairs import pixels_of
-from stereocal.matching.tracks import track_columns, tracks_by, usual_tracks
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS

@@ -8,7 +8,7 @@ import pytest
 
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
-from stereocal.frames.labelling import Labelling, label_targets
+from stereocal.frames.labelling import FrameLabels, label_targets
 from tests import known_rig as rig
 
 FRAMES = 20
@@ -47,27 +47,25 @@ def bars(frames: int = FRAMES, noise_px: float = 0.03) -> list[npt.NDArray[np.fl
 
 def labelled(
     primary: npt.NDArray[np.float64], secondary: npt.NDArray[np.float64], seed: int = 0
-) -> Labelling:
-    return label_targets(
-        {10 + i: detection(both) for i, both in enumerate(primary)},
-        {10 + i: detection(both) for i, both in enumerate(secondary)},
-        CAMERAS,
-        seed,
-    )
+) -> list[FrameLabels]:
+    both = zip(map(detection, primary), map(detection, secondary), strict=True)
+    return label_targets(dict(enumerate(both, 10)), CAMERAS, seed)
 
 
 def agree(
-    labelling: Labelling, primary: npt.NDArray[np.float64], secondary: npt.NDArray[np.float64]
+    labelling: list[FrameLabels],
+    primary: npt.NDArray[np.float64],
+    secondary: npt.NDArray[np.float64],
 ) -> list[bool]:
-    """For each pair whether it joins two images of one target; the arrays are as `bars`."""
-    ends = []
-    for pair in labelling.pairs:
-        i = pair.frame - 10
-        ends.append(
-            np.argmin(np.abs(primary[i] - pair.primary.centre).sum(axis=1))
-            == np.argmin(np.abs(secondary[i] - pair.secondary.centre).sum(axis=1))
+    """For each target whether it joins two images of one; the arrays are as `bars`."""
+    return [
+        bool(
+            np.argmin(np.abs(primary[report.frame - 10] - first).sum(axis=1))
+            == np.argmin(np.abs(secondary[report.frame - 10] - second).sum(axis=1))
         )
-    return [bool(end) for end in ends]
+        for report in labelling
+        for first, second in report.places
+    ]
 
 
 @pytest.mark.parametrize("wrong", [0.0, 0.2, 0.5, 1.0])
@@ -78,12 +76,12 @@ def test_any_share_of_exchanged_labels_is_put_right(wrong: float, seed: int) -> 
     given = np.where(exchanged[:, None, None], secondary[:, ::-1], secondary)
     labelling = labelled(primary, given, seed)
     assert all(agree(labelling, primary, secondary))
-    assert [pair.target for pair in labelling.pairs] == ["A", "B"] * FRAMES
-    for report, was in zip(labelling.frames, exchanged, strict=True):
+    assert len(labelling) == FRAMES
+    for report, was in zip(labelling, exchanged, strict=True):
         assert report.state == ("swapped" if was else "agreed")
         assert report.residual_px < 0.1 < report.swapped_px
         assert bool(report.sentence) == bool(was)
-    assert all(pair.sure for pair in labelling.pairs)
+    assert all(report.is_sure for report in labelling)
 
 
 def test_frames_off_the_others_stand_out_and_stay() -> None:
@@ -92,10 +90,10 @@ def test_frames_off_the_others_stand_out_and_stay() -> None:
     off[3, 0, 1] += 25.0
     off[7] += [[30.0, 40.0], [-20.0, 35.0]]
     labelling = labelled(primary, off)
-    assert [r.frame for r in labelling.frames if r.state == "outlying"] == [13, 17]
-    assert len(labelling.pairs) == 2 * FRAMES
-    assert {pair.frame for pair in labelling.pairs if not pair.sure} == {13, 17}
-    assert labelling.frames[3].residual_px > 2.0
+    assert [r.frame for r in labelling if r.state == "outlying"] == [13, 17]
+    assert all(report.targets for report in labelling)
+    assert {report.frame for report in labelling if not report.is_sure} == {13, 17}
+    assert labelling[3].residual_px > 2.0
 
 
 def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
@@ -109,7 +107,7 @@ def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
     given = secondary.copy()
     given[4] = given[4, ::-1]
     labelling = labelled(primary, given)
-    report = labelling.frames[4]
+    report = labelling[4]
     assert max(report.residual_px, report.swapped_px) < 0.3
     assert report.state == "swapped"
     assert all(agree(labelling, primary, secondary))

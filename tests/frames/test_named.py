@@ -16,10 +16,9 @@ from stereocal.detection.target import BRIGHT, Balls, Tags, Target, parse_target
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
-from stereocal.frames.named import EXCHANGED, frames_of
+from stereocal.frames.named import EXCHANGED, frames_of, without_still
 from stereocal.frames.pairing import Pair, pair_names
 from stereocal.frames.search import detect_frames
-from stereocal.frames.still import without_still
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.resources import ROOT

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.frames.epipolar_residuals import epipolar_residuals_px
 from stereocal.frames.frame import Centre, Frame, State, pack_frames, unpack_frames
 from stereocal.frames.review import (
     Review,
@@ -26,6 +25,7 @@ from stereocal.frames.review import (
     target_meant,
     undo,
 )
+from stereocal.frames.review_words import epipolar_residuals_px
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project

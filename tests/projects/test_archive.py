@@ -10,6 +10,7 @@ import pytest
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.inputs import read_input
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.project import Project
 from tests.projects.test_project import FIELD, filled
@@ -25,6 +26,8 @@ def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
     project = calibrated(tmp_path / "here")
     project.rename("Swifts")
     project.keep_settings({"delta": 0.002})
+    survey = (FIELD.parent / "world" / "survey.csv").read_bytes()
+    ProjectApplication(project).keep_world("survey.csv", survey)
     path = packed(project, tmp_path / "swifts.zip")
     with zipfile.ZipFile(path) as archive:
         assert "dataset.json" in archive.namelist()
@@ -32,6 +35,8 @@ def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
     assert there.id != project.id
     assert there.inputs == project.inputs
     assert there.settings["delta"] == 0.002
+    world = ProjectApplication(there).world_file
+    assert world is not None and world.read_bytes() == survey
     before, after = project.calibration, there.calibration
     assert before is not None and after is not None
     assert after.methods["3d"].cost == before.methods["3d"].cost
