@@ -16,16 +16,11 @@ from stereocal.formats.description import (
     DATASET_FORMAT,
     DESCRIPTION,
     LARGEST_DESCRIPTION,
-    RECORDING_FORMAT,
-    camera_named,
     find_description,
-    length,
-    name_of,
-    optional_length,
 )
 from stereocal.formats.recording_files import pack_recording, parse_recording
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.camera import Camera, LensModel
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.recording import Recording
 from stereocal.system.limits import Limits
@@ -86,7 +81,7 @@ def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey
 def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recording:
     """The cameras and lengths of a data set of either format, without its points."""
     files, _ = read_texts(Path(path))
-    if find_description(files, str(path))[1]["format"] == RECORDING_FORMAT:
+    if find_description(files, str(path)).is_recording:
         return parse_recording(files, str(path), False, lens_model, with_points=False)
     none = np.empty((0, 2))
     empty = Correspondences.from_arrays(none[:, 0], "", none, none)
@@ -98,10 +93,9 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """The text files in a folder or a zip by name, and whether there are photographs too."""
     with disk_errors(f"{path} cannot be read"):
         if path.is_dir():
-            known = _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
             found = [
                 file
-                for file in known
+                for file in _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
                 if file.suffix.lower() in TEXTS or file.stat().st_size <= LARGEST_DESCRIPTION
             ]
             limits = Limits.from_environment()
@@ -131,14 +125,14 @@ def parse_dataset(
         photographs: whether there are photographs too, in which targets can be detected.
         pair: as for `read_dataset`.
     """
-    folder, description = find_description(files, source)
-    if description["format"] == RECORDING_FORMAT:
+    found = find_description(files, source)
+    if found.is_recording:
         recording = parse_recording(files, source, photographs, lens_model)
         return _pair_of(recording, pair, source)
     if pair is not None:
         raise StereocalError(f"{source}: it has two cameras, and no pair {pair[:60]!r} to choose.")
     survey = parse_survey(files, source, lens_model)
-    if folder + TABLE not in files:
+    if found.folder + TABLE not in files:
         if photographs or any(map(is_photograph, files)):
             raise StereocalError(
                 f"{source}: it contains photographs and no {TABLE} yet; find the targets first, "
@@ -146,7 +140,7 @@ def parse_dataset(
             )
         raise StereocalError(f"{source}: the table of points {TABLE!r} is missing.")
     name = f"{source}: {TABLE}"
-    rows = read_table(files[folder + TABLE], name).strict(name)
+    rows = read_table(files[found.folder + TABLE], name).strict(name)
     try:
         return survey.with_points(rows)
     except RefusedRowsError as error:
@@ -181,26 +175,16 @@ def parse_survey(
     files: Mapping[str, bytes], source: str, lens_model: LensModel | None = None
 ) -> Survey:
     """The data set without its points, from files by name."""
-    folder, description = find_description(files, source)
-    where = f"{source}: {DESCRIPTION}"
-    named = description.get("cameras")
-    if not isinstance(named, dict) or not set(CAMERAS) <= named.keys():
-        raise StereocalError(f'{where}: "cameras" must name a primary and a secondary camera file.')
-
-    cameras = {
-        which: camera_named(named[which], which, files, folder, source, lens_model)
-        for which in CAMERAS
-    }
+    found = find_description(files, source)
+    is_free = found.entries.get("baseline_sigma_m") == FREE
     return Survey(
-        name=name_of(description, source),
-        **cameras,
-        baseline_m=length(description, "baseline_m", where),
-        target_distance_m=length(description, "target_distance_m", where),
-        baseline_sigma_m=np.inf
-        if description.get("baseline_sigma_m") == FREE
-        else optional_length(description, "baseline_sigma_m", where),
-        target_distance_sigma_m=optional_length(description, "target_distance_sigma_m", where),
-        notes=str(description.get("notes", "")),
+        name=found.name,
+        **found.cameras(lens_model),
+        baseline_m=found.length("baseline_m"),
+        target_distance_m=found.length("target_distance_m"),
+        baseline_sigma_m=np.inf if is_free else found.optional_length("baseline_sigma_m"),
+        target_distance_sigma_m=found.optional_length("target_distance_sigma_m"),
+        notes=found.notes,
     )
 
 

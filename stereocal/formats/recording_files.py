@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,12 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.description import (
     DESCRIPTION,
     RECORDING_FORMAT,
-    camera_named,
+    Description,
     find_description,
-    name_of,
-    optional_length,
 )
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera, LensModel
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.recording import Pair, Recording
 from stereocal.rig.rigid_object import RigidObject
@@ -56,46 +55,32 @@ def parse_recording(
         lens_model: meaning of four distortion coefficients if a camera file does not state it.
         with_points: whether to read its points; else it has none.
     """
-    folder, description = find_description(files, source)
-    where = f"{source}: {DESCRIPTION}"
-    if description["format"] != RECORDING_FORMAT:
-        raise StereocalError(f'{where}: its "format" must be "{RECORDING_FORMAT}".')
-    named = description.get("cameras")
-    if not isinstance(named, dict) or len(named) < 2:
-        raise StereocalError(f'{where}: "cameras" must name the files of two cameras at least.')
-    cameras = {
-        which: camera_named(named[which], which, files, folder, source, lens_model)
-        for which in named
-    }
-    own = object_of(description, where)
+    found = find_description(files, source)
+    if not found.is_recording:
+        raise StereocalError(f'{found.where}: its "format" must be "{RECORDING_FORMAT}".')
+    cameras, own = found.cameras(lens_model), _object(found)
     if not with_points:
-        recording = Recording("", cameras, own, *_no_points())
-    elif folder + POINTS not in files:
+        none = np.empty(0, dtype=np.int64)
+        recording = Recording("", cameras, own, none, none, none, np.empty((0, 2)), np.empty(0))
+    elif found.folder + POINTS not in files:
         how = "; find the targets first, with `stereocal detect`" if photographs else ""
         raise StereocalError(f"{source}: the table of points {POINTS!r} is missing{how}.")
     else:
-        recording = read_points(files[folder + POINTS], cameras, own, f"{source}: {POINTS}")
-    baselines = _baselines(description, list(named), where)
+        recording = read_points(files[found.folder + POINTS], cameras, own, f"{source}: {POINTS}")
     return replace(
         recording,
-        name=name_of(description, source),
-        baselines_m=baselines,
-        baseline_sigma_m=optional_length(description, "baseline_sigma_m", where),
-        notes=str(description.get("notes", "")),
+        name=found.name,
+        baselines_m=_baselines(found, cameras),
+        baseline_sigma_m=found.optional_length("baseline_sigma_m"),
+        notes=found.notes,
     )
 
 
-def _no_points() -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
-    """The columns of a recording without rows."""
-    none = np.empty(0, dtype=np.int64)
-    return none, none, none, np.empty((0, 2)), np.empty(0)
-
-
-def object_of(description: Mapping[str, Any], where: str) -> RigidObject:
+def _object(description: Description) -> RigidObject:
     """The object that `dataset.json` describes: points by name, or a board."""
-    given = description.get("object")
-    sigma = optional_length(description, "object_sigma_m", where)
-    with naming(where):
+    given = description.entries.get("object")
+    sigma = description.optional_length("object_sigma_m")
+    with naming(description.where):
         if not isinstance(given, dict) or not given:
             raise StereocalError(
                 '"object" must give the points of the object in metres, as {"A": [0, 0, 0], "B": '
@@ -104,7 +89,14 @@ def object_of(description: Mapping[str, Any], where: str) -> RigidObject:
         if BOARD in given:
             found = RigidObject.of_board(settings_of(given[BOARD], BoardPattern, "board"), sigma)
         else:
-            points = [_point(name, xyz) for name, xyz in given.items()]
+            points = []
+            for name, xyz in given.items():
+                try:
+                    points.append(of_plain(xyz, tuple[float, float, float]))
+                except ValueError as error:
+                    raise StereocalError(
+                        f"the point {name[:40]!r} must be three numbers, in metres."
+                    ) from error
             found = RigidObject(tuple(given), np.array(points), sigma)
         longest = float(found.distances.max())
         check_length("longest distance between points of the object", longest)
@@ -112,26 +104,15 @@ def object_of(description: Mapping[str, Any], where: str) -> RigidObject:
         return found
 
 
-def _point(name: str, xyz: Any) -> tuple[float, float, float]:
-    try:
-        return of_plain(xyz, tuple[float, float, float])
-    except ValueError as error:
-        raise StereocalError(
-            f"the point {name[:40]!r} must be three numbers, in metres."
-        ) from error
-
-
-def _baselines(
-    description: Mapping[str, Any], cameras: Sequence[str], where: str
-) -> dict[Pair, float]:
+def _baselines(description: Description, cameras: Iterable[str]) -> dict[Pair, float]:
     """The measured baselines by pair of cameras."""
-    given = description.get("baselines_m") or {}
+    where, given = description.where, description.entries.get("baselines_m") or {}
     if not isinstance(given, dict):
         raise StereocalError(f'{where}: "baselines_m" must give lengths by pair of cameras.')
-    pairs = {f"{a}-{b}": (a, b) for a in cameras for b in cameras if a != b}
+    pairs = {f"{a}-{b}": (a, b) for a, b in permutations(cameras, 2)}
     found: dict[Pair, float] = {}
     for key in given:
-        value = optional_length(given, key, f"{where}: baselines_m")
+        value = description.optional_length(key, given)
         if key not in pairs:
             raise StereocalError(
                 f"{where}: the baseline {key[:60]!r} is of no pair of cameras: {', '.join(pairs)}."
@@ -161,10 +142,16 @@ def read_points(
             allowed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
             rows.reasons.setdefault(row, f'{column} is "{cell[:40]}"; it must be {allowed}')
         codes[column] = np.asarray(found.fillna(0), dtype=np.int64)
-    _refuse_twice(rows, codes["camera"], codes["target"])
     points = np.column_stack([rows.values["u"], rows.values["v"]])
+    _refuse_twice(rows, codes["camera"], codes["target"])
+    # An image ends 0.5 px beyond the outermost pixel centres.
     sizes = np.array([camera.image_size for camera in cameras.values()])[codes["camera"]]
-    _refuse_outside(rows, points, sizes)
+    for row in np.flatnonzero(((points < -0.5) | (points > sizes - 0.5)).any(axis=1)).tolist():
+        (u, v), (width, height) = points[row], sizes[row]
+        rows.reasons.setdefault(
+            row,
+            f"{_at(rows, row)}: the point ({u:g}, {v:g}) is outside the {width}x{height} px image",
+        )
     if rows.problems:
         raise RefusedRowsError(f"{source}: ", rows.problems, "cannot be used")
     return Recording(
@@ -192,17 +179,6 @@ def _refuse_twice(rows: Rows, camera: IntArray, target: IntArray) -> None:
     first = lines[keys.index].groupby([keys[name] for name in keys]).transform("first")
     for row in keys.index[keys.duplicated()].tolist():
         rows.reasons[row] = f"{_at(rows, row)} is in line {first[row]} already"
-
-
-def _refuse_outside(rows: Rows, points: FloatArray, sizes: IntArray) -> None:
-    """Add the points outside their images, which end 0.5 px beyond the outermost pixel centres."""
-    for row in np.flatnonzero(((points < -0.5) | (points > sizes - 0.5)).any(axis=1)).tolist():
-        u, v = points[row]
-        width, height = sizes[row]
-        rows.reasons.setdefault(
-            row,
-            f"{_at(rows, row)}: the point ({u:g}, {v:g}) is outside the {width}x{height} px image",
-        )
 
 
 def pack_recording(recording: Recording) -> dict[str, bytes]:

@@ -46,7 +46,8 @@ class ProjectRecording(ProjectPart):
         """How many cameras the recording has, without reading its points."""
         files = self.database.files(RECORDING)
         contents = {name: file.read_bytes() for name, file in files.items() if name != POINTS}
-        return len(find_description(contents, "the recording of this project")[1]["cameras"])
+        found = find_description(contents, "the recording of this project")
+        return len(found.entries["cameras"])
 
     @property
     def parts(self) -> dict[str, StoredFile]:

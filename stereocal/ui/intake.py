@@ -12,7 +12,7 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, Survey, pack_pair, parse_dataset, parse_survey
-from stereocal.formats.description import RECORDING_FORMAT, find_description
+from stereocal.formats.description import find_description
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.lens_model import FourCoefficientsError
@@ -198,7 +198,7 @@ def _try_dataset(
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
         clear_refusal()
     except RefusedRowsError as error:
-        folder, _ = find_description(files, source)
+        folder = find_description(files, source).folder
         rest = _rows_but(files[folder + TABLE], error.problems)
         without = {**files, folder + TABLE: rest[0]}
         refuse(error, rest[1], lambda: _try_dataset(without, source, photographs, lens_model))
@@ -244,14 +244,16 @@ def give_dataset(
         StereocalError: it is invalid; the project is unchanged.
     """
     store = ProjectPhotographs(project)
-    folder, description = find_description(files, source)
-    if description["format"] == RECORDING_FORMAT:
-        if len(description.get("cameras") or ()) > 2:
+    description = find_description(files, source)
+    folder = description.folder
+    if description.is_recording:
+        if len(description.entries.get("cameras") or ()) > 2:
             own = {name: content for name, content in files.items() if name.startswith(folder)}
             ProjectRecording(project).give(own, source)
             return False
         files = pack_pair(parse_dataset(files, source, lens_model=lens_model))
-        folder, description = find_description(files, source)
+        description = find_description(files, source)
+        folder = description.folder
     found = of_the_bar({name: store.keep(name, content) for name, content in photographs()})
     slots: dict[Slot, str] = {"primary": "", "secondary": ""}
     read: dict[Slot, Camera | Table] = {}
@@ -264,7 +266,9 @@ def give_dataset(
         read["correspondences"] = Table(survey.correspondences, [])
     read |= {"primary": survey.primary, "secondary": survey.secondary}
     free = survey.baseline_sigma_m == math.inf
-    slots |= {slot: description["cameras"][slot] for slot in slots if slot != "correspondences"}
+    slots |= {
+        slot: description.entries["cameras"][slot] for slot in slots if slot != "correspondences"
+    }
     for which in CAMERAS:
         camera: Camera = getattr(survey, which)
         if camera.is_fisheye:  # the stored file must state it
