@@ -8,17 +8,16 @@ ensure_navigation()
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.ui.forms import settings_form, settings_of
+from stereocal.ui.forms import settings_form, settings_of, staleness
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.navigation import went_on_to
-from stereocal.ui.plan_project import show_planned
+from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import press, show_progress, work_of
+from stereocal.ui.refined import answer_when_ready
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
-from stereocal.ui.status import staleness
 
 st.title("Calibrate")
 st.subheader("What is the pose of the cameras, and which set serves what?")

@@ -13,11 +13,11 @@ from stereocal.errors import StereocalError
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
 from stereocal.projects.recording import ProjectRecording
+from stereocal.ui import lengths
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import SEVERAL, escape_markdown, show_refusal, take_dataset
-from stereocal.ui.lengths import ask_if_measured, length_field, object_in_words, show_rig
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
@@ -25,7 +25,6 @@ from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download
 from stereocal.ui.several import several_in
 from stereocal.ui.single_files import single_files
-from stereocal.ui.uncertainties import length_uncertainty, lens_uncertainties
 
 st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
@@ -67,19 +66,19 @@ else:
 
 left, right = st.columns(2)
 with left:
-    length_field(project, "baseline_m", "Baseline: distance between the cameras")
-    length_uncertainty(project, "baseline_m", "± 1 %")
+    lengths.length_field(project, "baseline_m", "Baseline: distance between the cameras")
+    lengths.length_uncertainty(project, "baseline_m", "± 1 %")
 with right:
     if project is not None and has_photographs(project) and holds_board(project):
         st.markdown("The squares of the board are the measured lengths.")
-    elif about := object_in_words(project):
+    elif about := lengths.object_in_words(project):
         st.markdown(about)
     else:
-        length_field(project, "target_distance_m", "Distance between targets A and B")
-    length_uncertainty(project, "target_distance_m", "± 0.1 %")
+        lengths.length_field(project, "target_distance_m", "Distance between targets A and B")
+    lengths.length_uncertainty(project, "target_distance_m", "± 0.1 %")
 if project is not None:
-    ask_if_measured(project)
-lens_uncertainties(project)
+    lengths.ask_if_measured(project)
+lengths.lens_uncertainties(project)
 show_refusal()
 
 project = current_project()
@@ -101,7 +100,7 @@ st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "
     f"{len(dataset.correspondences.frames)} frames."
 )
-show_rig(project, dataset)
+lengths.show_rig(project, dataset)
 show_figure(
     plot_coverage(dataset),
     describe_coverage(dataset),

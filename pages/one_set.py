@@ -11,9 +11,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.ui.fields import choose
-from stereocal.ui.forms import form_values
+from stereocal.ui.forms import form_values, staleness
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.one_set import (
     show_accuracy,
@@ -27,9 +26,15 @@ from stereocal.ui.one_set import (
     show_verdict,
 )
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.refined import answer_for, calibrated, refine_form, refined_of, wait_for_answer
+from stereocal.ui.refined import (
+    answer_for,
+    answer_when_ready,
+    calibrated,
+    refine_form,
+    refined_of,
+    wait_for_answer,
+)
 from stereocal.ui.screening import is_long, screenings_of
-from stereocal.ui.status import staleness
 from stereocal.ui.texts import ONE_SET
 from stereocal.ui.validation import kept_protocol
 

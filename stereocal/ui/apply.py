@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.errors import StereocalError
 from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
@@ -21,11 +21,9 @@ from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths, threshold_form
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import show_refusal, take_one
-from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.parameter_upload import PURPOSES, upload_set
-from stereocal.ui.refined import wait_for_answer
-from stereocal.ui.sets_in_use import set_in_use, title_in_use
+from stereocal.ui.refined import answer_when_ready, set_in_use, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 from stereocal.ui.world import choose_world
@@ -146,9 +144,15 @@ def _choose_sets(
 
 
 def _own_set(project: Project, use: Use, answer: Answer) -> RigParameters:
-    chosen = set_in_use(project, use, answer)
-    named = partial(title_in_use, use, answer)
-    st.selectbox(PURPOSES[use], list(answer.sets), format_func=named, **chosen.widget())
+    chosen, recommended = set_in_use(project, use, answer), answer.recommendation.use[use]
+    st.selectbox(
+        PURPOSES[use],
+        list(answer.sets),
+        format_func=lambda method: (
+            METHOD_NAMES[method] + " · recommended" * (method == recommended)
+        ),
+        **chosen.widget(),
+    )
     return answer.sets[chosen.value()]
 
 

@@ -28,7 +28,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.sets_in_use import PAPERS
+from stereocal.ui.refined import PAPERS
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
 

@@ -37,10 +37,9 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import show_refusal, take_one
-from stereocal.ui.long_answers import answer_when_ready
 from stereocal.ui.messages import readable
 from stereocal.ui.point_noise import ask_noise, noise_field
-from stereocal.ui.refined import wait_for_answer
+from stereocal.ui.refined import answer_when_ready, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"

@@ -36,14 +36,13 @@ from stereocal.ui.chosen_frame import (
     state_of,
 )
 from stereocal.ui.fields import Field, choose, one_of, setting
-from stereocal.ui.figure import show_figure
+from stereocal.ui.figure import scroll_to, scrolled_part, show_figure
+from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import callback, fragment
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import other_formats
 from stereocal.ui.review import look_closely
 from stereocal.ui.screening import rerun_if_changed
-from stereocal.ui.scrolling import scroll_to, scrolled_part
-from stereocal.ui.status import describe_settings
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import Answer
 

@@ -88,6 +88,20 @@ class Field:
         """Show a value in this tab without storing it."""
         st.session_state.setdefault(_SHOWN, {})[self.name] = value
 
+    def number_input(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
+        """Draw the field of a number, within the bounds of `fit`; its value.
+
+        Args:
+            place: where it stands; None: here.
+            widget: passed on to Streamlit.
+        """
+        assert isinstance(self.fit, Number)
+        low, high = (end if math.isfinite(end) else None for end in (self.fit.low, self.fit.high))
+        shown = {"format": None if isinstance(low, int) else "%.4g", **widget, **self.widget()}
+        empty = {"value": None} if self.fit.or_none else {}
+        draw: Any = place or st
+        return draw.number_input(title, low, high, **empty, **shown)
+
     @property
     def changed(self) -> Callable[[], None]:
         """The callback of the widget: stores its value."""
@@ -133,37 +147,38 @@ def setting(
     return Field(key, name, read, write, tabs_own or values is None, fit=fit)
 
 
-def number(lowest: float, highest: float = math.inf, or_none: bool = False) -> Fit:
-    """A number of the type of `lowest`, within bounds."""
+@dataclass(frozen=True)
+class Number:
+    """A number of the type of `low`, within bounds."""
 
-    def fit(value: Any) -> Any:
-        if value is None and or_none:
+    low: float
+    high: float = math.inf
+    or_none: bool = False
+
+    def __call__(self, value: Any) -> Any:
+        """The number, or None; raises as `Fit`."""
+        if value is None and self.or_none:
             return None
-        if isinstance(value, bool) or not lowest <= value <= highest:
+        if isinstance(value, bool) or not self.low <= value <= self.high:
             raise ValueError(value)
-        if isinstance(lowest, int) and not isinstance(value, int):
+        if isinstance(self.low, int) and not isinstance(value, int):
             raise TypeError(value)
-        return type(lowest)(value)
+        return type(self.low)(value)
 
-    return fit
+
+number = Number
 
 
 def one_of(options: Sequence[Any]) -> Fit:
     """One of some options."""
 
-    def fit(value: Any) -> Any:
-        return options[options.index(value)]
-
-    return fit
+    return lambda value: options[options.index(value)]
 
 
 def some_of(options: Sequence[Any]) -> Fit:
     """A list of some of the options; others are dropped."""
 
-    def fit(value: Any) -> list[Any]:
-        return [each for each in value if each in options]
-
-    return fit
+    return lambda value: [each for each in value if each in options]
 
 
 def yes_or_no(value: Any) -> bool:
@@ -191,11 +206,11 @@ def choose(
         widget: passed on to Streamlit.
     """
     known = list(options)
-    fit = one_of(known)
-    own = setting(values, key, known[0] if usual is None else usual, fit, tabs_own=tabs_own)
+    first = known[0] if usual is None else usual
+    widget |= setting(values, key, first, one_of(known), tabs_own=tabs_own).widget()
     if as_menu:
-        return (place or st).selectbox(title, known, **own.widget(), **widget)
-    return (place or st).segmented_control(title, known, required=True, **own.widget(), **widget)
+        return (place or st).selectbox(title, known, **widget)
+    return (place or st).segmented_control(title, known, required=True, **widget)
 
 
 def begin_page(page: str) -> None:

@@ -1,11 +1,13 @@
-"""A figure on a page."""
+"""A figure on a page; and how to scroll to what a press has opened, which may stand far below."""
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import plotly.graph_objects as go
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.ui.texts import escape_markdown
 
@@ -14,6 +16,26 @@ WIDE_OR_NARROW = """<style>
 @media (max-width: 640px) { .st-key-wide { display: none; } .st-key-narrow { display: flex; } }
 </style>"""
 """Of what stands in the containers `wide` and `narrow` of a page, the one for this screen."""
+
+_TARGET = "scroll_to"
+SCRIPT = """<script>/* {now} */
+(() => {{
+  const start = Date.now()
+  const stop = () => clearInterval(timer)
+  const timer = setInterval(() => {{
+    const target = document.querySelector(".st-key-{key}")
+    if (target) {{
+      target.style.scrollMarginTop = "4rem" // of the header
+      target.scrollIntoView()
+    }}
+    if (Date.now() - start > {ms}) stop()
+  }}, 100)
+  for (const act of ["wheel", "touchstart", "keydown", "pointerdown"])
+    window.addEventListener(act, stop, {{ once: true, capture: true }})
+}})()
+</script>"""
+"""Repeated, because figures and photographs above it come later; the user's own acts end it."""
+FOLLOWS_MS = 1500
 
 
 def show_figure(
@@ -44,3 +66,19 @@ def show_figure(
         st.container(key="narrow").plotly_chart(narrow, key=f"{key}_narrow", **chart)
     with st.expander("In words") if fold else st.container():
         st.caption(escape_markdown(sentence))
+
+
+def scroll_to(key: str) -> None:
+    """Have the next run of a page scroll to the part of this key (for callbacks)."""
+    st.session_state[_TARGET] = key
+
+
+def scrolled_part(key: str) -> DeltaGenerator:
+    """A container that `scroll_to` can scroll to."""
+    part = st.container(key=key)
+    with part.container():  # always there, so that nothing below is built again
+        if st.session_state.get(_TARGET) == key:
+            del st.session_state[_TARGET]
+            script = SCRIPT.format(now=time.monotonic(), key=key, ms=FOLLOWS_MS)
+            st.html(script, unsafe_allow_javascript=True)
+    return part

@@ -1,8 +1,8 @@
-"""The forms of the search: its settings, and its number of frames."""
+"""The settings of the search: their forms, and whether a result is still current for them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import streamlit as st
@@ -11,9 +11,10 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.described import About, descriptions
-from stereocal.ui.fields import Field, number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 
 Bounds = tuple[float, float]
 NUMBERS = descriptions(SearchSettings)
@@ -25,6 +26,25 @@ LARGEST_WHOLE = 2**53 - 1
 """In a browser."""
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
 """Positions of the slider of the first step, rad."""
+
+NAMES = {
+    "delta": "Δ",
+    "delta_min": "Δ min",
+    "acceptance": "acceptance ratio",
+    "shrink": "shrink factor",
+    "minimum_moves": "minimum moves",
+    "seed": "seed",
+    "essential": "essential solver",
+    "calibration_frames": "calibration frames",
+    "all_frames": "trust in every frame",
+    "time_offset": "time offset",
+    "time_drift": "its drift",
+    "frames_put_back": "frames put back",
+    "frames_left_out": "frames left out",
+}
+
+_FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
+"""Shown with the frames left out and the time offset, not in the line of settings."""
 
 
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
@@ -51,7 +71,7 @@ def form_values(project: Project, dataset: Dataset) -> dict[str, Any]:
 
 
 def _frames_field(project: Project, frames: int) -> Field:
-    return setting(project, "calibration_frames", frames, number(1, frames))
+    return setting(project, "calibration_frames", frames, Number(1, frames))
 
 
 def bounds_of(about: About) -> Bounds:
@@ -65,7 +85,7 @@ def _bounds(name: str) -> Bounds:
 
 
 def _search_fields(project: Project) -> dict[str, Field]:
-    fits = {name: number(*_bounds(name)) for name in NUMBERS}
+    fits: dict[str, Fit] = {name: Number(*_bounds(name)) for name in NUMBERS}
     fits |= {
         name: one_of(about.choices) if about.choices else yes_or_no
         for name, about in OTHERS.items()
@@ -101,16 +121,15 @@ def search_form(project: Project) -> None:
         _numbers(project, without=SLIDERS)
 
 
-def number_input(place: DeltaGenerator, about: About, bounds: Bounds, own: Field) -> Any:
+def number_input(place: DeltaGenerator, about: About, own: Field) -> Any:
     """The widget of a described number; its value."""
-    kind = type(about.default)
-    return place.number_input(
+    whole = isinstance(about.default, int)
+    return own.number_input(
         about.title,
-        *bounds,
-        format="%d" if kind is int else "%.10g",
+        place,
+        format=None if whole else "%.10g",
         help=about.help,
-        step=kind(1) if kind is int else about.default / 10,
-        **own.widget(),
+        step=1 if whole else about.default / 10,
     )
 
 
@@ -118,7 +137,7 @@ def _numbers(project: Project, without: Collection[str] = ()) -> None:
     fields = _search_fields(project)
     columns = st.columns(3)
     for at, name in enumerate(name for name in NUMBERS if name not in without):
-        number_input(columns[at % 3], NUMBERS[name], _bounds(name), fields[name])
+        number_input(columns[at % 3], NUMBERS[name], fields[name])
     for name, about in OTHERS.items():
         if name == "time_drift" and not fields["time_offset"].value():
             continue
@@ -133,3 +152,38 @@ def _numbers(project: Project, without: Collection[str] = ()) -> None:
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:
     """The settings of a form's values."""
     return CalibrationSettings.from_json(values)
+
+
+def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:
+    """What has changed since the result, as a sentence; None if nothing has."""
+    if result.dataset.sha256 != dataset.sha256:
+        return (
+            "The data have changed since this result. Press Calibrate for the new data; until then "
+            "the old result stays."
+        )
+    if _known(result.dataset) != _known(dataset):
+        return (
+            "The uncertainties of the lengths have changed since this result. "
+            "Press Calibrate to renew its refined set."
+        )
+    made_with = result.settings.to_json()
+    changed = [NAMES[key] for key, value in values.items() if made_with[key] != value]
+    if not changed:
+        return None
+    return (
+        f"The form has changed since this result ({', '.join(changed)}). It still shows the result "
+        "of the settings named below it. Press Calibrate to renew it."
+    )
+
+
+def _known(dataset: Dataset) -> tuple[float | None, float | None]:
+    return dataset.baseline_sigma_m, dataset.target_distance_sigma_m
+
+
+def describe_settings(settings: CalibrationSettings) -> str:
+    """The settings of a search, in one line."""
+    return ", ".join(
+        f"{NAMES[key]} {value:g}" if isinstance(value, float) else f"{NAMES[key]} {value}"
+        for key, value in settings.to_json().items()
+        if key in NAMES and key not in ("calibration_frames", *_FRAMES)
+    )

@@ -1,28 +1,34 @@
-"""The measured lengths on the Data page, each with its unit."""
+"""The measured lengths and the lenses on the Data page: values, units, how well they are known."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
+from stereocal.refined import unknowns
 from stereocal.refined.refine import robust_start
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
 from stereocal.rig.lengths_in_words import (
     LONG_BAR_M,
     METRES_PER,
+    as_held,
     question_about_units,
     rig_in_words,
     units_that_fit,
 )
-from stereocal.ui.fields import Field, one_of, setting
+from stereocal.system.numbers import rounded
+from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.project import project_to_write
@@ -31,25 +37,229 @@ from stereocal.ui.texts import escape_markdown
 KEPT_ANSWER = "lengths_in_metres"
 """Setting: the baseline and the bar that the user has said to be in metres."""
 
-BOTH = ("baseline_m", "target_distance_m")
+BOTH: tuple[str, ...] = ("baseline_m", "target_distance_m")
 PAIRS = 500
 """Pairs of points from which the depths are estimated."""
+NOT_STATED, TYPED, OWN, FREE = "Not stated", "Typed", "own", "Not measured"
+PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0}
+TITLES = {
+    NOT_STATED: NOT_STATED,
+    **{name: f"{name}: ± {mm:g} mm" for name, mm in PRESETS_MM.items()},
+    TYPED: "Typed, in mm",
+    FREE: "Not measured: left free",
+}
+LEAST_MM = 0.001
+ASSUMED = " (not stated, assumed)"
+HELP = (
+    "One standard deviation. With it, stereocal can tell which of the numbers that you gave "
+    "disagrees with the images; where nothing is stated it assumes {assumed}, and cannot blame it."
+)
+HELP_ON_FREE = (
+    " A baseline that nobody measured can be left free: then the lengths of the bars alone give "
+    "the scale."
+)
+
+
+def _give(
+    settings: Mapping[str, Any],
+    given: Mapping[str, Any],
+    ways: Mapping[str, Callable[[], None]] | None = None,
+) -> None:
+    """Store inputs, and how they are stated; if they are refused, offer other ways."""
+    try:
+        project = project_to_write()
+        project.give({}, **given)
+        project.keep_settings({**settings})
+        clear_refusal()
+    except StereocalError as error:
+        refuse(error, ways=ways)
 
 
 def length_field(project: Project | None, name: str, label: str) -> None:
     """A length with its unit; the project stores metres."""
-    length = _Length(project, name)
-    field, choice = st.columns([3, 1], vertical_alignment="bottom")
-    field.number_input(
-        label,
-        min_value=0.0,
-        value=None,
-        step=None,
-        format="%.10g",
-        placeholder="measured length",
-        **length.number.widget(),
+    # Each tab may show the length in its own unit.
+    kept = setting(project, f"{name}_unit", "m", one_of(list(METRES_PER)), tabs_own=True)
+    key = f"{name}_value"
+
+    def read() -> float | None:
+        metres = getattr(project.inputs, name) if project else None
+        return None if metres is None else float(f"{metres / METRES_PER[kept.value()]:.12g}")
+
+    def take(number: float | None, unit: str) -> None:
+        metres = None if number is None else float(number) * METRES_PER[unit]
+        ways = {}
+        if unit != "mm" and metres is not None and metres > LONGEST_PLAUSIBLE_M:
+            ways[f"It is {number:.10g} mm"] = partial(take, number, "mm")
+        _give({kept.key: unit}, {name: metres}, ways)
+
+    number = Field(
+        key, key, read, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
     )
-    choice.selectbox("Unit", list(METRES_PER), **length.unit.widget())
+    # Keeps the number that the field shows, in the new unit.
+    unit = replace(kept, write=lambda chosen: take(number.shown(), chosen))
+    left, right = st.columns([3, 1], vertical_alignment="bottom")
+    number.number_input(label, left, format="%.10g", placeholder="measured length")
+    right.selectbox("Unit", list(METRES_PER), **unit.widget())
+
+
+def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
+    """The fields of a length's uncertainty: a preset, or a typed value; not of a pair of a rig.
+
+    Args:
+        name: `baseline_m` or `target_distance_m`.
+        assumed: the default, in words.
+    """
+    if project is not None and project.pair is not None:
+        return
+    key, baseline = f"{name}_known", name == "baseline_m"
+    sigma = f"{name.removesuffix('_m')}_sigma_m"
+
+    def sigma_m() -> float | None:
+        return getattr(project.inputs, sigma) if project else None
+
+    def read() -> str:
+        if baseline and project is not None and project.inputs.baseline_free:
+            return FREE
+        chosen = project and project.settings.get(key)
+        if (stated := sigma_m()) is None:
+            return TYPED if chosen == TYPED else NOT_STATED
+        return str(chosen) if PRESETS_MM.get(str(chosen)) == _shown(1000 * stated) else TYPED
+
+    def choose(option: str) -> None:
+        mm = PRESETS_MM.get(option)
+        given: dict[str, Any] = {} if option == TYPED else {sigma: mm and mm / 1000}
+        if FREE in (option, read()):
+            given["baseline_free"] = option == FREE
+        _give({key: option}, given)
+
+    def take(stated: float | None) -> None:
+        _give({key: TYPED}, {sigma: stated})
+
+    left, right = st.columns([3, 2], vertical_alignment="bottom")
+    chosen = left.selectbox(
+        "How well is it known?",
+        [NOT_STATED, *PRESETS_MM, TYPED, *([FREE] if baseline else [])],
+        format_func=TITLES.__getitem__,
+        help=HELP.format(assumed=assumed) + HELP_ON_FREE * baseline,
+        **Field(key, key, read, choose).widget(),
+    )
+    if chosen == TYPED:
+        _ask_number(f"{name}_sigma_mm", "± mm", right, 1000, sigma_m, take, least=LEAST_MM)
+
+
+def _ask_number(
+    key: str,
+    title: str,
+    place: DeltaGenerator,
+    scale: float,
+    read: Callable[[], float | None],
+    take: Callable[[float | None], None],
+    least: float = 0.0,
+    told: str | None = None,
+) -> None:
+    """The field of a number that may be missing, and is stored as 1 / `scale` of what it shows."""
+
+    def shown() -> float | None:
+        stored = read()
+        return None if stored is None else _shown(scale * stored)
+
+    def keep(value: float | None) -> None:
+        take(None if value is None else float(value) / scale)
+
+    own = Field(key, key, shown, keep, fit=Number(least, or_none=True))
+    own.number_input(title, place, format="%.6g", placeholder="not stated", help=told)
+
+
+def _shown(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def lens_uncertainties(project: Project | None) -> None:
+    """The fields of each lens's uncertainty: from its file, typed, or not stated."""
+    if project is None or project.pair is not None:
+        return
+    for which, camera, column in zip(CAMERAS, project.cameras, st.columns(2), strict=True):
+        if camera is not None:
+            with column:
+                _lens_known(project, which, camera)
+
+
+def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
+    """How well a lens is known: a fraction of its focal length, and pixels of its centre."""
+    key = f"lens_{which}_known"
+
+    def stated() -> dict[CameraName, Any]:
+        return dict(project.inputs.lens_known)
+
+    def read() -> str:
+        known = stated().get(which, camera.uncertainty and OWN)
+        return OWN if known == OWN else (TYPED if known else NOT_STATED)
+
+    def choose(option: str) -> None:
+        known = stated()
+        known.pop(which, None)
+        if option == TYPED:
+            prior = camera.uncertainty and unknowns.lens_prior(camera, None)
+            known[which] = (prior.focal, prior.centre_px) if prior else (None, None)
+        elif option == NOT_STATED and camera.uncertainty:
+            known[which] = None
+        _give({key: option}, {"lens_known": known})
+
+    def number(at: int) -> float | None:
+        known = stated().get(which)
+        return known[at] if known else None
+
+    def take(at: int, value: float | None) -> None:
+        both = [value if each == at else number(each) for each in (0, 1)]
+        _give({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
+
+    titles = {OWN: f"Its own calibration: {_of_lens(camera)}", TYPED: "Typed"}
+    assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
+    chosen = st.selectbox(
+        f"How well is the {which} lens known?",
+        [*([OWN] if camera.uncertainty else []), NOT_STATED, TYPED],
+        format_func=lambda option: titles.get(option, option),
+        help=HELP.format(assumed=assumed),
+        **Field(key, key, read, choose).widget(),
+    )
+    if chosen != TYPED:
+        return
+    asked = (("focal_percent", "Focal length, ± %", 100), ("centre_px", "Image centre, ± px", 1))
+    for at, (place, (name, title, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
+        own = f"lens_{which}_{name}"
+        _ask_number(
+            own,
+            title,
+            place,
+            scale,
+            partial(number, at),
+            partial(take, at),
+            told="0 holds it as it is given. It counts once both numbers are there.",
+        )
+
+
+def describe_uncertainties(dataset: Dataset) -> str:
+    """The stated and the assumed uncertainties, in words."""
+    sigmas = (dataset.baseline_sigma_m, dataset.target_distance_sigma_m)
+    assumed = (
+        unknowns.DEFAULT_BASELINE * dataset.baseline_m,
+        unknowns.DEFAULT_DISTANCE * dataset.target_distance_m,
+    )
+    parts = []
+    for what, sigma_m, assumed_m in zip(("baseline", "distance A–B"), sigmas, assumed, strict=True):
+        mm = rounded(1000 * (assumed_m if sigma_m is None else sigma_m), 3)
+        if sigma_m == math.inf:
+            parts.append(f"{what} not measured, found from the lengths of the bars")
+        else:
+            parts.append(f"{what} ± {mm} mm{'' if sigma_m is not None else ASSUMED}")
+    for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
+        parts.append(f"{which} lens {_of_lens(camera)}{'' if camera.uncertainty else ASSUMED}")
+    return as_held(f"How well the inputs are known: {'; '.join(parts)}.", dataset)
+
+
+def _of_lens(camera: Camera) -> str:
+    prior = unknowns.lens_prior(camera, None)
+    return f"± {rounded(100 * prior.focal)} % and ± {rounded(prior.centre_px)} px"
 
 
 def object_in_words(project: Project | None) -> str:
@@ -106,58 +316,17 @@ def show_rig(project: Project, dataset: Dataset) -> None:
         )
         own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
         units = () if own else units_that_fit(dataset)
-        for unit in units:
-            _offer(f"They are in {unit}", f"in_{unit}", project, unit, BOTH)
+        offers = [(f"They are in {unit}", f"in_{unit}", unit, BOTH) for unit in units]
         if not own and dataset.target_distance_m > LONG_BAR_M:
-            for unit in ("mm", "cm"):
-                _offer(f"Only A to B is in {unit}", f"bar_in_{unit}", project, unit, BOTH[1:])
+            offers += [
+                (f"Only A to B is in {unit}", f"bar_in_{unit}", unit, BOTH[1:])
+                for unit in ("mm", "cm")
+            ]
+        for label, key, unit, names in offers:
+            take = callback(_take_unit)
+            st.button(label, key=key, on_click=take, args=(project, unit, names))
 
 
-def _offer(label: str, key: str, project: Project, unit: str, names: Sequence[str]) -> None:
-    st.button(label, key=key, on_click=callback(take_unit), args=(project, unit, names))
-
-
-def take_unit(project: Project, unit: str, names: Sequence[str] = BOTH) -> None:
-    """These lengths are in this unit; their uncertainties are as stated.
-
-    Raises:
-        StereocalError: a length or its uncertainty would be impossible; nothing is changed.
-    """
-    lengths = {name: getattr(project.inputs, name) * METRES_PER[unit] for name in names}
-    project.give({}, **lengths)
-
-
-class _Length:
-    """The two fields of a length: the number and its unit."""
-
-    def __init__(self, project: Project | None, name: str) -> None:
-        self.project, self.name = project, name
-        # Each tab may show the length in its own unit.
-        kept = setting(project, f"{name}_unit", "m", one_of(list(METRES_PER)), tabs_own=True)
-        self.unit = replace(kept, write=self._take_unit)
-        key = f"{name}_value"
-        self.number = Field(key, key, self._read, self._take_number)
-
-    def _read(self) -> float | None:
-        metres = getattr(self.project.inputs, self.name) if self.project else None
-        return None if metres is None else float(f"{metres / METRES_PER[self.unit.value()]:.12g}")
-
-    def _take_number(self, number: float | None) -> None:
-        self._take(number, self.unit.value())
-
-    def _take_unit(self, unit: str) -> None:
-        """Keep the number that the field shows, in the new unit."""
-        self._take(self.number.shown(), unit)
-
-    def _take(self, number: float | None, unit: str) -> None:
-        metres = None if number is None else float(number) * METRES_PER[unit]
-        try:
-            self.project = project_to_write()
-            self.project.keep_settings({self.unit.key: unit})
-            given: dict[str, Any] = {self.name: metres}
-            self.project.give({}, **given)
-            clear_refusal()
-        except StereocalError as error:
-            long = number is not None and metres is not None and metres > LONGEST_PLAUSIBLE_M
-            other = partial(self._take, number, "mm")
-            refuse(error, ways={f"It is {number:.10g} mm": other} if long and unit != "mm" else {})
+def _take_unit(project: Project, unit: str, names: Sequence[str]) -> None:
+    """These lengths are in this unit; their uncertainties are as stated."""
+    project.give({}, **{name: getattr(project.inputs, name) * METRES_PER[unit] for name in names})

@@ -244,7 +244,7 @@ def lens_form(project: Project) -> LensSettings:
             else:
                 bounds = bounds_of(about)
                 own = setting(project, f"lens_{name}", about.default, number(*bounds))
-                values[name] = number_input(numbers[len(values)], about, bounds, own)
+                values[name] = number_input(numbers[len(values)], about, own)
     return LensSettings(**values)
 
 

@@ -5,7 +5,8 @@ Streamlit runs callbacks before the page: an error in one would replace the page
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from typing import Literal, NoReturn, ParamSpec, TypeVar
 
@@ -74,6 +75,17 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
     return run
 
 
+@contextmanager
+def errors_shown(show: Callable[[str], object] = st.error, end: bool = False) -> Iterator[None]:
+    """Show a StereocalError of what is inside; after it, `end` ends the page."""
+    try:
+        yield
+    except StereocalError as error:
+        show(escape_markdown(str(error)))
+        if end:
+            end_here()
+
+
 def fragment(function: Callable[P, object], run_every: float | None = None) -> Callable[P, None]:
     """A part of a page that its controls redraw alone; its errors become messages.
 
@@ -85,10 +97,8 @@ def fragment(function: Callable[P, object], run_every: float | None = None) -> C
 
     @wraps(function)
     def draw(*arguments: P.args, **named: P.kwargs) -> None:
-        try:
+        with errors_shown():
             function(*arguments, **named)
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
 
     return st.fragment(draw, run_every=run_every)
 

@@ -36,12 +36,17 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, number, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.long_answers import curves_when_ready
 from stereocal.ui.messages import fragment
 from stereocal.ui.parameter_upload import PURPOSES
-from stereocal.ui.refined import calibrated, key_of, maps_of, misfit_for
+from stereocal.ui.refined import (
+    calibrated,
+    curves_when_ready,
+    key_of,
+    maps_of,
+    misfit_for,
+    refined_switch,
+)
 from stereocal.ui.results import show_recommendation
-from stereocal.ui.sets_in_use import refined_switch
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.in_words import digits, left_out_line, percent
 from stereocal.verdict.tradeoff import costs_of

@@ -12,9 +12,8 @@ from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.projects.recording import RIG_FILES, ProjectRecording
-from stereocal.ui.forms import form_values, search_values, settings_of
+from stereocal.ui.forms import form_values, search_values, settings_of, staleness
 from stereocal.ui.refined import refine_settings
-from stereocal.ui.status import staleness
 
 Mark = Literal["done", "stale", "missing"]
 ICONS: Mapping[Mark, str] = {

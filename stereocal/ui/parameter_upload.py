@@ -25,7 +25,7 @@ from stereocal.ui.fields import Fit, one_of, setting
 from stereocal.ui.foreign import ask, ask_origin, ask_size
 from stereocal.ui.intake import escape_markdown, take_new
 from stereocal.ui.parameter_files import FILES
-from stereocal.ui.sets_in_use import PAPERS
+from stereocal.ui.refined import PAPERS
 from stereocal.ui.wizard import ask_buttons
 
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import PurePath
 from typing import Any
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.field.planning.forecast import PlanForecast, forecast
 from stereocal.field.planning.in_words import answer, points_per_frame
 from stereocal.field.planning.plan import Plan
+from stereocal.figures import plan_errors as figures
 from stereocal.figures.forecast_table import plan_table
-from stereocal.figures.plan_errors import (
-    describe_plan_baselines,
-    describe_plan_depths,
-    describe_plan_map,
-    plot_plan_baselines,
-    plot_plan_depths,
-    plot_plan_map,
-)
 from stereocal.figures.plan_report import how_computed, plan_report
+from stereocal.formats.camera_file import write_camera
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.plan_file import parse_plan, write_plan
+from stereocal.projects.data_folder import default_home
+from stereocal.projects.inputs import LENGTHS, Slot
 from stereocal.projects.project import Project
-from stereocal.rig.camera import LensModel
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
 from stereocal.ui.downloads import offer
@@ -35,7 +32,10 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_new
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import callback
-from stereocal.ui.plan_fields import LONGEST_NAME, show_plan
+from stereocal.ui.navigation import go_to
+from stereocal.ui.plan_fields import LONGEST_NAME, name_field, show_plan
+from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
+from stereocal.ui.project import open_project
 from stereocal.ui.refusal import ask_lens
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import distance, percent
@@ -45,6 +45,7 @@ MOST_PLANS = 3
 INSTANT_FRAMES = 60
 """Up to this number, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
+PLAN, FORECAST = "plan", "plan_forecast"
 
 
 @st.cache_resource(show_spinner=False)
@@ -56,20 +57,18 @@ def _forecasts() -> Latest[PlanForecast]:
 def forecast_of(plan: Plan) -> PlanForecast:
     """The forecast of a plan, with progress where it takes long."""
     key = write_plan(plan).decode()
-    if (kept := _forecasts().get(key)) is not None:
-        return kept
-    if plan.frames <= INSTANT_FRAMES:
-        found = forecast(plan, pool())
-    else:
+    found = _forecasts().get(key)
+    if found is None:
         place = st.empty()
 
         def show(done: int, total: int) -> None:
-            place.progress(done / total, f"{done} of {total} rigs drawn and calibrated.")
+            if plan.frames > INSTANT_FRAMES:
+                place.progress(done / total, f"{done} of {total} rigs drawn and calibrated.")
 
         show(0, 1)
         found = forecast(plan, pool(), progress=show)
         place.empty()
-    _forecasts().keep(key, found)
+        _forecasts().keep(key, found)
     return found
 
 
@@ -91,16 +90,6 @@ def _take_plan(
     project: Project | None, files: dict[str, bytes], model: LensModel | None = None
 ) -> None:
     """Show the plan among uploaded files; if a camera may be a fisheye's, ask."""
-    try:
-        plan = _plan_in(files, model)
-    except FourCoefficientsError as error:
-        ask_lens(error, lambda model: callback(partial(_take_plan, project, files, model))())
-        return
-    show_plan(project, plan)
-    clear_refusal()
-
-
-def _plan_in(files: dict[str, bytes], model: LensModel | None) -> Plan:
     plans = [name for name, content in files.items() if b"stereocal-plan" in content]
     if len(plans) != 1:
         raise StereocalError(
@@ -113,11 +102,18 @@ def _plan_in(files: dict[str, bytes], model: LensModel | None) -> Plan:
             raise StereocalError(f"{plans[0]} names the camera file {name}: upload it too.")
         return files[PurePath(name).name]
 
-    return parse_plan(files[plans[0]], plans[0], beside, model)
+    try:
+        plan = parse_plan(files[plans[0]], plans[0], beside, model)
+    except FourCoefficientsError as error:
+        ask_lens(error, lambda model: callback(partial(_take_plan, project, files, model))())
+        return
+    show_plan(project, plan)
+    clear_refusal()
 
 
-def show_answer(found: PlanForecast) -> None:
-    """What the plan will measure, and what would help."""
+def show_forecast(project: Project | None, plan: Plan) -> None:
+    """What the plan will measure, what would help, errors by place, plans side by side, files."""
+    found = forecast_of(plan)
     st.success(f"**{escape_markdown(answer(found))}**")
     if found.failed:
         st.warning(
@@ -126,90 +122,69 @@ def show_answer(found: PlanForecast) -> None:
         )
     st.markdown("**What would help most**")
     st.markdown("\n".join(f"- {escape_markdown(text)}" for text in found.advice.sentences[:4]))
-
-
-def show_places(project: Project | None, found: PlanForecast) -> None:
-    """Errors by place, from above and from the side."""
     quantity: Any = QUANTITIES[choose(project, "plan_quantity", "Show", QUANTITIES)]
-    show_figure(plot_plan_map(found, quantity), describe_plan_map(found, quantity), "plan_map")
-
-
-def show_curves(found: PlanForecast, others: Sequence[PlanForecast]) -> None:
-    """Errors by depth, of all compared plans, and by baseline."""
+    words = figures.describe_plan_map(found, quantity)
+    show_figure(figures.plot_plan_map(found, quantity), words, "plan_map")
+    others = []
+    for text in _compared(project).value():
+        with suppress(StereocalError):  # of an older version
+            others.append(forecast_of(parse_plan(text.encode(), "plan", str.encode)))
+    plans = [found, *others]
     left, right = st.columns(2, gap="medium")
     with left:
-        plans = [found, *others]
         st.markdown("**Length error by depth**")
-        show_figure(plot_plan_depths(plans), describe_plan_depths(plans), "plan_depths")
+        words = figures.describe_plan_depths(plans)
+        show_figure(figures.plot_plan_depths(plans), words, "plan_depths")
     with right:
         st.markdown("**Length error by baseline**")
-        show_figure(plot_plan_baselines(found), describe_plan_baselines(found), "plan_baselines")
-
-
-def show_details(found: PlanForecast) -> None:
-    """The figures of the files, folded."""
+        words = figures.describe_plan_baselines(found)
+        show_figure(figures.plot_plan_baselines(found), words, "plan_baselines")
+    _compare(project, found, others)
+    _buttons(found)
+    planned_targets_to_print(project, plan)
     with st.expander("What each file will do, and how this was computed"):
         st.table(plan_table(found))
         st.caption(escape_markdown(how_computed(found)))
 
 
-def compared_plans(project: Project | None) -> list[PlanForecast]:
-    """The forecasts of the plans kept for comparison."""
-    found = []
-    for text in _compared(project).value():
-        try:
-            found.append(forecast_of(parse_plan(text.encode(), "plan", str.encode)))
-        except StereocalError:  # of an older version
-            continue
-    return found
-
-
-def show_comparison(
-    project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]
-) -> None:
+def _compare(project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]) -> None:
     """Up to three plans side by side."""
-    kept = _compared(project)
+    kept, named = _compared(project), name_field(project)
     texts = [write_plan(other.plan).decode() for other in others]
     own = write_plan(found.plan).decode()
+
+    def change(plan: Plan, kept_then: list[str]) -> None:
+        show_plan(project, plan)
+        kept.set(kept_then)
+
+    def keep() -> None:
+        kept.set([*texts, own])
+        named.set(f"Plan {len(texts) + 2}")  # of the one that is changed next
+
     if others:
-        columns = st.columns(len(others) + 1)
-        with columns[0], st.container(border=True):
+        first, *columns = st.columns(len(others) + 1)
+        with first, st.container(border=True):
             _summary(found, f"{found.plan.name} (above)")
-        for at, (column, other) in enumerate(zip(columns[1:], others, strict=True)):
-            rest = [text for number, text in enumerate(texts) if number != at]
+        for at, (column, other) in enumerate(zip(columns, others, strict=True)):
+            rest = [*texts[:at], *texts[at + 1 :]]
             with column, st.container(border=True):
                 _summary(other, other.plan.name)
                 with st.container(horizontal=True):
-                    st.button(
-                        "Change this one",
-                        key=f"plan_show_{at}",
-                        on_click=callback(_swap),
-                        args=(project, other.plan, [*rest, own]),
-                    )
-                    st.button(
-                        "Remove", key=f"plan_drop_{at}", on_click=callback(kept.set), args=(rest,)
-                    )
+                    for label, key, use, given in (
+                        ("Change this one", "show", change, (other.plan, [*rest, own])),
+                        ("Remove", "drop", kept.set, (rest,)),
+                    ):
+                        press = callback(use)
+                        st.button(label, key=f"plan_{key}_{at}", on_click=press, args=given)
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.text_input("Name of this plan", max_chars=LONGEST_NAME, **_name(project).widget())
+        st.text_input("Name of this plan", max_chars=LONGEST_NAME, **named.widget())
         st.button(
             "Keep it to compare",
             key="plan_keep",
-            on_click=callback(_keep),
-            args=(project, [*texts, own]),
+            on_click=callback(keep),
             disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
             help="Then change the plan: up to three are shown side by side.",
         )
-
-
-def _keep(project: Project | None, kept: list[str]) -> None:
-    """Keep a plan; the one that is changed next gets a name of its own."""
-    _compared(project).set(kept)
-    _name(project).set(f"Plan {len(kept) + 1}")
-
-
-def _swap(project: Project | None, plan: Plan, kept: list[str]) -> None:
-    show_plan(project, plan)
-    _compared(project).set(kept)
 
 
 def _summary(found: PlanForecast, title: str) -> None:
@@ -223,23 +198,73 @@ def _summary(found: PlanForecast, title: str) -> None:
     )
 
 
-def plan_downloads(found: PlanForecast) -> None:
-    """The plan, its forecast, and the report."""
-    for label, make, name in (
-        ("Save plan", partial(write_plan, found.plan), "plan.json"),
-        ("Forecast", found.dumps, "forecast.json"),
-        ("Report", partial(plan_report, found), "report.html"),
-    ):
-        offer(label, make, name, f"download_{name}")
-
-
 def _compared(project: Project | None) -> Field:
-    return setting(project, "plan_compared", [], _texts)
+    """The files of the plans kept for comparison."""
+    return setting(
+        project, "plan_compared", [], lambda texts: [str(text) for text in texts][: MOST_PLANS - 1]
+    )
 
 
-def _name(project: Project | None) -> Field:
-    return setting(project, "plan_name", "Plan", str)
+def _buttons(found: PlanForecast) -> None:
+    """A project from the plan; the plan, its forecast, the report, and the field sheet."""
+    with st.container(horizontal=True):
+        st.button(
+            "Start a project from it",
+            type="primary",
+            key="plan_start",
+            on_click=start_project,
+            args=(found,),
+            help="A new project with these cameras and uncertainties, and with these lengths until "
+            "they are measured. The forecast is then shown beside the result.",
+        )
+        for label, make, name in (
+            ("Save plan", partial(write_plan, found.plan), "plan.json"),
+            ("Forecast", found.dumps, "forecast.json"),
+            ("Report", partial(plan_report, found), "report.html"),
+        ):
+            offer(label, make, name, f"download_{name}")
+        field_sheet_to_print(found.plan)
 
 
-def _texts(value: Any) -> list[str]:
-    return [str(text) for text in value][: MOST_PLANS - 1]
+@callback
+def start_project(found: PlanForecast) -> None:
+    """Create a project as the plan states it, and open its Data page (a callback)."""
+    project = Project.create(default_home())
+    plan, own = found.plan, found.plan.uncertainty
+    files: dict[Slot, tuple[str, bytes]] = {}
+    known = {}
+    stated = (plan.stated_primary, plan.stated_secondary)
+    for which, camera in zip(CAMERAS, stated, strict=True):
+        if isinstance(camera, Camera):
+            files[which] = (f"{which}.json", write_camera(camera))
+            known[which] = [own.focal, own.centre_px]
+    project.give(
+        files,
+        name=plan.name,
+        baseline_m=plan.baseline_m,
+        target_distance_m=plan.bar_m,
+        planned=list(LENGTHS),
+        baseline_sigma_m=own.baseline_m or None,
+        target_distance_sigma_m=own.bar_m or None,
+        lens_known=known,
+    )
+    project.keep_settings({PLAN: write_plan(plan).decode(), FORECAST: found.to_json()})
+    show_plan(project, plan)
+    open_project(project.id)
+    go_to("data")
+
+
+def show_planned(project: Project) -> None:
+    """What the plan of this project expected, in one line; nothing without a plan."""
+    kept: Any = project.settings.get(FORECAST)
+    with suppress(*DAMAGED):
+        methods = [
+            f"{title} {percent(own['value'])} % ({percent(own['low'])} to {percent(own['high'])})"
+            for method, title in (("2d", "2D"), ("3d", "3D"), ("refined", "refined"))
+            for own in (kept["methods"][method]["median_error_3d"],)
+        ]
+        line = (
+            f"The plan expected these median length errors: {', '.join(methods)}; 95 % of field "
+            "days are within the brackets."
+        )
+        st.caption(escape_markdown(line))

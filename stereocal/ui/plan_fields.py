@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.field.planning.common_cameras import COMMON
@@ -25,7 +28,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
-from stereocal.ui.fields import Field, Fit, number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_one
 from stereocal.ui.messages import callback
 from stereocal.ui.refusal import ask_lens
@@ -37,9 +40,57 @@ LENGTHS = tuple(float(f"{tens * 10.0**power:.3g}") for power in range(-2, 3) for
 """Steps of sliders of lengths in metres, 0.01 to 900."""
 FRAMES = (5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300, 500, 1000, 2000)
 USUAL = Uncertainty()
-BAR_M, NOISE_PX, MM = (0.0, 1000.0), (0.0, 20.0), (SMALLEST_MM, LARGEST_MM)
+POSITIVE = Number(0.0)
+MM = Number(SMALLEST_MM, LARGEST_MM)
 TOE_IN_DEG = (-10.0, 60.0)
 LONGEST_NAME = 200
+NAME = "plan_name"
+TOE_IN, HIGHER = "Each camera turned in by (°)", "Secondary higher by (m)"
+BAR, NOISE = "Bar: distance of the two targets (m)", "Noise of a target in the image (px)"
+NOISES = "0.1 to 0.3 px for detected targets; 1 px or more for clicked points."
+
+
+@dataclass(frozen=True)
+class _Control:
+    """The field of one number of the plan."""
+
+    of: str
+    """The attribute of the plan."""
+    title: str
+    usual: float
+    bounds: Number = POSITIVE
+    options: Sequence[float] = ()
+    """Of a slider."""
+    scale: float = 1
+    """From the plan's unit to the field's."""
+    step: float = 0.1
+    help: str | None = None
+
+
+_NUMBERS = {
+    "baseline_m": _Control("stated_pose.baseline_m", "Baseline (m)", 4.5, options=LENGTHS),
+    "toe_in_deg": _Control("stated_pose.toe_in_deg", TOE_IN, 10.0, Number(-80.0, 80.0)),
+    "near_m": _Control("near_m", "Nearest, ahead of the primary camera (m)", 8.0, options=LENGTHS),
+    "far_m": _Control("far_m", "Farthest (m)", 25.0, options=LENGTHS),
+    "bar_m": _Control("bar_m", BAR, 0.9, Number(0.0, 1000.0), step=0.05),
+    "frames": _Control("frames", "Frames of the bar", 25, Number(1), FRAMES),
+    "noise_px": _Control("noise_px", NOISE, 0.2, Number(0.0, 20.0), step=0.05, help=NOISES),
+    "focal_percent": _Control("uncertainty.focal", "Focal lengths, ± %", USUAL.focal, scale=100),
+    "centre_px": _Control(
+        "uncertainty.centre_px", "Image centres, ± px", USUAL.centre_px, step=1.0
+    ),
+    "baseline_mm": _Control(
+        "uncertainty.baseline_m", "Baseline, ± mm", USUAL.baseline_m, scale=1000, step=1.0
+    ),
+    "bar_mm": _Control("uncertainty.bar_m", "Bar, ± mm", USUAL.bar_m, scale=1000),
+    "height_m": _Control("stated_pose.height_difference_m", HIGHER, 0.0, Number(-1000.0, 1000.0)),
+}
+_SENSOR = {
+    "width_mm": ("Sensor width (mm)", 23.5, MM),
+    "height_mm": ("Sensor height (mm)", 15.6, MM),
+    "width_px": ("Image width (px)", 6000, Number(1)),
+    "height_px": ("Image height (px)", 4000, Number(1)),
+}
 
 
 def plan_controls(project: Project | None) -> Plan:
@@ -50,102 +101,87 @@ def plan_controls(project: Project | None) -> Plan:
     """
     cameras = _cameras(project)
     pose = _pose(project)
-    near, far = _range(project)
-    bar, frames, noise = st.columns(3)
-    bar_m = bar.number_input(
-        "Bar: distance of the two targets (m)",
-        *BAR_M,
-        step=0.05,
-        format="%.4g",
-        **field(project, "bar_m").widget(),
-    )
-    count = field(project, "frames")
-    frames_chosen = frames.select_slider(
-        "Frames of the bar", _with(FRAMES, count.value()), **count.widget()
-    )
-    noise_px = noise.number_input(
-        "Noise of a target in the image (px)",
-        *NOISE_PX,
-        step=0.05,
-        format="%.3g",
-        help="0.1 to 0.3 px for detected targets; 1 px or more for clicked points.",
-        **field(project, "noise_px").widget(),
-    )
-    known = _known(project)
+    near_m, far_m = _ask(project, st.columns(2), "near_m", "far_m")
+    bar_m, frames, noise_px = _ask(project, st.columns(3), "bar_m", "frames", "noise_px")
+    with st.expander("How well known, and heights"):
+        names = ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m")
+        *known, _ = _ask(project, st.columns(5), *names)
+    name = str(name_field(project).value()) or "Plan"
     return Plan(
-        str(field(project, "name").value()) or "Plan",
-        *cameras,
-        pose,
-        near,
-        far,
-        bar_m,
-        int(frames_chosen),
-        noise_px,
-        known,
+        name, *cameras, pose, near_m, far_m, bar_m, int(frames), noise_px, Uncertainty(*known)
     )
 
 
-def field(project: Project | None, name: str) -> Field:
-    """One of the plain values of the plan."""
-    usual, fit = _PLAIN[name]
-    return setting(project, f"plan_{name}", usual, fit)
+def _field(project: Project | None, name: str) -> Field:
+    asked = _NUMBERS[name]
+    return setting(project, f"plan_{name}", asked.scale * asked.usual, asked.bounds)
+
+
+def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str) -> list[Any]:
+    """Draw fields beside each other; their values in the plan's units."""
+    found = []
+    for place, name in zip(places, names, strict=True):
+        asked, own = _NUMBERS[name], _field(project, name)
+        if asked.options:
+            options = sorted({*asked.options, own.value()})
+            found.append(place.select_slider(asked.title, options, **own.widget()))
+        else:
+            value = own.number_input(asked.title, place, step=asked.step, help=asked.help)
+            found.append(value / asked.scale)
+    return found
+
+
+def name_field(project: Project | None) -> Field:
+    """The name of the plan."""
+    return setting(project, NAME, "Plan", str)
+
+
+def _alike(project: Project | None) -> Field:
+    return setting(project, "plan_alike", True, yes_or_no)
+
+
+def _stated_pose(project: Project | None) -> Field:
+    """R and T of a plan that states them; None for cameras that are aimed."""
+    return setting(project, "plan_stated_pose", None, _pose_or_none)
 
 
 def show_plan(project: Project | None, plan: Plan) -> None:
     """Set all controls to a plan."""
-    pose, own = plan.stated_pose, plan.uncertainty
-    values: dict[str, Any] = {
-        "name": plan.name,
-        "bar_m": plan.bar_m,
-        "frames": plan.frames,
-        "noise_px": plan.noise_px,
-        "focal_percent": 100 * own.focal,
-        "centre_px": own.centre_px,
-        "baseline_mm": 1000 * own.baseline_m,
-        "bar_mm": 1000 * own.bar_m,
-        "near_m": plan.near_m,
-        "far_m": plan.far_m,
-        "stated_pose": None,
-        "alike": plan.stated_primary == plan.stated_secondary,
-    }
-    if isinstance(pose, AimedPose):
-        values |= {
-            "baseline_m": pose.baseline_m,
-            "toe_in_deg": pose.toe_in_deg,
-            "height_m": pose.height_difference_m,
-        }
-    else:
-        values["stated_pose"] = {"R": pose.R.tolist(), "T": pose.T.tolist()}
-    for name, value in values.items():
-        field(project, name).set(value)
-    for which, stated in zip(CAMERAS, (plan.stated_primary, plan.stated_secondary), strict=True):
-        _show_camera(project, which, stated)
+    pose = plan.stated_pose
+    stated = None if isinstance(pose, AimedPose) else {"R": pose.R.tolist(), "T": pose.T.tolist()}
+    name_field(project).set(plan.name)
+    _alike(project).set(plan.stated_primary == plan.stated_secondary)
+    _stated_pose(project).set(stated)
+    for name, asked in _NUMBERS.items():
+        if stated is None or not asked.of.startswith("stated_pose."):
+            _field(project, name).set(asked.scale * attrgetter(asked.of)(plan))
+    for which, camera in zip(CAMERAS, (plan.stated_primary, plan.stated_secondary), strict=True):
+        _show_camera(project, which, camera)
 
 
 def _show_camera(project: Project | None, which: CameraName, stated: Camera | SensorLens) -> None:
-    if isinstance(stated, Camera):
-        _file(project, which).set(write_camera(stated).decode())
-        _choice(project, which).set(FILE)
-        return
-    for name, common in COMMON.items():
-        if common.lens(stated.focal_mm) == stated:
-            _choice(project, which).set(name)
-            _focal(project, which, name).set(stated.focal_mm)
-            return
-    if stated.model == "fisheye":  # a sensor that is typed has the usual lens
-        _file(project, which).set(write_camera(stated.camera).decode())
-        _choice(project, which).set(FILE)
-        return
-    _choice(project, which).set(OTHER)
-    _focal(project, which, OTHER).set(stated.focal_mm)
-    for own, value in zip(
-        _sensor(project, which), (*stated.sensor_mm, *stated.image_size), strict=True
-    ):
-        own.set(value)
+    known = (
+        name
+        for name, common in COMMON.items()
+        if isinstance(stated, SensorLens) and common.lens(stated.focal_mm) == stated
+    )
+    choice = next(known, OTHER)
+    # A sensor that is typed has the usual lens.
+    if isinstance(stated, Camera) or (choice == OTHER and stated.model == "fisheye"):
+        camera = stated if isinstance(stated, Camera) else stated.camera
+        _file(project, which).set(write_camera(camera).decode())
+        choice = FILE
+    else:
+        _focal(project, which, choice).set(stated.focal_mm)
+        if choice == OTHER:
+            sizes = (*stated.sensor_mm, *stated.image_size)
+            for name, value in zip(_SENSOR, sizes, strict=True):
+                _sensor(project, which, name).set(value)
+    _choice(project, which).set(choice)
 
 
 def _cameras(project: Project | None) -> tuple[Camera | SensorLens, Camera | SensorLens]:
-    alike = field(project, "alike")
+    alike = _alike(project)
     one = "Both cameras" if alike.value() else "Primary camera, on the left"
     primary = _camera(project, "primary", one)
     st.toggle("Both cameras are alike", **alike.widget())
@@ -160,24 +196,15 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Camera | 
     if chosen == FILE:
         with right:
             return _from_file(project, which)
-    focal = right.number_input(
-        "Focal length (mm)",
-        *MM,
-        step=1.0,
-        format="%.4g",
-        help="The lens's own, not the 35 mm equivalent.",
-        **_focal(project, which, chosen).widget(),
+    focal = _focal(project, which, chosen).number_input(
+        "Focal length (mm)", right, step=1.0, help="The lens's own, not the 35 mm equivalent."
     )
     if chosen != OTHER:
         return COMMON[chosen].lens(focal)
-    titles = ("Sensor width (mm)", "Sensor height (mm)", "Image width (px)", "Image height (px)")
-    numbers = [
-        column.number_input(name, min_value=own_least, **own.widget())
-        for column, name, own, own_least in zip(
-            st.columns(4), titles, _sensor(project, which), (MM[0], MM[0], 1, 1), strict=True
-        )
-    ]
-    width, height, across, down = numbers
+    width, height, across, down = (
+        _sensor(project, which, name).number_input(_SENSOR[name][0], place)
+        for name, place in zip(_SENSOR, st.columns(4), strict=True)
+    )
     return SensorLens(focal, (width, height), (int(across), int(down)))
 
 
@@ -207,7 +234,7 @@ def take_camera(kept: Field, name: str, content: bytes, model: LensModel | None 
 
 
 def _pose(project: Project | None) -> Pose | AimedPose:
-    stated = field(project, "stated_pose")
+    stated = _stated_pose(project)
     if stated.value() is not None:
         pose = _pose_of(stated.value())
         left, right = st.columns([3, 2], vertical_alignment="center")
@@ -222,59 +249,17 @@ def _pose(project: Project | None) -> Pose | AimedPose:
         )
         return pose
     left, right = st.columns(2)
-    baseline = field(project, "baseline_m")
-    baseline_m = left.select_slider(
-        "Baseline (m)", _with(LENGTHS, baseline.value()), **baseline.widget()
-    )
-    turned = field(project, "toe_in_deg")
-    lowest, highest = min(TOE_IN_DEG[0], turned.value()), max(TOE_IN_DEG[1], turned.value())
+    (baseline_m,) = _ask(project, [left], "baseline_m")
+    turned = _field(project, "toe_in_deg")
     toe = right.slider(
-        "Each camera turned in by (°)",
-        lowest,
-        highest,
+        TOE_IN,
+        min(TOE_IN_DEG[0], turned.value()),
+        max(TOE_IN_DEG[1], turned.value()),
         step=0.5,
         help="From parallel. Both optical axes then meet in front of the middle of the baseline.",
         **turned.widget(),
     )
-    return AimedPose(baseline_m, toe, field(project, "height_m").value())
-
-
-def _range(project: Project | None) -> tuple[float, float]:
-    titles = {"near_m": "Nearest, ahead of the primary camera (m)", "far_m": "Farthest (m)"}
-    near, far = (
-        column.select_slider(title, _with(LENGTHS, own.value()), **own.widget())
-        for column, (title, own) in zip(
-            st.columns(2),
-            ((title, field(project, name)) for name, title in titles.items()),
-            strict=True,
-        )
-    )
-    return float(near), float(far)
-
-
-def _known(project: Project | None) -> Uncertainty:
-    with st.expander("How well known, and heights"):
-        columns = st.columns(5)
-        for column, name, title, step in zip(
-            columns,
-            ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m"),
-            (
-                "Focal lengths, ± %",
-                "Image centres, ± px",
-                "Baseline, ± mm",
-                "Bar, ± mm",
-                "Secondary higher by (m)",
-            ),
-            (0.1, 1.0, 1.0, 0.1, 0.1),
-            strict=True,
-        ):
-            column.number_input(title, step=step, format="%.4g", **field(project, name).widget())
-    return Uncertainty(
-        field(project, "focal_percent").value() / 100,
-        field(project, "centre_px").value(),
-        field(project, "baseline_mm").value() / 1000,
-        field(project, "bar_mm").value() / 1000,
-    )
+    return AimedPose(baseline_m, toe, _field(project, "height_m").value())
 
 
 def _choice(project: Project | None, which: CameraName) -> Field:
@@ -285,17 +270,12 @@ def _focal(project: Project | None, which: CameraName, camera: str) -> Field:
     """Each camera of the list keeps its own focal length."""
     usual = COMMON[camera].focal_mm if camera in COMMON else 50.0
     name = f"plan_{which}_focal_{camera}"
-    return setting(project, f"plan_{which}_focal", usual, number(*MM), name=name)
+    return setting(project, f"plan_{which}_focal", usual, MM, name=name)
 
 
-def _sensor(project: Project | None, which: CameraName) -> list[Field]:
-    """Width and height in mm, and in pixels."""
-    usual = (23.5, 15.6, 6000, 4000)
-    names = ("width_mm", "height_mm", "width_px", "height_px")
-    return [
-        setting(project, f"plan_{which}_{name}", own, number(type(own)(0)))
-        for name, own in zip(names, usual, strict=True)
-    ]
+def _sensor(project: Project | None, which: CameraName, name: str) -> Field:
+    _, usual, bounds = _SENSOR[name]
+    return setting(project, f"plan_{which}_{name}", usual, bounds)
 
 
 def _file(project: Project | None, which: CameraName) -> Field:
@@ -303,39 +283,12 @@ def _file(project: Project | None, which: CameraName) -> Field:
     return setting(project, f"plan_{which}_file", None, lambda text: text and str(text))
 
 
-def _pose_or_none(value: Any) -> dict[str, Any] | None:
-    if value is None:
-        return None
+def _pose_or_none(value: Any) -> Any:
     try:
-        pose = _pose_of(value)
+        return value and _pose_of(value) and value
     except DAMAGED as error:
         raise ValueError(value) from error
-    return {"R": pose.R.tolist(), "T": pose.T.tolist()}
 
 
 def _pose_of(value: Mapping[str, Any]) -> Pose:
     return Pose(*(np.array(value[key], dtype=np.float64) for key in ("R", "T")))
-
-
-def _with(options: Sequence[Any], value: Any) -> list[Any]:
-    """The options of a slider, with its value among them."""
-    return sorted({*options, value})
-
-
-_PLAIN: dict[str, tuple[Any, Fit]] = {
-    "name": ("Plan", str),
-    "alike": (True, yes_or_no),
-    "baseline_m": (4.5, number(0.0)),
-    "toe_in_deg": (10.0, number(-80.0, 80.0)),
-    "height_m": (0.0, number(-1000.0, 1000.0)),
-    "stated_pose": (None, _pose_or_none),
-    "near_m": (8.0, number(0.0)),
-    "far_m": (25.0, number(0.0)),
-    "bar_m": (0.9, number(*BAR_M)),
-    "frames": (25, number(1)),
-    "noise_px": (0.2, number(*NOISE_PX)),
-    "focal_percent": (100 * USUAL.focal, number(0.0)),
-    "centre_px": (USUAL.centre_px, number(0.0)),
-    "baseline_mm": (1000 * USUAL.baseline_m, number(0.0)),
-    "bar_mm": (1000 * USUAL.bar_m, number(0.0)),
-}

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
@@ -23,12 +24,13 @@ from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, choose, number, setting
+from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, held_kind, held_tags
+from stereocal.ui.messages import errors_shown
 from stereocal.ui.texts import escape_markdown
 
 AT_TRUE_SCALE = 'Print at 100 % ("actual size"): the sheet has a scale of 100 mm to check it by.'
-CORNERS, SIDE_MM, USUAL_SIDE_MM, USUAL_TAG_MM = (3, 100), (5.0, 1000.0), 180.0, 80.0
+CORNERS, SIDE_MM = Number(3, 100), Number(5.0, 1000.0)
 
 
 def board_to_print(project: Project | None) -> None:
@@ -60,37 +62,27 @@ def _board(project: Project | None) -> None:
     paper, *places = st.columns(3)
     named = _paper(project, paper, "board")
     columns, rows = (
-        place.number_input(
-            f"Inner corners, {way} way",
-            *CORNERS,
-            step=1,
-            **setting(project, f"print_{name}", usual, number(*CORNERS)).widget(),
+        setting(project, f"print_{name}", usual, CORNERS).number_input(
+            f"Inner corners, {way} way", place, step=1
         )
         for place, way, name, usual in zip(
             places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
         )
     )
-    try:
+    with errors_shown(st.info):
         board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
-    except StereocalError as error:
-        st.info(str(error))
-        return
-    seen = (
-        f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board should "
-        "fill half of the image or more at the distance of your recordings: take larger paper "
-        "where it does not."
-    )
-    _sheet(lambda: print_board(board, paper_named(named)), "board", seen)
+        seen = (
+            f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
+            "should fill half of the image or more at the distance of your recordings: take larger "
+            "paper where it does not."
+        )
+        _sheet(lambda: print_board(board, paper_named(named)), "board", seen)
 
 
 def _bar(project: Project | None, focal_px: float | None) -> None:
     left, right = st.columns(2)
     named = _paper(project, left, "targets")
-    side_mm = _side(
-        right,
-        "Side of a target (mm)",
-        setting(project, "print_side_mm", USUAL_SIDE_MM, number(*SIDE_MM)),
-    )
+    side_mm = _size(project, right, "Side of a target (mm)", "print_side_mm", 180.0)
     seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
     _sheet(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
 
@@ -98,11 +90,7 @@ def _bar(project: Project | None, focal_px: float | None) -> None:
 def _tags(project: Project | None) -> None:
     paper, side, tags = st.columns(3)
     named = _paper(project, paper, "tags")
-    side_mm = _side(
-        side,
-        "Side of a black square (mm)",
-        setting(project, "print_tag_mm", USUAL_TAG_MM, number(*SIDE_MM)),
-    )
+    side_mm = _size(project, side, "Side of a black square (mm)", "print_tag_mm", 80.0)
     text = tags.text_input(TAGS_TITLE, **held_tags(project, "print_tags").widget())
 
     def sheet() -> Sheet:
@@ -113,9 +101,18 @@ def _tags(project: Project | None) -> None:
     _sheet(sheet, "tags")
 
 
-def _side(place: st.delta_generator.DeltaGenerator, title: str, field: Field) -> float:
-    side: float = place.number_input(title, *SIDE_MM, step=5.0, format="%.10g", **field.widget())
-    return side
+def _size(
+    project: Project | None,
+    place: DeltaGenerator,
+    title: str,
+    key: str,
+    usual: float,
+    bounds: Number = SIDE_MM,
+    help_: str | None = None,
+) -> float:
+    own = setting(project, key, usual, bounds)
+    size: float = own.number_input(title, place, step=5.0, format="%.10g", help=help_)
+    return size
 
 
 def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
@@ -123,27 +120,25 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
     with st.expander("Print the targets"):
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
-        least_px = right.number_input(
-            "Width in the image at the far end (px)",
-            *DETECTED_PX,
-            step=5.0,
-            format="%.10g",
-            help="50 px are located well, also tilted; 20 px are the least.",
-            **setting(project, "print_px", GOOD_PX, number(*DETECTED_PX)).widget(),
-        )
+        title = "Width in the image at the far end (px)"
+        tilted = "50 px are located well, also tilted; 20 px are the least."
+        least_px = _size(project, right, title, "print_px", GOOD_PX, Number(*DETECTED_PX), tilted)
         size = planned_target(plan, least_px)
         _sheet(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 
 
 def _sheet(make: Callable[[], Sheet], what: str, seen: str = "") -> None:
-    """The sheet, or why it cannot be printed."""
+    """Buttons for the sheet in each format, or why it cannot be printed."""
     try:
         sheet = make()
     except StereocalError as error:
         st.info(escape_markdown(f"{seen} {error}".strip()))
         return
     st.markdown(f"{seen} {AT_TRUE_SCALE}")
-    _downloads(sheet, what)
+    with st.container(horizontal=True):
+        for suffix, content in (("pdf", sheet.pdf), ("svg", sheet.svg)):
+            name = f"{what}.{suffix}"
+            offer(name, content, name, f"download_{what}_{suffix}")
 
 
 def field_sheet_to_print(plan: Plan) -> None:
@@ -153,21 +148,11 @@ def field_sheet_to_print(plan: Plan) -> None:
     except StereocalError as error:
         st.caption(f"No field sheet: {error}")
         return
-    offer(
-        "Field sheet (PDF)", partial(field_sheet, plan), "field_sheet.pdf", "download_field_sheet"
-    )
+    make, name = partial(field_sheet, plan), "field_sheet.pdf"
+    offer("Field sheet (PDF)", make, name, "download_field_sheet")
 
 
-def _paper(project: Project | None, place: st.delta_generator.DeltaGenerator, what: str) -> str:
-    named: str = choose(
-        project, f"print_paper_{what}", "Paper", PAPERS, place=place, tabs_own=False, as_menu=True
-    )
+def _paper(project: Project | None, place: DeltaGenerator, what: str) -> str:
+    key = f"print_paper_{what}"
+    named: str = choose(project, key, "Paper", PAPERS, place=place, tabs_own=False, as_menu=True)
     return named
-
-
-def _downloads(sheet: Sheet, what: str) -> None:
-    """One button for each format; the file is made when it is pressed."""
-    with st.container(horizontal=True):
-        for suffix, content in (("pdf", sheet.pdf), ("svg", sheet.svg)):
-            name = f"{what}.{suffix}"
-            offer(name, content, name, f"download_{what}_{suffix}")

@@ -1,18 +1,22 @@
-"""The form of the refined method, and its results, cached by data set and settings."""
+"""The refined method: its form, its results, cached by data set and settings, and which set to use.
+
+Answers about long recordings are computed in jobs, because no draw of a page may wait for them.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, get_args
 
 import streamlit as st
 
-from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation
+from stereocal.projects.application import Use
 from stereocal.projects.project import Project
 from stereocal.projects.recording import REFINED
 from stereocal.refined.misfit import Misfit, misfit_of
@@ -24,11 +28,12 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, number, setting
+from stereocal.ui.fields import Field, Number, one_of, setting, some_of, yes_or_no
 from stereocal.ui.forms import search_values
+from stereocal.ui.lengths import describe_uncertainties
 from stereocal.ui.messages import readable
+from stereocal.ui.screening import is_long
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.uncertainties import describe_uncertainties
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 from stereocal.workflow import Answer, answer, calibrate
@@ -38,6 +43,7 @@ MAP_SIZE = 45
 MOST_ANSWERS = 32
 """More than people at work at once; one takes 12 to 18 MB."""
 ANSWER_STEPS = ("refined", "forecast")
+PAPERS: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
 
 
 def key_of(calibration: Calibration) -> str:
@@ -70,23 +76,16 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
         return refine_settings(project, dataset)
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
-    free = _free(project)
     st.multiselect(
         "Estimate the distortion of",
         CAMERAS,
         placeholder="no camera: as its file says",
         help="k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders.",
-        **free.widget(),
+        **_free(project).widget(),
     )
     with st.expander("Noise of the images"):
-        st.number_input(
-            "Noise of an image point, px",
-            0.0,
-            1e5,
-            format="%.4g",
-            help="0: found from the images.",
-            **_noise(project).widget(),
-        )
+        told = "0: found from the images."
+        _noise(project).number_input("Noise of an image point, px", help=told)
     return refine_settings(project, dataset)
 
 
@@ -111,13 +110,11 @@ def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
 
 
 def _noise(project: Project) -> Field:
-    return setting(project, "refine_sigma_px", 0.0, number(0.0, 1e5))
+    return setting(project, "refine_sigma_px", 0.0, Number(0.0, 1e5))
 
 
 def _free(project: Project) -> Field:
-    return setting(
-        project, "free_distortion", [], lambda value: [name for name in CAMERAS if name in value]
-    )
+    return setting(project, "free_distortion", [], some_of(CAMERAS))
 
 
 @st.cache_resource(show_spinner="Refining.", max_entries=16, hash_funcs=BY_CONTENT)
@@ -184,23 +181,61 @@ def answer_for(
         evaluation: made with the calibration; None if there is none.
         step: called with the name of each of `ANSWER_STEPS` when it starts.
     """
-    key = _answer_key(calibration, settings, evaluation)
-    found = _answers().get(key)
-    if found is None:
+
+    def make() -> Answer:
         step("refined")
         whole = replace(calibration, refined=refined_for(calibration, settings))
         step("forecast")
         outlook = None if whole.refined is None else outlook_for(whole)
-        found = jobs.compute(answer, whole, outlook, evaluation)
-        _answers().keep(key, found)
+        return jobs.compute(answer, whole, outlook, evaluation)
+
+    found: Answer = _made().once(_answer_key(calibration, settings, evaluation), make)
     return found
 
 
-def kept_answer(
-    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
-) -> Answer | None:
-    """The answer if it was made already, else None."""
-    return _answers().get(_answer_key(calibration, settings, evaluation))
+def answer_when_ready(project: Project, calibration: Calibration) -> Answer | None:
+    """What the stored result tells: at once, or for a long recording from a job, which is shown.
+
+    Returns:
+        None while the job runs, or if it did not come to its end.
+    """
+    if not is_long(calibration.dataset) or jobs.is_running(project, "calibration"):
+        return answer_of(project, calibration)
+    evaluation = readable(lambda: project.calibration_evaluation)
+    settings = refine_settings(project, calibration.dataset)
+
+    def run(job: jobs.Job) -> bool:
+        def step(name: str) -> None:
+            job.progress(ANSWER_STEPS.index(name), len(ANSWER_STEPS))
+
+        found = answer_for(calibration, settings, evaluation, step)
+        # For One set or two, which shows it: 9 s for 20,000 frames.
+        return found.outlook is None or bool(found.outlook.advice)
+
+    digest = None if evaluation is None else evaluation.settings.to_json()
+    about = {**_about(calibration.dataset, settings), "evaluation": digest}
+    work = jobs.Work(project, "answer", ("steps",), about, run)
+    made: Answer | None = _when_made(_answer_key(calibration, settings, evaluation), work)
+    return made
+
+
+def _about(dataset: Dataset, settings: RefineSettings) -> dict[str, Any]:
+    return {"dataset": dataset.sha256, "settings": settings.to_json()}
+
+
+def _when_made(key: str, work: jobs.Work) -> Any:
+    """What is made already; else its job is started, unless it has failed or was cancelled."""
+    found = _made().get(key)
+    if found is not None:
+        return found
+    last = jobs.job_of(work.project, work.kind)
+    ended = last is not None and last.state in ("failed", "cancelled")
+    if not ended:  # what was made is kept in memory: after a restart it is made again
+        jobs.start(work)
+    jobs.show_job(work.project, work.kind, "Cancelled.", work)
+    if ended:
+        jobs.start_button(work, "Compute it", f"again_{work.kind}", primary=False)
+    return None
 
 
 def _answer_key(
@@ -217,9 +252,9 @@ def _poses(calibration: Calibration) -> list[list[float]]:
 
 
 @st.cache_resource(show_spinner=False)
-def _answers() -> Latest[Answer]:
-    """The last answers, by all that they depend on; jobs make them too."""
-    return Latest(MOST_ANSWERS)
+def _made() -> Latest[Any]:
+    """The last answers and trade-offs, by all that they depend on; jobs make them too."""
+    return Latest(2 * MOST_ANSWERS)
 
 
 @st.cache_resource(
@@ -237,34 +272,48 @@ def misfit_for(dataset: Dataset, settings: RefineSettings) -> Misfit:
     return jobs.compute(misfit_of, refined_of(dataset, settings))
 
 
-def curves_of(
-    dataset: Dataset,
-    settings: RefineSettings,
-    progress: Callable[[int, int], None] | None = None,
-    cancelled: Callable[[], bool] | None = None,
+def curves_when_ready(
+    project: Project, dataset: Dataset, settings: RefineSettings
 ) -> TradeOff | None:
-    """The trade-off; None if cancelled. Arguments and errors as of `trade_off`."""
+    """The trade-off: at once, or for a long recording from a job, as in `answer_when_ready`."""
     key = _key(dataset, settings)
-    found = _traced().get(key)
-    if found is None:
-        found = jobs.compute(trade_off, dataset, settings, progress=progress, cancelled=cancelled)
-        if found is not None:
-            _traced().keep(key, found)
+    found: TradeOff | None
+    if not is_long(dataset):
+        with st.spinner("Tracing the trade-off."):
+            found = _made().once(key, lambda: jobs.compute(trade_off, dataset, settings))
+        return found
+
+    def run(job: jobs.Job) -> bool:
+        traced = jobs.compute(
+            trade_off, dataset, settings, progress=job.progress, cancelled=lambda: job.cancelled
+        )
+        if traced is not None:
+            _made().keep(key, traced)
+        return traced is not None
+
+    about = _about(dataset, settings)
+    found = _when_made(key, jobs.Work(project, "trade_off", ("fits",), about, run))
     return found
-
-
-def kept_curves(dataset: Dataset, settings: RefineSettings) -> TradeOff | None:
-    """The trade-off if it was computed already, else None."""
-    return _traced().get(_key(dataset, settings))
-
-
-@st.cache_resource(show_spinner=False)
-def _traced() -> Latest[TradeOff]:
-    """The last trade-offs; jobs make them too."""
-    return Latest(MOST_ANSWERS)
 
 
 def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> str:
     """Includes name and notes: another project with equal numbers must not show them."""
     words = [*dataset.identity, settings.to_json()]
     return json.dumps(words, sort_keys=True)
+
+
+def set_in_use(project: Project, use: Use, answer: Answer) -> Field:
+    """The set of a result to match or to measure with: as recommended until the user chooses."""
+    return setting(project, f"apply_{use}", answer.recommendation.use[use], one_of([*answer.sets]))
+
+
+def refined_switch(project: Project, use: Use, answer: Answer) -> Field:
+    """The same choice as `set_in_use`, as a switch between the refined set and the paper's."""
+    chosen, papers = set_in_use(project, use, answer), PAPERS[use]
+    return Field(
+        f"refined_{papers}",
+        f"refined_{papers}",
+        lambda: chosen.value() == "refined",
+        lambda on: chosen.set("refined" if on else papers),
+        fit=yes_or_no,
+    )

@@ -10,6 +10,8 @@ from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.space import VIEWS
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.matching.application import Outcome
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
@@ -19,8 +21,7 @@ from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import fragment
-from stereocal.ui.paper_kit import hold_paper_kit, offer_paper_kit
+from stereocal.ui.messages import fragment, readable
 from stereocal.ui.parameter_files import FILES, hold_downloads, parameter_downloads
 from stereocal.ui.screening import offer_to_bring_into_step, show_left_out
 from stereocal.ui.texts import escape_markdown
@@ -28,6 +29,7 @@ from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure
 from stereocal.workflow import Answer
 
+KIT = "Paper kit · methods, figures, table, archive"
 TILES = ("Wrong pairs let in", "Length error, median", "Threshold")
 
 
@@ -53,7 +55,9 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     if answer:
         show_tiles(answer)
         parameter_downloads(answer)
-        offer_paper_kit(project, answer)
+        applied = readable(lambda: ProjectApplication(project).result)
+        make = partial(_paper_kit, answer, None if applied is None else applied[0])
+        offer(KIT, make, "paper_kit.zip", "download_kit", icon=":material/article:")
     else:
         _hold_places()
     _show_rig(project, found, answer)
@@ -74,24 +78,23 @@ def show_recommendation(answer: Answer) -> None:
 
 def show_tiles(answer: Answer) -> None:
     """Wrong pairs let in, length error, and threshold: forecast and held out."""
-    found = answer.recommendation
+    found, screening = answer.recommendation, answer.calibration.screening
+    match = found.match
     wrong, lengths, threshold = st.columns(3)
     held = word_of(answer.calibration.dataset)
-    match = found.match
-    counted = f" of {match.wrong_pairs:,} wrong pairs"
-    none = "none" + counted
     with wrong:
-        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, held, counted, none)
+        counted = f" of {match.wrong_pairs:,} wrong pairs"
+        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, held, counted)
     with lengths:
         _tile(TILES[1], found.measure.length_median, found.forecast_holds, held)
     with threshold, st.container(border=True):
         value = match.threshold_px
         st.metric(TILES[2], "unknown" if value is None else f"{digits(value, 2)} px")
         source = "from held-out frames" if answer.validation else "forecast"
-        left_out = len(answer.calibration.screening.left_out)
         frames = len(answer.calibration.dataset.correspondences.frames)
         st.caption(
-            f"of {FILES[match.method][0]}, {source}  \n{left_out} of {frames} frames left out"
+            f"of {FILES[match.method][0]}, {source}  \n"
+            f"{len(screening.left_out)} of {frames} frames left out"
         )
 
 
@@ -102,17 +105,21 @@ def _hold_places() -> None:
             st.metric(title, "…")
             st.caption("being computed  \n…")
     hold_downloads()
-    hold_paper_kit()
+    st.button(KIT, disabled=True, icon=":material/article:", key="no_download_kit")
 
 
-def _tile(
-    title: str, figure: Figure, forecast_holds: bool, held: str, counted: str = "", none: str = ""
-) -> None:
+def _paper_kit(answer: Answer, applied: Outcome | None) -> bytes:
+    from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
+
+    return paper_kit(answer, applied)
+
+
+def _tile(title: str, figure: Figure, forecast_holds: bool, held: str, counted: str = "") -> None:
     """One figure, the forecast first if it holds, and beneath it the other."""
     ahead, held_out = figure.forecast, figure.held_out
     tested = "not yet" if held_out is None else f"{percent(held_out)} %{counted}"
-    if held_out == 0.0 and none:
-        tested = none
+    if held_out == 0.0 and counted:
+        tested = f"none{counted}"
     with st.container(border=True):
         if ahead is not None and (forecast_holds or held_out is None):
             st.metric(title, f"{percent(ahead.value)} %")
@@ -130,12 +137,8 @@ def _tile(
 
 def dataset_download(dataset: Dataset) -> None:
     """Download of the data set as a zip, which can be uploaded again."""
-    offer(
-        "Download this data set",
-        lambda: pack_zip(pack_dataset(dataset)),
-        "dataset.zip",
-        "download_dataset",
-    )
+    label, name = "Download this data set", "dataset.zip"
+    offer(label, lambda: pack_zip(pack_dataset(dataset)), name, "download_dataset")
 
 
 @fragment

@@ -34,11 +34,11 @@ from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import called, held_target, is_coloured
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
-from stereocal.ui.scrolling import scroll_to, scrolled_part
 
 ALL, ONE = "All frames", "One frame"
 ONE_FRAME = "one_frame"

@@ -25,11 +25,11 @@ from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
+from stereocal.ui.forms import describe_settings
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
-from stereocal.ui.status import describe_settings
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.verdict.splits import note_on_splits

@@ -35,13 +35,7 @@ def long(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
 
 def forget() -> None:
     """What a server that starts has not in memory."""
-    for cache in (
-        screening._screened,
-        refined.refined_of,
-        refined.outlook_for,
-        refined._answers,
-        refined._traced,
-    ):
+    for cache in (screening._screened, refined.refined_of, refined.outlook_for, refined._made):
         cache.clear()
     jobs._jobs().clear()
 

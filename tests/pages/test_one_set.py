@@ -92,7 +92,7 @@ def test_other_seeds_are_tried_beside_the_page_and_once(
 
     monkeypatch.setattr(page, "conclusions_of_seeds", conclusions)
     monkeypatch.setattr(page, "_SEEDS", Latest(500))
-    monkeypatch.setattr(refined, "_answers", lambda: Latest(0))
+    monkeypatch.setattr(refined, "_made", lambda: Latest(0))
     monkeypatch.setattr(refined, "outlook_for", outlook_of)
     few_runs(open_sample(app), home)
     one_set(app)

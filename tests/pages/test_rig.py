@@ -58,6 +58,7 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
     assert pair.calibration is not None
     assert project.calibration is None
     assert "the lenses and the baseline of the rig" in told(go(app, "data"))
+    assert not [box for box in app.selectbox if "known" in box.label]  # the rig says that
     for name in ("validate", "one_set", "apply", "check", "cameras"):
         assert not go(app, name).exception
         assert app.query_params["pair"] == "2-3"
