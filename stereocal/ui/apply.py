@@ -8,7 +8,6 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.errors import StereocalError
 from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.threshold import ThresholdChoice
@@ -18,10 +17,10 @@ from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths, threshold_form
+from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import show_refusal, take_one
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.parameter_upload import PURPOSES, upload_set
 from stereocal.ui.refined import answer_when_ready, set_in_use, wait_for_answer
 from stereocal.ui.texts import escape_markdown
@@ -73,13 +72,10 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     sets = _choose_sets(project, store, (matching_at, measuring_at))
     form = threshold = depths = sigma_px = None
     if points is not None and sets is not None:
-        try:
+        with ErrorsShown():
             depths = chosen_depths(project)
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
-        form = threshold_form(store, points, sets[0], depths or ANY_DEPTH)
+        form = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH)
         threshold, sigma_px = form.choose(noise_at, threshold_at)
-        form.report(threshold)
         for rig, purpose in zip(sets, ("matching", "reconstruction"), strict=True):
             if warning := purpose_warning(rig, purpose):
                 st.warning(escape_markdown(warning))
@@ -130,17 +126,21 @@ def _choose_sets(
     project: Project, store: ProjectApplication, places: tuple[DeltaGenerator, DeltaGenerator]
 ) -> tuple[RigParameters, RigParameters] | None:
     calibration = readable(lambda: project.calibration)
-    found: list[RigParameters | None] = []
     answer = None
     if calibration is not None and sets_kind(project).value() == RESULTS:
         answer = answer_when_ready(project, calibration)
         if answer is None:
             return None
+    found = []
     for use, place in zip(USES, places, strict=True):
+        kept = store.set_of(use)
         with place:
-            found.append(_own_set(project, use, answer) if answer else _given_set(store, use))
-    matching, measuring = found
-    return None if matching is None or measuring is None else (matching, measuring)
+            if answer:
+                found.append(_own_set(project, use, answer))
+            elif kept is not None:
+                st.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")
+                found.append(kept[1])
+    return (found[0], found[1]) if len(found) == len(USES) else None
 
 
 def _own_set(project: Project, use: Use, answer: Answer) -> RigParameters:
@@ -154,13 +154,6 @@ def _own_set(project: Project, use: Use, answer: Answer) -> RigParameters:
         **chosen.widget(),
     )
     return answer.sets[chosen.value()]
-
-
-def _given_set(store: ProjectApplication, use: Use) -> RigParameters | None:
-    kept = store.set_of(use)
-    if kept is not None:
-        st.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")
-    return None if kept is None else kept[1]
 
 
 def _take_point_files(project: Project, store: ProjectApplication) -> list[CameraName]:
@@ -222,11 +215,8 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     if result is not None and result[0].digest == work.digest:
         jobs.discard_finished(job)
     elif work.expected_seconds <= INSTANT_S:
-        try:
-            with st.spinner("Matching and measuring."):
-                _run(store, work, jobs.on_page(STAGES))
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
+        with ErrorsShown(), st.spinner("Matching and measuring."):
+            _run(store, work, jobs.on_page(STAGES))
     elif not (jobs.is_running(project, "apply") or jobs.can_go_on(job)):
         rows = f"{work.primary.rows:,} and {work.secondary.rows:,} points"
         jobs.start_button(job, f"Match and measure ({rows})", "apply_run")

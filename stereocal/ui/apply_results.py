@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures.headings import HEADINGS, IN_WORLD
 from stereocal.figures.measured import describe_lengths, plot_lengths
-from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.matching.reconstruction_files import COORDINATES
 from stereocal.projects.application import USES, ProjectApplication
@@ -23,28 +23,18 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui.apply import Chosen
-from stereocal.ui.apply_frames import are_own, show_frames
+from stereocal.ui.apply_frames import Tables, are_own, show_frames
+from stereocal.ui.apply_threshold import OPTIONAL
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import choose, number, one_of, setting
+from stereocal.ui.fields import choose, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.refined import PAPERS
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
 
 TWO = "the two points of a frame"
 FIRST_ROWS = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """The tables of a result, and what they say."""
-
-    pairs: pd.DataFrame
-    points: pd.DataFrame
-    answer: str
-    agreement: str | None
-    """How many pairs have the same label in both cameras."""
 
 
 def show_application(project: Project, store: ProjectApplication, chosen: Chosen | None) -> None:
@@ -75,10 +65,10 @@ def _show_result(
             "The points, the parameters or the threshold have changed since this result. It was "
             f"computed with: {escape_markdown(outcome.made_with)}"
         )
-    try:
+    tables = None
+    with ErrorsShown():
         tables = _read(files[PAIRS].name, files[POINTS].name, files[PAIRS], files[POINTS])
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
+    if tables is None:
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
         return None
     where = "" if outcome.world is None else " Points are in the world frame."
@@ -87,7 +77,7 @@ def _show_result(
     st.success(escape_markdown(answer + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
-    show_frames(project, store, outcome, tables.pairs, tables.points)
+    show_frames(store, outcome, tables)
     with st.container(horizontal=True):
         for name in (PAIRS, POINTS):
             _download(files[name], name, primary=True)
@@ -133,42 +123,24 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
     left, right = st.columns(2)
     title = "Points are told apart by"
     way = choose(project, "apply_way", title, ways, place=left, tabs_own=False, as_menu=True)
-    length = setting(project, "apply_known", known_m, number(0.0, or_none=True))
-    known = right.number_input(
-        "Known length (m)",
-        min_value=0.0,
-        value=None,
-        format="%.6g",
-        placeholder="measured length",
-        **length.widget(),
+    known = setting(project, "apply_known", known_m, OPTIONAL).number_input(
+        "Known length (m)", right, format="%.6g", placeholder="measured length"
     )
     ends = ("", "")
     if way != TWO:
         names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
-        first, second = (
-            choose(
-                project,
-                f"apply_{title.lower()}_{way}",
-                title,
-                names,
-                name,
-                place=column,
-                tabs_own=False,
-                as_menu=True,
-            )
-            for title, name, column in zip(("From", "To"), names[:2], st.columns(2), strict=True)
-        )
+        left, right = st.columns(2)
+        key, menu = "apply_{}_" + way, {"tabs_own": False, "as_menu": True}
+        first = choose(project, key.format("from"), "From", names, place=left, **menu)
+        second = choose(project, key.format("to"), "To", names, names[1], place=right, **menu)
         ends = (first, second)
     if known is None:
         st.info("Give the known length.")
         return
-    try:
+    with ErrorsShown():
         check = check_lengths(points, known, None if way == TWO else way, ends)
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        return
-    st.success(escape_markdown(check.sentence()))
-    show_figure(plot_lengths(check), describe_lengths(check), "lengths")
+        st.success(escape_markdown(check.sentence()))
+        show_figure(plot_lengths(check), describe_lengths(check), "lengths")
 
 
 def _show_tables(tables: Tables) -> None:
@@ -181,7 +153,7 @@ def _show_tables(tables: Tables) -> None:
 def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | None) -> None:
     """The result in words, and the commands that write the same files, with their input."""
     with st.expander("In words, and on the command line"):
-        agreed = tables.agreement if tables else None
+        agreed = agreement(tables.pairs) if tables else None
         for sentence in (*outcome.sentences, agreed, f"Made with: {outcome.made_with}"):
             if sentence:
                 st.caption(escape_markdown(sentence))
@@ -210,18 +182,15 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
 def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: StoredFile) -> Tables:
     """The tables of a result."""
     assert pairs_digest and points_digest
-    pairs, points = _table(PAIRS, _pairs), _table(POINTS, _points)
-    return Tables(pairs, points, answer(pairs, points), agreement(pairs))
-
-
-def _table(name: str, file: StoredFile) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(io.BytesIO(file.read_bytes()))
-    except ValueError as error:
-        raise StereocalError(f"{name} of the last result is damaged.") from error
-    if "frame" not in table:
-        raise StereocalError(f"{name} of the last result is damaged.")
-    return table
+    tables = []
+    for name, file in ((PAIRS, _pairs), (POINTS, _points)):
+        table = pd.DataFrame()
+        with suppress(ValueError):
+            table = pd.read_csv(io.BytesIO(file.read_bytes()))
+        if "frame" not in table:
+            raise StereocalError(f"{name} of the last result is damaged.")
+        tables.append(table)
+    return Tables(*tables)
 
 
 def _by_number(name: str) -> tuple[float, str]:

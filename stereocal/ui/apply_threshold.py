@@ -1,8 +1,7 @@
-"""The threshold of the Apply page: by the noise of the points, or stated."""
+"""The threshold of the Apply page, by the noise of the points or stated; depths; and that noise."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import pandas as pd
@@ -15,6 +14,7 @@ from stereocal.matching.application import Points, digest_of, sample_frames
 from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.pairs import POINT
+from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold
 from stereocal.projects.application import ProjectApplication
@@ -22,59 +22,84 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, number, setting, yes_or_no
+from stereocal.ui.fields import Field, Number, setting, yes_or_no
 from stereocal.ui.figure import show_figure
-from stereocal.ui.point_noise import ask_noise, noise_field
 from stereocal.ui.texts import escape_markdown
 
 Depths = tuple[float, float]
+OPTIONAL = Number(0.0, or_none=True)
+SOURCES = {
+    "estimated": "estimated",
+    "stated": "as stated",
+    "columns": "by their columns",
+    "calibration": "as the targets",
+}
 
 
-@dataclass(frozen=True)
+def noise_field(project: Project, key: str) -> Field:
+    """The noise as stated (px); None where the points decide."""
+    return setting(project, key, None, Number(0.001, or_none=True))
+
+
+def ask_noise(field: Field, usual: PointNoise | str, otherwise: str) -> float | None:
+    """Draw the field; returns its value.
+
+    Args:
+        usual: what is taken where the field is empty, or words for it.
+        otherwise: how that is found.
+    """
+    if not isinstance(usual, str):
+        usual = f"{rounded(usual.sigma_px)}, {SOURCES[usual.source]}"
+    told = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
+    title = "My points are known to (px)"
+    noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=told)
+    return noise
+
+
+@dataclass(frozen=True, eq=False)
 class ThresholdForm:
-    """What a threshold depends on, and the depth range."""
+    """What a threshold depends on."""
 
-    project: Project
+    store: ProjectApplication
+    points: tuple[Points, Points]
     rig: RigParameters
-    key: str
-    """Of the sample."""
-    sample: Callable[[], list[FramePixels]]
-    """A sample of the points of both cameras."""
+    """To match with."""
     depths: Depths
+
+    @property
+    def key(self) -> str:
+        """Of the points."""
+        return " ".join(each.name for each in self.points)
 
     def choose(
         self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
     ) -> tuple[ThresholdChoice | None, float | None]:
         """The threshold, and the noise of the points as stated, each in a field that is empty where
-        the points decide.
+        the points decide; below, what the threshold does.
         """
-        stated, sigma = self._fields
-        found, _ = self._choice(stated.value(), sigma.value())
-        usual, _ = self._choice(None, sigma.value())
+        stated = setting(self.store.project, "apply_threshold", None, OPTIONAL)
+        sigma = noise_field(self.store.project, "apply_sigma_px")
+        found, why_none = _chosen(self, stated.value(), sigma.value())
+        usual, _ = _chosen(self, None, sigma.value())
         noise = None if usual is None else usual.noise
         by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
-        threshold_at.number_input(
+        stated.number_input(
             "below (px)",
-            min_value=0.0,
-            value=None,
+            threshold_at,
             step=0.1,
-            format="%.4g",
             placeholder=f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none",
             help="Threshold: largest reprojection error of a pair, mean over both cameras. Empty: "
             "by the noise of your points.",
-            **stated.widget(),
         )
-        otherwise = "by their column sigma_px, or estimated from their epipolar errors"
         with noise_at:
-            return found, ask_noise(sigma, noise or "", otherwise)
-
-    def report(self, found: ThresholdChoice | None) -> None:
-        """The noise of the points, and the threshold with what it does."""
+            otherwise = "by their column sigma_px, or estimated from their epipolar errors"
+            sigma_px = ask_noise(sigma, noise or "", otherwise)
         if found is not None:
             st.caption(escape_markdown(found.sentence()))
-            return
-        st.warning(escape_markdown(self._choice(*(field.value() for field in self._fields))[1]))
-        st.info("Give a threshold in pixels.")
+        else:
+            st.warning(escape_markdown(why_none))
+            st.info("Give a threshold in pixels.")
+        return found, sigma_px
 
     def show(self, found: ThresholdChoice | None) -> None:
         """The errors of the best and second-best pairs, and the depth range."""
@@ -83,54 +108,48 @@ class ThresholdForm:
             if self.rig.matching_threshold_px is not None:
                 own = rounded(self.rig.matching_threshold_px, 3)
                 st.caption(f"For points like the targets: {own} px.")
-            _show_depths(self.project)
+            _show_depths(self.store.project)
         with figure:
             threshold = 0.0 if found is None else found.threshold_px
-            nearest = jobs.compute(nearest_errors, self.rig, self.sample(), self.depths)
+            nearest = jobs.compute(nearest_errors, self.rig, _sampled(self), self.depths)
             words = describe_pair_errors(nearest, threshold, found)
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", fold=False)
 
-    @property
-    def _fields(self) -> tuple[Field, Field]:
-        """Threshold and noise."""
-        return (
-            setting(self.project, "apply_threshold", None, number(0.0, or_none=True)),
-            noise_field(self.project, "apply_sigma_px"),
-        )
 
-    def _choice(
-        self, threshold: float | None, sigma_px: float | None
-    ) -> tuple[ThresholdChoice | None, str]:
-        """The threshold, or None, and the reason."""
-        return _chosen(digest_of(self.rig), self.key, self.depths, threshold, sigma_px, self)
-
-
-@st.cache_resource(show_spinner=False, max_entries=16)
+@st.cache_resource(
+    show_spinner=False,
+    max_entries=16,
+    hash_funcs={ThresholdForm: lambda form: (digest_of(form.rig), form.key, form.depths)},
+)
 def _chosen(
-    key: str,
-    points: str,
-    depths: Depths,
-    threshold: float | None,
-    sigma_px: float | None,
-    _form: ThresholdForm,
+    form: ThresholdForm, threshold: float | None, sigma_px: float | None
 ) -> tuple[ThresholdChoice | None, str]:
-    assert key and points
+    """The threshold, or None, and the reason."""
     try:
-        sample = _form.sample()
-        return jobs.compute(choose_threshold, _form.rig, sample, depths, sigma_px, threshold), ""
+        sample = _sampled(form)
+        return jobs.compute(
+            choose_threshold, form.rig, sample, form.depths, sigma_px, threshold
+        ), ""
     except StereocalError as error:
         return None, str(error)
 
 
-def threshold_form(
-    store: ProjectApplication, points: tuple[Points, Points], rig: RigParameters, depths: Depths
-) -> ThresholdForm:
-    """The form for points and a parameter set to match with."""
-    key = " ".join(each.name for each in points)
-    late = f"{key} {rig.time_offset}"
-    return ThresholdForm(
-        store.project, rig, key, lambda: _sampled(late, store, points, rig), depths
-    )
+@st.cache_resource(
+    show_spinner=False,
+    max_entries=8,
+    hash_funcs={ThresholdForm: lambda form: (form.key, form.rig.time_offset)},
+)
+def _sampled(form: ThresholdForm) -> list[FramePixels]:
+    """A sample of the points of both cameras."""
+    first, second = (whole_table(each.name, each.label, form.store) for each in form.points)
+    return sample_frames(first, shift_pixels(form.rig, second, POINT))
+
+
+@st.cache_resource(show_spinner="Reading the points.", max_entries=4)
+def whole_table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
+    """All points of a table, cached by name, which holds its digest."""
+    with _store.opened(name) as path:
+        return pd.concat(list(PointTable(path, POINT, label).blocks()))
 
 
 def chosen_depths(project: Project) -> Depths:
@@ -141,12 +160,9 @@ def chosen_depths(project: Project) -> Depths:
     return check_depths((near or 0.0, ANY_DEPTH[1] if far is None else far))
 
 
-def _depth_fields(project: Project) -> tuple[Field, Field, Field]:
-    near, far = (
-        setting(project, key, None, number(0.0, or_none=True))
-        for key in ("apply_near", "apply_far")
-    )
-    return setting(project, "apply_only_depths", False, yes_or_no), near, far
+def _depth_fields(project: Project) -> list[Field]:
+    only = setting(project, "apply_only_depths", False, yes_or_no)
+    return [only, *(setting(project, f"apply_{end}", None, OPTIONAL) for end in ("near", "far"))]
 
 
 def _show_depths(project: Project) -> None:
@@ -157,27 +173,6 @@ def _show_depths(project: Project) -> None:
         help="Where it is known how far away the points are, fewer wrong pairs fit.",
     )
     if only.value():
-        for title, field, column in zip(
-            ("Nearest (m)", "Farthest (m)"), ends, st.columns(2), strict=True
-        ):
-            column.number_input(title, min_value=0.0, value=None, format="%.6g", **field.widget())
-
-
-def whole_table(store: ProjectApplication, name: str, label: str) -> pd.DataFrame:
-    """All points of a table, cached by name, which holds its digest."""
-    return _table(name, label, store)
-
-
-@st.cache_resource(show_spinner="Reading the points.", max_entries=4)
-def _table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
-    with _store.opened(name) as path:
-        return pd.concat(list(PointTable(path, POINT, label).blocks()))
-
-
-@st.cache_resource(show_spinner=False, max_entries=8)
-def _sampled(
-    key: str, _store: ProjectApplication, _points: tuple[Points, Points], _rig: RigParameters
-) -> list[FramePixels]:
-    assert key
-    first, second = (whole_table(_store, each.name, each.label) for each in _points)
-    return sample_frames(first, shift_pixels(_rig, second, POINT))
+        titles = ("Nearest (m)", "Farthest (m)")
+        for title, field, column in zip(titles, ends, st.columns(2), strict=True):
+            field.number_input(title, column, format="%.6g")

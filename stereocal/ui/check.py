@@ -33,17 +33,16 @@ from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply import GIVEN, RESULTS, sets_kind
+from stereocal.ui.apply_threshold import ask_noise, noise_field
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, number, one_of, setting
+from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import show_refusal, take_one
 from stereocal.ui.messages import readable
-from stereocal.ui.point_noise import ask_noise, noise_field
 from stereocal.ui.refined import answer_when_ready, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
-TABLES = ["zip", "csv", "txt", "tsv", "parquet"]
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
@@ -88,8 +87,14 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
     digest = hashlib.sha256(f"{digest_of(rig)} {label} ".encode() + content).hexdigest()
     images = _images_of(digest, rig, label, content)
     if not images.bars:
+        known = PointNoise(images.stated_px, "columns") if images.stated_px else None
+        usual = known or noise_of_calibration(rig) or ""
         with noise:
-            images = images.stating(_noise_of_points(project, images, rig))
+            otherwise = (
+                "by the columns that Apply writes, else as exact as the targets of the calibration"
+            )
+            field = noise_field(project, "check_sigma_px")
+            images = images.stating(ask_noise(field, usual, otherwise))
     return Chosen(rig, parameters, images, digest, smallest)
 
 
@@ -113,15 +118,6 @@ def _choose_images(project: Project, store: ProjectCheck) -> tuple[str, bytes] |
     return None if given is None else (given.label, given.read_bytes())
 
 
-def _noise_of_points(project: Project, images: NewImages, rig: RigParameters) -> float | None:
-    """The noise of matched points, if it is stated."""
-    known = PointNoise(images.stated_px, "columns") if images.stated_px else None
-    otherwise = "by the columns that Apply writes, else as exact as the targets of the calibration"
-    return ask_noise(
-        noise_field(project, "check_sigma_px"), known or noise_of_calibration(rig) or "", otherwise
-    )
-
-
 def _kind(project: Project) -> Field:
     return sets_kind(project, "check_parameters")
 
@@ -140,8 +136,7 @@ def _choose_parameters(
         st.caption(f"Parameters  \nIn use: this project's {METHOD_NAMES[method].lower()}")
         return answer.sets[method], None
     given = store.file(PARAMETERS)
-    label = escape_markdown(given.label) if given else "none yet"
-    st.caption(f"Parameters  \nIn use: {label}")
+    st.caption(f"Parameters  \nIn use: {escape_markdown(given.label) if given else 'none yet'}")
     if given is None:
         return None
     content = given.read_bytes()
@@ -151,31 +146,22 @@ def _choose_parameters(
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
     """What movement matters."""
     usual = Smallest()
-    degrees = float(np.degrees(usual.turn_rad))
-    turn = setting(project, "check_turn_deg", round(degrees, 6), number(0.001, 90.0))
-    baseline = setting(project, "check_baseline_percent", 100 * usual.baseline, number(0.001, 50.0))
-    with left:
-        st.number_input(
-            "Turn that matters (°)",
-            0.001,
-            90.0,
-            step=0.05,
-            format="%.4g",
-            help="“Same” is reported only if such a turn would have been found.",
-            **turn.widget(),
-        )
-    with right:
-        st.number_input(
-            "Baseline change (%)",
-            0.001,
-            50.0,
-            step=0.1,
-            format="%.4g",
-            help="“Same” is reported only if such a change of the baseline would have been found. "
-            "Matched points alone do not show it.",
-            **baseline.widget(),
-        )
-    return Smallest(float(np.radians(turn.value())), baseline.value() / 100)
+    degrees = round(float(np.degrees(usual.turn_rad)), 6)
+    turn = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0)).number_input(
+        "Turn that matters (°)",
+        left,
+        step=0.05,
+        help="“Same” is reported only if such a turn would have been found.",
+    )
+    percent, bounds = 100 * usual.baseline, Number(0.001, 50.0)
+    change = setting(project, "check_baseline_percent", percent, bounds).number_input(
+        "Baseline change (%)",
+        right,
+        step=0.1,
+        help="“Same” is reported only if such a change of the baseline would have been found. "
+        "Matched points alone do not show it.",
+    )
+    return Smallest(float(np.radians(turn)), change / 100)
 
 
 def _take_files(
@@ -192,19 +178,15 @@ def _take_files(
             )
             take_one(upload, store.keep_parameters)
         if _images_kind(project, store).value() == FILE:
-            _take_images(store, rig)
-
-
-def _take_images(store: ProjectCheck, rig: RigParameters | None) -> None:
-    upload = st.file_uploader(
-        "New bars or matched points",
-        type=TABLES,
-        key="upload_check_images",
-        help="A data set as a zip with dataset.json; or a table of bars like "
-        "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars or 50 "
-        "points are a good start.",
-    )
-    take_one(upload, lambda name, content: store.keep_images(name, content, rig))
+            upload = st.file_uploader(
+                "New bars or matched points",
+                type=["zip", "csv", "txt", "tsv", "parquet"],
+                key="upload_check_images",
+                help="A data set as a zip with dataset.json; or a table of bars like "
+                "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars "
+                "or 50 points are a good start.",
+            )
+            take_one(upload, lambda name, content: store.keep_images(name, content, rig))
 
 
 def show_check(chosen: Chosen) -> None:

@@ -5,8 +5,8 @@ Streamlit runs callbacks before the page: an error in one would replace the page
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from typing import Literal, NoReturn, ParamSpec, TypeVar
 
@@ -75,15 +75,23 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
     return run
 
 
-@contextmanager
-def errors_shown(show: Callable[[str], object] = st.error, end: bool = False) -> Iterator[None]:
-    """Show a StereocalError of what is inside; after it, `end` ends the page."""
-    try:
-        yield
-    except StereocalError as error:
-        show(escape_markdown(str(error)))
-        if end:
+@dataclass(frozen=True)
+class ErrorsShown:
+    """Shows a StereocalError of what is inside; after it, `end` ends the page."""
+
+    show: Callable[[str], object] = st.error
+    end: bool = False
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _kind: object, error: object, _trace: object) -> bool:
+        if not isinstance(error, StereocalError):
+            return False
+        self.show(escape_markdown(str(error)))
+        if self.end:
             end_here()
+        return True
 
 
 def fragment(function: Callable[P, object], run_every: float | None = None) -> Callable[P, None]:
@@ -97,7 +105,7 @@ def fragment(function: Callable[P, object], run_every: float | None = None) -> C
 
     @wraps(function)
     def draw(*arguments: P.args, **named: P.kwargs) -> None:
-        with errors_shown():
+        with ErrorsShown():
             function(*arguments, **named)
 
     return st.fragment(draw, run_every=run_every)

@@ -26,7 +26,7 @@ from stereocal.rig.board_pattern import BoardPattern
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, held_kind, held_tags
-from stereocal.ui.messages import errors_shown
+from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.texts import escape_markdown
 
 AT_TRUE_SCALE = 'Print at 100 % ("actual size"): the sheet has a scale of 100 mm to check it by.'
@@ -69,7 +69,7 @@ def _board(project: Project | None) -> None:
             places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
         )
     )
-    with errors_shown(st.info):
+    with ErrorsShown(st.info):
         board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
         seen = (
             f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
