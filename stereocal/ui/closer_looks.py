@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
+from stereocal.figures import two_sets
 from stereocal.figures.forecast_table import forecast_table
 from stereocal.figures.frame_errors import plot_frame_errors
 from stereocal.figures.frame_panels import describe_frame_errors
 from stereocal.figures.frame_view import FrameView, views_of
-from stereocal.figures.photograph import Photograph
 from stereocal.figures.tables import angles_table, errors_table
 from stereocal.figures.traces import describe_traces, plot_traces
-from stereocal.figures.two_sets import (
-    describe_gap,
-    describe_image,
-    describe_two_sets,
-    plot_gap,
-    plot_image,
-)
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
@@ -69,12 +64,9 @@ COVERAGE = "coverage"
 @callback
 def open_clicked_frame(project: Project) -> None:
     """Open the frame of a point of the figure of the Data page: its photographs, or its errors."""
-    charts = (st.session_state.get(key) or {} for key in (COVERAGE, f"{COVERAGE}_narrow"))
-    points = [point for each in charts if each for point in each["selection"]["points"]]
-    if not points:
+    frame, calibration = _clicked_frame(COVERAGE, f"{COVERAGE}_narrow"), project.calibration
+    if frame is None:
         return
-    frame = int(np.ravel(points[0]["customdata"])[0])
-    calibration = project.calibration
     if photographed(project):
         look_closely(ProjectPhotographs(project), frame)
     elif calibration is not None:
@@ -82,6 +74,13 @@ def open_clicked_frame(project: Project) -> None:
         go_to("calibrate")
     else:
         raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
+
+
+def _clicked_frame(*charts: str) -> int | None:
+    """The frame of the first point that was clicked in one of these figures."""
+    shown = filter(None, map(st.session_state.get, charts))
+    points = [point for each in shown for point in each["selection"]["points"]]
+    return int(np.ravel(points[0]["customdata"])[0]) if points else None
 
 
 @fragment
@@ -111,38 +110,35 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
         frame = choose_frame(project, found)
         views = views_of(found, frame)
         st.markdown(escape_markdown(f"{state_of(found, frame)} {_in_words(found, views)}"))
-        _show_images(project, views, answer.recommendation.match.method if answer else "2d")
+        method = answer.recommendation.match.method if answer else "2d"
+        _show_images(project, frame, views, method, st.columns(2))
 
 
 def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
-    return as_held(describe_two_sets(views), found.dataset)
+    return as_held(two_sets.describe_two_sets(views), found.dataset)
 
 
 @callback
 def _clicked(project: Project, calibration: Calibration) -> None:
     """Open the frame of a clicked point."""
-    points = st.session_state[CHART]["selection"]["points"]
-    if points:
-        frame_field(project, calibration).set(int(np.ravel(points[0]["customdata"])[0]))
+    if (frame := _clicked_frame(CHART)) is not None:
+        frame_field(project, calibration).set(frame)
 
 
-def _show_images(project: Project, views: dict[Method, FrameView], method: Method) -> None:
-    photographs = photographs_of(project, next(iter(views.values())).frame)
-    for camera, column in enumerate(st.columns(2)):
-        with column:
-            _show_image(views, method, camera, photographs[camera])
-
-
-def _show_image(
-    views: dict[Method, FrameView], method: Method, camera: int, photograph: Photograph | None
+def _show_images(
+    project: Project,
+    frame: int,
+    views: dict[Method, FrameView],
+    method: Method,
+    columns: Sequence[DeltaGenerator],
 ) -> None:
-    st.markdown(f"**{CAMERAS[camera].capitalize()}**")
-    show_figure(
-        plot_image(views, method, camera, photograph),
-        describe_image(views, method, camera),
-        f"image_{CAMERAS[camera]}",
-        fold=False,
-    )
+    photographs = photographs_of(project, frame)
+    for camera, (side, column) in enumerate(zip(CAMERAS, columns, strict=True)):
+        with column:
+            st.markdown(f"**{side.capitalize()}**")
+            figure = two_sets.plot_image(views, method, camera, photographs[camera])
+            words = two_sets.describe_image(views, method, camera)
+            show_figure(figure, words, f"image_{side}", fold=False)
 
 
 def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
@@ -153,14 +149,12 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
         project, "two_sets_method", "Set", methods, format_func=METHOD_NAMES.__getitem__
     )
     st.markdown(f"**{escape_markdown(_in_words(found, views))}**")
-    photographs = photographs_of(project, frame)
     *images, space = st.columns(3)
-    for camera, column in enumerate(images):
-        with column:
-            _show_image(views, method, camera, photographs[camera])
+    _show_images(project, frame, views, method, images)
     with space:
         st.markdown("**In space, where the rays pass each other**")
-        show_figure(plot_gap(views, method), describe_gap(views, method), "gap", fold=False)
+        words = two_sets.describe_gap(views, method)
+        show_figure(two_sets.plot_gap(views, method), words, "gap", fold=False)
 
 
 def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:

@@ -10,16 +10,8 @@ import streamlit as st
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
-from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
-from stereocal.figures.disagreement import (
-    describe_disagreement,
-    disagreement_table,
-    plot_disagreement,
-)
-from stereocal.figures.residual_field import describe_misfit, plot_misfit
+from stereocal.figures import accuracy, disagreement, residual_field, tables, tradeoff
 from stereocal.figures.style import count
-from stereocal.figures.tables import parameters_table, refined_table
-from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult
@@ -33,7 +25,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import choose, number, setting
+from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import fragment
@@ -82,10 +74,11 @@ def show_disagreement(inputs: list[Input]) -> None:
     elif inputs and not accused:
         st.success("Nothing that was typed or measured disagrees with the images.")
     if accused:
-        show_figure(plot_disagreement(inputs), describe_disagreement(inputs), "disagreement")
+        words = disagreement.describe_disagreement(inputs)
+        show_figure(disagreement.plot_disagreement(inputs), words, "disagreement")
     if inputs:
         with st.expander("Stated and estimated", expanded=not accused):
-            st.table(disagreement_table(inputs))
+            st.table(disagreement.disagreement_table(inputs))
             st.caption(
                 "The estimate contains what was stated. The disagreement is with what the images "
                 "and the other inputs say without it."
@@ -97,11 +90,10 @@ def show_seeds(answer: Answer) -> None:
     outlook = answer.outlook
     if outlook is None:
         return
-    key = key_of(answer.calibration)
-    tried = _SEEDS.get(key)
-    if tried is None:
-        tried = jobs.pool().submit(conclusions_of_seeds, answer.calibration, outlook)
-        _SEEDS.keep(key, tried)
+    found = answer.calibration
+    tried = _SEEDS.once(
+        key_of(found), lambda: jobs.pool().submit(conclusions_of_seeds, found, outlook)
+    )
     if not tried.done():
         _wait_for_seeds(tried)
     elif sentence := tried.result():
@@ -154,15 +146,14 @@ def show_trade_off(
     for method, found in calibration.methods.items():
         sets[method] = (found.pose, dataset.primary, dataset.secondary)
     costs = costs_of(dataset, sets)
-    along = setting(project, "along", 50, number(0, 100))
+    along = setting(project, "along", 50, Number(0, 100))
     left, right = st.columns(2)
     which = choose(project, "curve", "Lenses", (FREED, FIXED), place=left, tabs_own=False)
     share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
     points = curves.fixed if which == FIXED else curves.freed
     chosen = points[round(share / 100 * (len(points) - 1))]
-    show_figure(
-        plot_trade_off(curves, costs, chosen), describe_trade_off(curves, costs), "trade_off"
-    )
+    words = tradeoff.describe_trade_off(curves, costs)
+    show_figure(tradeoff.plot_trade_off(curves, costs, chosen), words, "trade_off")
     own = chosen.parameters(dataset)
     fcp, median = figures_of_set(
         count_set(replace(dataset, primary=own.primary, secondary=own.secondary), own.pose)
@@ -172,33 +163,27 @@ def show_trade_off(
         f"(median) **{percent(median)} %**, on the frames it was fitted to."
     )
     with st.expander("Its parameters"):
-        st.table(parameters_table(own))
-    offer(
-        "Download the slider's point",
-        own.dumps(),
-        "parameters_refined_point.json",
-        "download_point",
-    )
+        st.table(tables.parameters_table(own))
+    name = "parameters_refined_point.json"
+    offer("Download the slider's point", own.dumps(), name, "download_point")
 
 
 def show_accuracy(
     project: Project, result: RefinedResult, dataset: Dataset, settings: RefineSettings
 ) -> None:
     """Maps of the rig's accuracy."""
-    kinds = ("a distance", "a point")
-    shown = choose(project, "accuracy_of", "Predicted error of", kinds)
-    quantity: Quantity = "point" if shown == "a point" else "distance"
+    kinds: dict[str, accuracy.Quantity] = {"a distance": "distance", "a point": "point"}
+    quantity = kinds[choose(project, "accuracy_of", "Predicted error of", kinds)]
     maps = maps_of(dataset, settings)
-    show_figure(
-        plot_accuracy(maps, result, quantity), describe_accuracy(maps, quantity), "accuracy"
-    )
+    words = accuracy.describe_accuracy(maps, quantity)
+    show_figure(accuracy.plot_accuracy(maps, result, quantity), words, "accuracy")
 
 
 def show_misfit(dataset: Dataset, settings: RefineSettings) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
     found = misfit_for(dataset, settings)
-    wide, narrow = (plot_misfit(found, small) for small in (False, True))
-    show_figure(wide, describe_misfit(found), "misfit", narrow=narrow)
+    wide, narrow = (residual_field.plot_misfit(found, small) for small in (False, True))
+    show_figure(wide, residual_field.describe_misfit(found), "misfit", narrow=narrow)
 
 
 def show_download(project: Project, answer: Answer, calibrated_now: bool) -> None:
@@ -228,7 +213,7 @@ def show_download(project: Project, answer: Answer, calibrated_now: bool) -> Non
 
 def show_parameters(result: RefinedResult) -> None:
     """The refined set as a table."""
-    st.table(refined_table(result))
+    st.table(tables.refined_table(result))
     st.caption(
         f"Noise of an image point {digits(result.sigma_px.value)} px "
         f"({result.sigma_px.source}); scatter of the bar's length "

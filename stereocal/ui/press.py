@@ -13,8 +13,8 @@ import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.evaluation_files import Evaluation, pack_runs, unpack_runs
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
@@ -24,7 +24,7 @@ from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import is_long
-from stereocal.ui.validation import INSTANT, kept_protocol
+from stereocal.ui.validation import INSTANT, digests_of, evaluated, kept_protocol
 from stereocal.workflow import calibrate
 
 KIND: jobs.Kind = "calibration"
@@ -39,15 +39,14 @@ def work_of(
     """The work of a press with these inputs and settings."""
     protocol = kept_protocol(project, [dataset])
     large = is_long(dataset)
-    about = {
-        "dataset": [dataset.sha256, dataset.baseline_sigma_m, dataset.target_distance_sigma_m],
-        "settings": [settings.to_json(), protocol.to_json()],
-    }
+    about = {"dataset": digests_of(dataset), "settings": [settings.to_json(), protocol.to_json()]}
 
     def run(job: jobs.Job) -> bool:
+        def step(name: str) -> None:
+            job.progress(STEPS.index(name), len(STEPS))
+
         if large:
             job.begin("steps")
-            step = _steps(job)
             found = _calibrate(project, inputs, dataset, settings, protocol.refined, step)
             if protocol.refined is not None:
                 answer_for(found, protocol.refined, None, step)
@@ -112,15 +111,6 @@ def _calibrate(
     return found
 
 
-def _steps(job: jobs.Job) -> Callable[[str], None]:
-    """Reports each of `STEPS` when it starts."""
-
-    def step(name: str) -> None:
-        job.progress(STEPS.index(name), len(STEPS))
-
-    return step
-
-
 def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> bool:
     """Evaluate the stored calibration and store the result; False if cancelled."""
     while True:
@@ -163,17 +153,11 @@ def _evaluation(
         calibration_frames=fitted,
         splits="runs",  # of which the tiles are, whatever Validate shows
     )
-    runs = evaluate(
-        [kept],
-        settings,
-        job.executor,
-        job.progress,
-        lambda: job.cancelled or project.calibration_digest != digest,
-        pieces=job.checkpoints("runs", pack_runs, unpack_runs),
+    runs = evaluated(
+        [kept], settings, job, lambda: job.cancelled or project.calibration_digest != digest
     )
-    if runs is None:
-        return None
-    return Evaluation(runs, settings, [kept.name], [calibration.dataset.sha256])
+    own = [calibration.dataset.sha256]
+    return None if runs is None else Evaluation(runs, settings, [kept.name], own)
 
 
 def show_progress(project: Project, work: jobs.Work | None) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import streamlit as st
 
@@ -19,10 +20,10 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.described import descriptions
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, choose, number, one_of, setting
+from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.intake import escape_markdown, show_refusal, take_one
+from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.refined import refine_settings, wait_for_answer
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.workflow import usual_frames
@@ -38,6 +39,7 @@ FEWEST_FRAMES = 3
 STAGES = ("runs",)
 INSTANT = 120
 """Runs of 25 frames that take under a second, and so are computed as the controls move."""
+Runs = Sequence[Sequence[Run]]
 _FITS = KeptFits()
 
 
@@ -60,12 +62,12 @@ def _nineteen() -> list[Dataset]:
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The form of the protocol: number of runs and of frames."""
-    runs, frames, most = _protocol_fields(project, datasets)
+    runs, frames, (fewest, most) = _protocol_fields(project, datasets)
     left, right = st.columns(2)
     about = ABOUT["runs"]
     left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
     about = ABOUT["calibration_frames"]
-    right.slider(about.title, min(FEWEST_FRAMES, most), most, help=about.help, **frames.widget())
+    right.slider(about.title, fewest, most, help=about.help, **frames.widget())
     about = ABOUT["splits"]
     st.segmented_control(
         about.title,
@@ -80,11 +82,13 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
 
 
 def _splits(project: Project) -> Field:
-    return setting(project, "validate_splits", ABOUT["splits"].default, one_of(list(SPLITS)))
+    return setting(project, "validate_splits", ABOUT["splits"].default, one_of([*SPLITS]))
 
 
-def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, int]:
-    """Fields of the runs and of the frames to calibrate with, and the maximum of the latter."""
+def _protocol_fields(
+    project: Project, datasets: Sequence[Dataset]
+) -> tuple[Field, Field, tuple[int, int]]:
+    """Fields of the runs and of the frames to calibrate with, and the bounds of the latter."""
     counted: Sequence[Dataset] = datasets
     if not any(map(is_long, datasets)):
         screenings = screenings_of(datasets, settings_of(search_values(project)))
@@ -93,9 +97,9 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
     most = max(fewest - 2, 2)
     bounds = min(FEWEST_FRAMES, most), most
     return (
-        setting(project, "validate_runs", ABOUT["runs"].default, number(*RUNS)),
-        setting(project, "validate_frames", min(usual_frames(fewest), most), number(*bounds)),
-        most,
+        setting(project, "validate_runs", ABOUT["runs"].default, Number(*RUNS)),
+        setting(project, "validate_frames", min(usual_frames(fewest), most), Number(*bounds)),
+        bounds,
     )
 
 
@@ -103,15 +107,10 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
     """The protocol in the form, also for pages that do not show it."""
     runs, frames, _ = _protocol_fields(project, datasets)
     own = refine_settings(project, datasets[0])
-    return EvaluationSettings(
-        settings_of(search_values(project)),
-        runs.value(),
-        frames.value(),
-        own
-        if len(datasets) == 1
-        else RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift),
-        _splits(project).value(),
-    )
+    if len(datasets) > 1:
+        own = RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift)
+    search, splits = settings_of(search_values(project)), _splits(project).value()
+    return EvaluationSettings(search, runs.value(), frames.value(), own, splits)
 
 
 def without_refined(
@@ -130,10 +129,8 @@ def without_refined(
     try:
         kept = [each.dataset for each in screenings_of(datasets, settings.calibration)]
         runs = evaluate(kept, own, jobs.pool())
-        assert runs is not None  # nobody cancels
-        digests = [dataset.sha256 for dataset in datasets]
         # Kept at once: the next move of a slider may end this run before the refined sets come.
-        project.keep_evaluation(Evaluation(runs, own, unique_names(datasets), digests))
+        _keep(project, datasets, own, runs)
     except StereocalError:
         return None
     return _last(project)
@@ -147,11 +144,8 @@ def bring_up_to_date(
     if is_current(_last(project), datasets, settings):
         jobs.discard_finished(work)
     elif _is_short(datasets, settings):
-        try:
-            with st.spinner("Validating."):
-                _validate(project, datasets, settings, jobs.on_page(STAGES))
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
+        with ErrorsShown(), st.spinner("Validating."):
+            _validate(project, datasets, settings, jobs.on_page(STAGES))
     elif wait_for_answer(project):  # the press on Calibrate ends in a validation
         return
     elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
@@ -167,19 +161,14 @@ def _is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool
 
 
 def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings) -> jobs.Work:
-    about = {
-        "datasets": [
-            [one.sha256, one.baseline_sigma_m, one.target_distance_sigma_m] for one in datasets
-        ],
-        "settings": settings.to_json(),
-    }
-    return jobs.Work(
-        project,
-        "evaluation",
-        STAGES,
-        about,
-        lambda job: _validate(project, datasets, settings, job),
-    )
+    about = {"datasets": list(map(digests_of, datasets)), "settings": settings.to_json()}
+    run = partial(_validate, project, datasets, settings)
+    return jobs.Work(project, "evaluation", STAGES, about, run)
+
+
+def digests_of(dataset: Dataset) -> list[Any]:
+    """All of a data set that a validation depends on."""
+    return [dataset.sha256, dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
 
 
 def _yield_to_clicks(_done: int, _total: int) -> None:
@@ -195,26 +184,36 @@ def _validate(
         datasets, settings.calibration, readable(lambda: project.calibration, told=False)
     )
     kept = [screening.dataset for screening in screenings]
-    runs: Sequence[Sequence[Run]] | None
+    runs: Runs | None
     if job.kept is None:  # while the page is drawn
         last = _last(project)
         own = replace(settings, refined=None)
         paper = last.runs if last is not None and is_current(last, datasets, own) else None
         runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks, paper)
     else:
-        runs = evaluate(
-            kept,
-            settings,
-            job.executor,
-            job.progress,
-            lambda: job.cancelled,
-            pieces=job.checkpoints("runs", pack_runs, unpack_runs),
-        )
-    if runs is None:
-        return False
-    digests = [dataset.sha256 for dataset in datasets]
-    project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
-    return True
+        runs = evaluated(kept, settings, job, lambda: job.cancelled)
+    return _keep(project, datasets, settings, runs)
+
+
+def _keep(
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, runs: Runs | None
+) -> bool:
+    """Store a validation; False if it was cancelled."""
+    if runs is not None:
+        digests = [dataset.sha256 for dataset in datasets]
+        project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
+    return runs is not None
+
+
+def evaluated(
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    job: jobs.Job,
+    cancelled: Callable[[], bool],
+) -> Runs | None:
+    """Evaluate in a job; None if cancelled."""
+    pieces = job.checkpoints("runs", pack_runs, unpack_runs)
+    return evaluate(datasets, settings, job.executor, job.progress, cancelled, pieces=pieces)
 
 
 def _further(project: Project, more: Sequence[Dataset]) -> None:
@@ -222,17 +221,8 @@ def _further(project: Project, more: Sequence[Dataset]) -> None:
         "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
     )
     for upload in uploads:
-        if not is_new(upload):
-            continue
-        with taking(upload):
-            try:
-                check_uploads([upload])
-                content = upload.getvalue()
-                project.add_dataset(upload.name, content)
-            except StereocalError as error:
-                st.error(escape_markdown(str(error)))
-                continue
-        st.rerun()
+        take_one(upload, project.add_dataset)
+    show_refusal()
     for dataset in more:
         st.markdown(f"- {escape_markdown(dataset.name)}")
     if more:

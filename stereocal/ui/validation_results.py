@@ -33,7 +33,6 @@ from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.verdict.splits import note_on_splits
-from stereocal.workflow import Answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 COLUMNS = {
@@ -51,13 +50,14 @@ def with_refined(project: Project) -> Field:
     return setting(project, "with_refined", usual, yes_or_no, tabs_own=True)
 
 
-@st.cache_resource(show_spinner=False, max_entries=32)
+BY_DIGEST: dict[str | type, Callable[[Any], str]] = {Evaluation: lambda found: found.digest}
+
+
+@st.cache_resource(show_spinner=False, max_entries=32, hash_funcs=BY_DIGEST)
 def _summaries(
-    digest: str, bin_width: float, refined: bool, _evaluation: Evaluation
+    evaluation: Evaluation, bin_width: float, refined: bool
 ) -> tuple[Summaries, dict[str, Summaries]]:
     """Pooled and by data set."""
-    assert digest
-    evaluation = _evaluation
     if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
         pooled = dict(evaluation.summaries)  # made once for all pages
         by_dataset = {evaluation.names[0]: pooled}
@@ -69,13 +69,11 @@ def _summaries(
     return pooled, by_dataset
 
 
-@st.cache_resource(show_spinner="Leaving out the other way.", max_entries=32)
-def _note(digest: str, _evaluation: Evaluation, _screening: Screening) -> str:
+@st.cache_resource(show_spinner="Leaving out the other way.", max_entries=32, hash_funcs=BY_DIGEST)
+def _note(evaluation: Evaluation, _screening: Screening) -> str:
     """Whether single frames and whole runs left out give different figures."""
-    assert digest
-    return jobs.compute(
-        note_on_splits, _screening.dataset, _evaluation.settings, _evaluation.summaries
-    )
+    settings, summaries = evaluation.settings, evaluation.summaries
+    return jobs.compute(note_on_splits, _screening.dataset, settings, summaries)
 
 
 def show_evaluation(
@@ -96,27 +94,21 @@ def show_evaluation(
         )
     bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
-    pooled, by_dataset = _summaries(evaluation.digest, bins.value(), refined.value(), evaluation)
+    pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
     screenings = _screenings(evaluation, datasets, readable(lambda: project.calibration))
     _show_answer(pooled, screenings)
-    if len(screenings) == 1 and (note := _note(evaluation.digest, evaluation, screenings[0])):
+    if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
         st.info(escape_markdown(note))
     columns, picture = _choose_view(project, refined)
+    charts = [("fits", "validation", columns)]
     if len(columns) > 1:
         st.html(WIDE_OR_NARROW)
-        with st.container(key="narrow"):
-            for column in columns:
-                st.plotly_chart(
-                    plot_validation(pooled, [column]),
-                    key=f"validation_{column}",
-                    config=_saved_as(picture, f"validation_{column}"),
-                )
-    with st.container(key="wide" if len(columns) > 1 else "fits"):
-        st.plotly_chart(
-            plot_validation(pooled, columns),
-            key="validation",
-            config=_saved_as(picture, "validation"),
-        )
+        charts = [("narrow", f"validation_{column}", [column]) for column in columns]
+        charts.append(("wide", "validation", columns))
+    places = {place: st.container(key=place) for place, _, _ in charts}
+    for place, name, shown in charts:
+        config = _saved_as(picture, name)
+        places[place].plotly_chart(plot_validation(pooled, shown), key=name, config=config)
     with st.expander("In words"):
         st.caption(escape_markdown(describe_validation(pooled, columns)))
     if screenings:
@@ -131,12 +123,8 @@ def show_evaluation(
         )
     if len(evaluation.names) > 1:
         st.subheader("Data set by data set")
-        show_figure(
-            plot_comparison(by_dataset),
-            describe_comparison(by_dataset),
-            "comparison",
-            config=_saved_as(picture, "comparison"),
-        )
+        words, config = describe_comparison(by_dataset), _saved_as(picture, "comparison")
+        show_figure(plot_comparison(by_dataset), words, "comparison", config=config)
     st.caption(f"Made with: {describe_protocol(evaluation)}")
 
 
@@ -176,9 +164,9 @@ def _screenings(
 ) -> list[Screening]:
     """The screenings of the validated data sets; empty if one was removed."""
     used = {dataset.sha256: dataset for dataset in datasets}
-    if not all(digest in used for digest in evaluation.sha256):
+    validated = [used[digest] for digest in evaluation.sha256 if digest in used]
+    if len(validated) < len(evaluation.sha256):
         return []
-    validated = [used[digest] for digest in evaluation.sha256]
     return screenings_of(validated, evaluation.settings.calibration, calibration)
 
 
@@ -195,11 +183,10 @@ def _show_answer(
     caution = why_validation_not_trusted(summaries, screenings)
     if caution:
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
-    (st.info if caution else st.success)(
-        as_held(validation_answer(summaries), screenings[0].dataset)
-        if len(screenings) == 1
-        else validation_answer(summaries)
-    )
+    answer = validation_answer(summaries)
+    if len(screenings) == 1:
+        answer = as_held(answer, screenings[0].dataset)
+    (st.info if caution else st.success)(answer)
 
 
 def describe_protocol(evaluation: Evaluation) -> str:
@@ -213,14 +200,6 @@ def describe_protocol(evaluation: Evaluation) -> str:
     )
 
 
-def _answer(project: Project, evaluation: Evaluation) -> Callable[[], Answer] | None:
-    """What makes the answer of Calibrate, if that is of the same data and final."""
-    calibration = readable(lambda: project.calibration)
-    if calibration is None or list(evaluation.sha256) != [calibration.dataset.sha256]:
-        return None
-    return answer_maker(project, calibration)
-
-
 def _downloads(
     project: Project,
     screenings: Sequence[Screening],
@@ -230,7 +209,10 @@ def _downloads(
 ) -> None:
     left, right = st.columns(2)
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
-    make = _answer(project, evaluation)
+    # With the answer of Calibrate, if that is of the same data and final.
+    calibration, make = readable(lambda: project.calibration), None
+    if calibration and list(evaluation.sha256) == [calibration.dataset.sha256]:
+        make = answer_maker(project, calibration)
 
     def report() -> str:
         found = None if make is None else make()
@@ -238,10 +220,5 @@ def _downloads(
         return report_html(pooled, by_dataset, *about, recommended)
 
     offer("Download report.html", report, "report.html", "download_report", place=left)
-    offer(
-        "Download summary.json",
-        summary_json(pooled, by_dataset, *about),
-        "summary.json",
-        "download_summary",
-        place=right,
-    )
+    label, summary = "Download summary.json", summary_json(pooled, by_dataset, *about)
+    offer(label, summary, "summary.json", "download_summary", place=right)
