@@ -15,7 +15,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
 from stereocal.projects.thumbnails import thumbnail
-from stereocal.ui.fields import choose, number, setting
+from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 
 Item = TypeVar("Item")
@@ -65,7 +65,7 @@ def on_a_sheet(project: Project, items: Sequence[Item], show: Callable[[Item], N
     sheets = -(-len(items) // ON_A_SHEET)
     sheet = 1
     if sheets > 1:
-        of_all = setting(project, "sheet", 1, number(1, sheets), tabs_own=True)
+        of_all = setting(project, "sheet", 1, Number(1, sheets), tabs_own=True)
         sheet = st.number_input(
             f"Sheet (of {sheets})", 1, sheets, step=1, width=200, **of_all.widget()
         )

@@ -166,9 +166,6 @@ class Number:
         return type(self.low)(value)
 
 
-number = Number
-
-
 def one_of(options: Sequence[Any]) -> Fit:
     """One of some options."""
 

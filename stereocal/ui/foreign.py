@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.formats.exchange.options import ORIGIN, QUESTIONS, ImageSize
 from stereocal.formats.pixel_origin import PixelOrigin
 from stereocal.projects.project import Project
-from stereocal.ui.fields import Fit, number, one_of, setting
+from stereocal.ui.fields import Fit, Number, one_of, setting
 
 STATED = "as the file says"
 Widget = Callable[[str, Any, Fit], dict[str, Any]]
@@ -27,7 +27,7 @@ def ask(column: DeltaGenerator, name: str, widget: Widget, usual: Any = None) ->
     """
     asked = QUESTIONS[name]
     if not asked.choices:
-        fit = number(-math.inf)
+        fit = Number(-math.inf)
         told = _sentence(asked.help)
         return column.number_input(asked.title, step=0.5, help=told, **widget(name, usual, fit))
     answers = [*([None] if usual is None else []), *asked.choices]
@@ -60,7 +60,7 @@ def ask_size(
     sides: list[int | None] = []
     for k, (column, side) in enumerate(zip(st.columns(2), ("width", "height"), strict=True)):
         start = None if known is None else known[k]
-        field = setting(project, f"{key}_{side}", start, number(1, or_none=True), tabs_own=tabs_own)
+        field = setting(project, f"{key}_{side}", start, Number(1, or_none=True), tabs_own=tabs_own)
         sides.append(
             column.number_input(
                 f"Image {side}{of} (px)",

@@ -24,7 +24,7 @@ from stereocal.system.numbers import rounded
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import pack
 from stereocal.ui import jobs
-from stereocal.ui.fields import choose, number, one_of, setting, some_of, yes_or_no
+from stereocal.ui.fields import Number, choose, one_of, setting, some_of, yes_or_no
 from stereocal.ui.forms import bounds_of, number_input
 from stereocal.ui.intake import (
     CAMERA_KINDS,
@@ -176,7 +176,7 @@ def board_form(
             *corners,
             step=1,
             help="Where four squares meet: one less than squares. Paper: 18 and 12.",
-            **setting(project, name, usual, number(*corners)).widget(),
+            **setting(project, name, usual, Number(*corners)).widget(),
         )
         for place, way, name, usual in zip(
             places, ("one", "other"), ("board_columns", "board_rows"), size, strict=True
@@ -190,13 +190,13 @@ def board_form(
         step=1.0,
         format="%.10g",
         help="The lens does not depend on it; lengths do, where the board gives them.",
-        **setting(project, "board_square_mm", square_mm, number(*side, or_none=True)).widget(),
+        **setting(project, "board_square_mm", square_mm, Number(*side, or_none=True)).widget(),
     )
     side_mm = entered or SQUARE_MM
     dictionary, marker_m = None, None
     if board == CHARUCO:
         left, right = st.columns(2)
-        part = setting(project, _MARKER_PART, 0.75, number(0.01, 1.0)).value()
+        part = setting(project, _MARKER_PART, 0.75, Number(0.01, 1.0)).value()
         marker_mm = float(f"{part * side_mm:.3g}")
         dictionary = choose(
             project,
@@ -213,7 +213,7 @@ def board_form(
             *side,
             step=1.0,
             format="%.10g",
-            **setting(project, "board_marker_mm", marker_mm, number(*side)).widget(),
+            **setting(project, "board_marker_mm", marker_mm, Number(*side)).widget(),
         )
     return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, marker_m)
 
@@ -243,7 +243,7 @@ def lens_form(project: Project) -> LensSettings:
                 )
             else:
                 bounds = bounds_of(about)
-                own = setting(project, f"lens_{name}", about.default, number(*bounds))
+                own = setting(project, f"lens_{name}", about.default, Number(*bounds))
                 values[name] = number_input(numbers[len(values)], about, own)
     return LensSettings(**values)
 

@@ -30,7 +30,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import number, setting
+from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.project import bring_project_back, current_project, offer_removed, open_project
@@ -106,7 +106,7 @@ def _of_page(ids: Sequence[T], name: str) -> Sequence[T]:
     pages = -(-len(ids) // ON_A_PAGE)
     if pages < 2:
         return ids
-    page = setting(None, name.split()[0], 1, number(1, pages), name=name)
+    page = setting(None, name.split()[0], 1, Number(1, pages), name=name)
     chosen = st.pagination(pages, **page.widget())
     return ids[(chosen - 1) * ON_A_PAGE : chosen * ON_A_PAGE]
 

@@ -22,7 +22,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
-from stereocal.ui.fields import Fit, number, setting
+from stereocal.ui.fields import Fit, Number, setting
 from stereocal.ui.foreign import ask
 from stereocal.ui.intake import CAMERA_KINDS, Upload, escape_markdown, take_new
 from stereocal.ui.messages import callback, readable
@@ -140,7 +140,7 @@ def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
     if len(targets) < 2:
         return found
     for target, column in zip(targets[1:], st.columns(len(targets) - 1), strict=True):
-        field = setting(project, f"several_{target}_m", None, number(0.0, or_none=True))
+        field = setting(project, f"several_{target}_m", None, Number(0.0, or_none=True))
         value = column.number_input(
             f"{escape_markdown(targets[0])} to {escape_markdown(target)} (m)",
             min_value=0.0,

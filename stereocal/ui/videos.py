@@ -20,7 +20,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
-from stereocal.ui.fields import choose, number, setting, yes_or_no
+from stereocal.ui.fields import Number, choose, setting, yes_or_no
 from stereocal.ui.holding import propose_held
 from stereocal.ui.intake import Upload, escape_markdown
 from stereocal.ui.project import project_to_write
@@ -67,7 +67,7 @@ def _settings(project: Project | None) -> VideoSettings:
     n = 30
     if choice == "every":
         n = right.number_input(
-            "n", min_value=1, step=1, **setting(project, "video_n", 30, number(1)).widget()
+            "n", min_value=1, step=1, **setting(project, "video_n", 30, Number(1)).widget()
         )
     left, right = st.columns(2, vertical_alignment="bottom")
     together = left.toggle(
@@ -81,7 +81,7 @@ def _settings(project: Project | None) -> VideoSettings:
             "The secondary's clock is ahead by (s)",
             step=None,
             format="%.6g",
-            **setting(project, "video_later_s", 0.0, number(-1e12)).widget(),
+            **setting(project, "video_later_s", 0.0, Number(-1e12)).widget(),
         )
     coloured = st.toggle(
         "Keep the colours",

@@ -29,7 +29,7 @@ from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Correspondences
-from stereocal.ui.fields import Fit, number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.foreign import ask_origin
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 from stereocal.ui.messages import callback
@@ -148,7 +148,7 @@ def _point_form(
             "Pixels per unit of the file",
             1e-9,
             format="%.6g",
-            **form.field("px_per_unit", first.px_per_unit, number(1e-9)),
+            **form.field("px_per_unit", first.px_per_unit, Number(1e-9)),
         )
     if any(each.likelihood is not None for each in layout.columns):
         likelihood = st.number_input(
@@ -156,7 +156,7 @@ def _point_form(
             0.0,
             1.0,
             step=0.05,
-            **form.field("least_likelihood", first.least_likelihood, number(0.0, 1.0)),
+            **form.field("least_likelihood", first.least_likelihood, Number(0.0, 1.0)),
         )
     return dataclasses.replace(
         first,
@@ -237,7 +237,7 @@ def _height(form: _Form, name: str, title: str, known: int | None, corner: Corne
     """The image height, asked only if the file counts from the lower left."""
     if corner == "upper-left":
         return known
-    field = form.field(name, known, number(1, or_none=True))
+    field = form.field(name, known, Number(1, or_none=True))
     height: int | None = st.number_input(title, min_value=1, value=None, step=1, **field)
     return height
 
