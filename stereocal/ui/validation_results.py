@@ -105,7 +105,7 @@ def show_evaluation(
         st.html(WIDE_OR_NARROW)
         charts = [("narrow", f"validation_{column}", [column]) for column in columns]
         charts.append(("wide", "validation", columns))
-    places = {place: st.container(key=place) for place, _, _ in charts}
+    places = {key: st.container(key=key) for key in dict.fromkeys(place for place, _, _ in charts)}
     for place, name, shown in charts:
         config = _saved_as(picture, name)
         places[place].plotly_chart(plot_validation(pooled, shown), key=name, config=config)
