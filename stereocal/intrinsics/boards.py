@@ -229,7 +229,7 @@ def _check_size(
     seen = views or [name for name, result in found.items() if result.image_size]
     if pattern.dictionary is not None:
         if not views:
-            _refuse_exchanged(photographs, seen[:2], pattern)
+            _refuse_charuco(photographs, seen[:2], pattern)
         return
     for name in seen[:2]:
         if other := _other_size(photographs[name], pattern, larger=bool(views)):
@@ -239,19 +239,23 @@ def _check_size(
             )
 
 
-def _refuse_exchanged(
-    photographs: Photographs, names: Sequence[str], pattern: BoardPattern
-) -> None:
-    """Raise an error if photographs show the ChArUco board with columns and rows exchanged.
-
-    Its markers are numbered row by row. (A chessboard is the same board then.)
+def _refuse_charuco(photographs: Photographs, names: Sequence[str], pattern: BoardPattern) -> None:
+    """Raise an error if photographs are mirrored, so that no marker is read, or show the ChArUco
+    board with columns and rows exchanged: its markers are numbered row by row. (A chessboard is the
+    same board then.)
     """
     other = replace(pattern, columns=pattern.rows, rows=pattern.columns)
     for name in names:
-        if isinstance(find_board(read_photograph(photographs[name]), other, name), BoardView):
+        image = read_photograph(photographs[name])
+        if isinstance(find_board(image, other, name), BoardView):
             raise StereocalError(
                 f"There is no ChArUco board with {pattern} inner corners, but {name} shows one "
                 f"with {other}: exchange columns and rows."
+            )
+        if isinstance(find_board(image[:, ::-1].copy(), pattern, name), BoardView):
+            raise StereocalError(
+                f"{name} is mirrored, left to right: mirrored back, it shows the ChArUco board. "
+                "Give the photographs as the camera recorded them."
             )
 
 

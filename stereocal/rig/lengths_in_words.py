@@ -21,8 +21,9 @@ METRES_PER: Mapping[str, float] = {
     "feet": 0.3048,
 }
 """Metres per unit in which lengths are measured."""
-LONG_M, LONG_BAR_M = 50.0, 20.0
-"""A longer baseline or depth, and a longer bar, are asked about: rare, but not impossible."""
+LONG_M, LONG_BAR_M, LONG_BOARD_M = 50.0, 20.0, 1.5
+"""A longer baseline or depth, a longer bar, and a board with longer diagonals (A0 paper has 1.46 m)
+are asked about: rare, but not impossible."""
 PLAUSIBLE_BASELINE_M = (0.02, LONG_M)
 """Of the units that are offered."""
 LARGEST_RATIO = 10.0
@@ -71,7 +72,8 @@ def question_about_units(dataset: Dataset, pose: Pose | None) -> str:
     depths, bar = _depths_m(dataset, pose), _bar_m(dataset)
     farthest = depths[1] if depths else 0.0
     beyond = farthest and bar > farthest  # a bar does not fit in front of what is nearer
-    if max(dataset.baseline_m, farthest) <= LONG_M and bar <= LONG_BAR_M and not beyond:
+    longest = LONG_BOARD_M if word_of(dataset) == "board" else LONG_BAR_M
+    if max(dataset.baseline_m, farthest) <= LONG_M and bar <= longest and not beyond:
         return ""
     others = [
         f"{_metres(dataset.baseline_m * per)} and {_metres(bar * per)} m if they are in {unit}"

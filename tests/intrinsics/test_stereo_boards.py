@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -131,10 +132,11 @@ def found_boards(boards: list[Seen]) -> StereoBoards:
 
 
 def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Upside-down secondary, one board hidden in half: the rig to 0.3 degrees and 1 % (measured:
-    0.02 degrees and 0.04 %)."""
+    """Upside-down secondary, one board hidden in half, one photographed twice: the rig to 0.3
+    degrees and 1 % (measured: 0.02 degrees and 0.04 %)."""
     rig = stereo(np.pi - 0.1)
     files = photographs(rig, 11, 3)
+    files |= {f"{side}11.png": files[f"{side}02.png"] for side in ("left", "right")}
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
     half = read_photograph(tmp_path / "right04.png").copy()
@@ -146,6 +148,7 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     told = "".join(capsys.readouterr())
     assert "10 boards of 8x6 inner corners are in photographs of both" in told
     assert "right04.png: no board with 8x6 inner corners is completely visible" in told
+    assert "counts once: left out 11 (as 2)" in told
     data = read_dataset(out)
     result = refine(data)
     known, found = data.primary.uncertainty, result.pose
@@ -181,9 +184,19 @@ def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixt
     assert found.baseline == pytest.approx(rig.baseline, rel=0.01)
     assert main([*command, "charuco:6x8:0.03:4X4_50:0.022"]) == 2
     assert "shows one with 8x6: exchange columns and rows" in capsys.readouterr().err
+    mirror(tmp_path.glob("left*.png"))
+    assert main([*command, "charuco:8x6:0.03:4X4_50:0.022"]) == 2
+    assert "left00.png is mirrored" in capsys.readouterr().err
 
 
-def test_a_table_with_the_lenses_of_the_data_set(tmp_path: Path) -> None:
+def mirror(paths: Iterable[Path]) -> None:
+    for path in paths:
+        cv2.imwrite(str(path), read_photograph(path)[:, ::-1])
+
+
+def test_a_table_with_the_lenses_of_the_data_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Without baseline in dataset.json it is free; the table alone is written."""
     for name, content in photographs(stereo(0.0), 9, 4).items():
         (tmp_path / name).write_bytes(content)
@@ -199,6 +212,9 @@ def test_a_table_with_the_lenses_of_the_data_set(tmp_path: Path) -> None:
     command = ["detect", str(tmp_path), "--target", "board:8x6:0.03", "--out", str(table)]
     assert main(command) == 0
     assert table.read_bytes() == (whole / "points.csv").read_bytes()
+    mirror(tmp_path.glob("right*.png"))
+    assert main(command) == 2
+    assert "photographs of one camera are mirrored" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

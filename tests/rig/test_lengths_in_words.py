@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import METRES_PER, as_held, question_about_units, rig_in_words
+from stereocal.rig.rigid_object import RigidObject
 from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
 from tests.rigs.objects import BOARD, recorded
 
@@ -52,3 +54,10 @@ def test_each_length_and_the_depth_is_enough() -> None:
     assert question_about_units(replace(DATA, baseline_m=51.0), None)
     assert question_about_units(replace(DATA, target_distance_m=21.0), None)
     assert question_about_units(DATA, far)  # up to 80 m away
+
+
+def test_a_board_no_arm_holds_is_asked_about_at_any_distance() -> None:
+    """Squares in centimetres typed as metres, the baseline being free."""
+    true, typed = (RigidObject.of_board(BoardPattern(4, 3, side)) for side in (0.01, 1.0))
+    assert question_about_units(recorded(true, 4), RIG) == ""
+    assert "if they are in cm" in question_about_units(recorded(true, 4, stated=typed), None)
