@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, note, sentence_only
+from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, axis_of, note, sentence_only
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.camera import CAMERAS
@@ -41,46 +41,62 @@ def plot_accuracy(
     Args:
         maps: one below the other, with the depth to the right and equal axes.
     """
-    if not np.isfinite(_values(maps, quantity)).any():
+    values = _values(maps, quantity)
+    if not np.isfinite(values).any():
         return sentence_only(NO_VIEW)
-    low, high = np.nanpercentile(np.log10(_values(maps, quantity)), [1, 99])
+    low, high = np.nanpercentile(np.log10(values), [1, 99])
     ticks = _ticks(float(low), float(high))
     bounds = [_bounds(found, result) for found in maps]
-    near, far = (f(b[1, end] for b in bounds) for f, end in ((min, 0), (max, 1)))
+    depth = [min(b[1, 0] for b in bounds), max(b[1, 1] for b in bounds)]
     heights = [
-        float(np.clip(WIDTH * np.ptp(b[0]) / (far - near), LEAST_HEIGHT, MOST_HEIGHT))
+        float(np.clip(WIDTH * np.ptp(b[0]) / np.ptp(depth), LEAST_HEIGHT, MOST_HEIGHT))
         for b in bounds
     ]
     inside = sum(heights) + GAP * (len(maps) - 1)
+    bar = {
+        "title": {"text": TITLES[quantity], "side": "top"},
+        "orientation": "h",
+        "y": 1 + (TITLE + 6) / inside,
+        "yanchor": "bottom",
+        "thickness": 14,
+        "tickvals": np.log10(ticks),
+        "ticktext": [f"{t:g}" for t in ticks],
+    }
+    # Below the last map: Plotly puts the title of an axis with a constrained domain into the map.
+    below = {"x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top", "yshift": -30}
+    font = AXIS["title"]["font"]
+    ahead = note("Ahead of the primary camera (m)", _number(len(maps) - 1), font) | below
     layout: dict[str, Any] = {
         **LAYOUT,
         "height": inside + TOP + FOOT,
         "showlegend": False,
         "margin": {**LAYOUT["margin"], "t": TOP, "b": FOOT},
-        "coloraxis": {
-            "colorscale": "Cividis",
-            "cmin": low,
-            "cmax": high,
-            "colorbar": {
-                "title": {"text": TITLES[quantity], "side": "top"},
-                "orientation": "h",
-                "y": 1 + (TITLE + 6) / inside,
-                "yanchor": "bottom",
-                "thickness": 14,
-                "tickvals": np.log10(ticks),
-                "ticktext": [f"{t:g}" for t in ticks],
-            },
-        },
-        "annotations": [*(_title(found, at) for at, found in enumerate(maps)), _depth(len(maps))],
+        "coloraxis": {"colorscale": "Cividis", "cmin": low, "cmax": high, "colorbar": bar},
+        "annotations": [*(_title(found, at) for at, found in enumerate(maps)), ahead],
     }
     traces: list[dict[str, Any]] = []
     top = 1.0
     for at, (found, height) in enumerate(zip(maps, heights, strict=True)):
-        domain = [max(top - height / inside, 0.0), top]
+        number, domain = _number(at), [max(top - height / inside, 0.0), top]
         top = domain[0] - GAP / inside
-        layout |= _axes(at, found, bounds[at][0], (near, far), domain)
-        traces += _traces(at, found, result, quantity)
+        common = {"constrain": "domain", "showgrid": False}
+        layout[f"xaxis{number}"] = axis_of(anchor=f"y{number}", range=depth, **common)
+        # What is to the right, or down, is drawn downwards; axes are equal.
+        layout[f"yaxis{number}"] = axis_of(
+            ACROSS[found.plane],
+            anchor=f"x{number}",
+            range=bounds[at][0, ::-1].tolist(),
+            domain=domain,
+            scaleanchor=f"x{number}",
+            **common,
+        )
+        traces += _traces(number, found, result, quantity, values[at])
     return go.Figure(data=traces, layout=layout)
+
+
+def _number(at: int) -> str:
+    """Of the axes of a map."""
+    return str(at + 1) if at else ""
 
 
 def _ticks(low: float, high: float) -> FloatArray:
@@ -99,95 +115,49 @@ def _ticks(low: float, high: float) -> FloatArray:
 def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
     """(2, 2): least and most of the axis across and of the depth, the cameras included, in m."""
     values = np.isfinite(found.point_m)
-    across, depth = found.across_m[values.any(axis=0)], found.z_m[values.any(axis=1)]
-    axis, centre = AXIS_OF[found.plane], -result.pose.R.T @ result.pose.T
+    centre = result.pose.inverse().T[[AXIS_OF[found.plane], 2]]
+    seen = found.across_m[values.any(axis=0)], found.z_m[values.any(axis=1)]
     ends = np.array(
-        [
-            [min([*across, 0.0, centre[axis]]), max([*across, 0.0, centre[axis]])],
-            [min([*depth, 0.0, centre[2]]), max([*depth, 0.0, centre[2]])],
-        ]
+        [[min(*own, 0.0, at), max(*own, 0.0, at)] for own, at in zip(seen, centre, strict=True)]
     )
     margin = 0.03 * np.ptp(ends[1])
     return np.asarray(ends + np.array([[-margin, margin], [-margin, 0.0]]))
 
 
-def _axes(
-    at: int, found: AccuracyMap, across: FloatArray, depth: tuple[float, float], domain: list[float]
-) -> dict[str, Any]:
-    """Equal axes; what is to the right, or down, is drawn downwards."""
-    number, title = str(at + 1) if at else "", AXIS["title"]
-    return {
-        f"xaxis{number}": {
-            **AXIS,
-            "anchor": f"y{number}",
-            "range": list(depth),
-            "showgrid": False,
-            "constrain": "domain",
-        },
-        f"yaxis{number}": {
-            **AXIS,
-            "anchor": f"x{number}",
-            "range": [across[1], across[0]],
-            "domain": domain,
-            "scaleanchor": f"x{number}",
-            "constrain": "domain",
-            "showgrid": False,
-            "title": {**title, "text": ACROSS[found.plane]},
-        },
-    }
-
-
 def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
-    number = str(at + 1) if at else ""
-    away, primary = f"{abs(found.at_m):.1f} m", "the primary camera"
-    if found.plane == "side":
-        side = "right" if found.at_m >= 0 else "left"
-        where = f"{away} to the {side} of" if found.at_m else "straight ahead of"
-        text = f"<b>From the side</b>, {where} {primary}"
-    else:
-        where = (
-            f"{away} {'below' if found.at_m > 0 else 'above'}" if found.at_m else "at the height of"
-        )
-        text = f"<b>From above</b>, {where} {primary}"
+    seen, sides, straight = {
+        "side": ("the side", ("to the left of", "to the right of"), "straight ahead of"),
+        "above": ("above", ("above", "below"), "at the height of"),
+    }[found.plane]
+    where = f"{abs(found.at_m):.1f} m {sides[found.at_m >= 0]}" if found.at_m else straight
+    text = f"<b>From {seen}</b>, {where} the primary camera"
     left = {"xref": "paper", "x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
-    return note(text, number, {"size": 13}) | left
-
-
-def _depth(maps: int) -> dict[str, Any]:
-    """The title of the depth, below the last map; Plotly puts that of an axis with a constrained
-    domain into the map.
-    """
-    number = str(maps) if maps > 1 else ""
-    below = {"x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top", "yshift": -30}
-    return note("Ahead of the primary camera (m)", number, AXIS["title"]["font"]) | below
+    return note(text, _number(at), {"size": 13}) | left
 
 
 def _traces(
-    at: int, found: AccuracyMap, result: RefinedResult, quantity: Quantity
+    number: str, found: AccuracyMap, result: RefinedResult, quantity: Quantity, values: FloatArray
 ) -> list[dict[str, Any]]:
     """The map, the cameras and the targets of the bar."""
-    number, axis = str(at + 1) if at else "", AXIS_OF[found.plane]
-    own = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
-    values = _values([found], quantity)[0].T
-    centre = -result.pose.R.T @ result.pose.T
+    axis, above = AXIS_OF[found.plane], found.plane == "above"
+    centres = np.array([np.zeros(3), result.pose.inverse().T])
     ends = result.used_points_m.reshape(-1, 3)
-    towards = "to the right" if found.plane == "above" else "down"
     of_map = {
         "type": "heatmap",
         "x": found.z_m,
         "y": found.across_m,
-        "z": np.log10(values),
-        "customdata": values,
+        "z": np.log10(values.T),
+        "customdata": values.T,
         "coloraxis": "coloraxis",
         "hoverongaps": False,
-        "hovertemplate": f"%{{y:.1f}} m {towards}, %{{x:.1f}} m ahead<br>"
-        f"%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>",
+        "hovertemplate": f"%{{y:.1f}} m {'to the right' if above else 'down'}, %{{x:.1f}} m ahead"
+        f"<br>%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>",
     }
     cameras = {
         "type": "scatter",
-        "x": [0.0, centre[2]],
-        "y": [0.0, centre[axis]],
-        "mode": "markers+text" if found.plane == "above" else "markers",
+        "x": centres[:, 2],
+        "y": centres[:, axis],
+        "mode": "markers+text" if above else "markers",
         # On a narrow page the names reach into the map, where only grey is seen in both themes.
         "text": [f'<span style="color:{NEUTRAL}">{name}</span>' for name in CAMERAS],
         "textposition": "middle right",
@@ -205,6 +175,7 @@ def _traces(
         "marker": {"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
         "hovertemplate": "a target of the bar<extra></extra>",
     }
+    own = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
     return [{**trace, **own} for trace in (of_map, cameras, targets)]
 
 

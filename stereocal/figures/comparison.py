@@ -7,46 +7,41 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
-from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
-from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, count, finish
-from stereocal.rig.compiled import FloatArray
+from stereocal.figures import style
 from stereocal.verdict.in_words import interval, percent
 
-COMPARISON_HEIGHT = 700
 LONGEST_NAME = 20
 LIMIT = "arrow-bar-down"
 """Symbol of an upper limit: an arrow downwards from it."""
+Summaries = Mapping[str, Mapping[Method, MethodSummary]]
 
 
-def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> go.Figure:
+def plot_comparison(by_dataset: Summaries) -> go.Figure:
     """FCP of the reprojection error and median 3D error of several data sets, with intervals.
 
     Where no wrong pair looked right, an arrow starts at the upper limit of the FCP.
     """
     names = list(by_dataset)
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    finish(figure, COMPARISON_HEIGHT)
+    figure = style.blank(700, 2, shared_xaxes=True, vertical_spacing=0.06)
     for row, title in ((1, "FCP, reprojection<br>error (%)"), (2, "Median 3D error (%)")):
         estimates = {
             method: [_estimate(by_dataset[name][method], row) for name in names]
             for method in ALL_METHODS
             if all(method in by_dataset[name] for name in names)
         }
-        floor = _floor([e for of_method in estimates.values() for e in of_method])
+        every = [estimate for of_method in estimates.values() for estimate in of_method]
+        positive = [v for e in every for v in (e.value, e.low, e.high) if v > 0]
+        # Intervals that reach 0 end on a logarithmic axis below all positive values.
+        floor = min(positive) / 2 if positive else 1e-6
         for method, values in estimates.items():
             _add_comparison(figure, row, method, names, values, floor)
-        zeros = sum(e.value == 0 for of_method in estimates.values() for e in of_method)
-        figure.update_yaxes(
-            row=row,
-            col=1,
-            type="log",
-            exponentformat="none",
-            dtick="D2",
-            title_text=title + (f"<br>↧: upper limit, none counted (n = {zeros})" if zeros else ""),
-        )
+        zeros = sum(estimate.value == 0 for estimate in every)
+        title += f"<br>↧: upper limit, none counted (n = {zeros})" if zeros else ""
+        scale = {"type": "log", "exponentformat": "none", "dtick": "D2"}
+        figure.update_yaxes(row=row, col=1, title_text=title, **scale)
     short = [n if len(n) <= LONGEST_NAME else f"{n[: LONGEST_NAME - 1]}…" for n in names]
     figure.update_xaxes(
         tickvals=list(range(len(names))),
@@ -58,40 +53,28 @@ def plot_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) ->
     return figure
 
 
-def describe_comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> str:
+def describe_comparison(by_dataset: Summaries) -> str:
     """The figure in words."""
     parts = []
     for row, what in ((1, "FCP of the reprojection error"), (2, "median 3D error")):
         of_methods = []
+        column = "reprojection" if row == 1 else "reconstruction"
         for method in ALL_METHODS:
-            values = [_estimate(s[method], row).value for s in by_dataset.values() if method in s]
-            known = [value for value in values if np.isfinite(value)]
-            span = f"{percent(min(known))} to {percent(max(known))} %" if known else "none"
-            of_methods.append(f"{METHOD_NAMES[method]} {span}{_wins(by_dataset, method, row)}")
+            known = {
+                name: _estimate(own[method], row).value
+                for name, own in by_dataset.items()
+                if method in own and np.isfinite(_estimate(own[method], row).value)
+            }
+            least, most = (percent(f(known.values())) if known else "" for f in (min, max))
+            wins = sum(best_methods(by_dataset[name])[column] == method for name in known)
+            span = f"{least} to {most} %" if known else "none"
+            of_methods.append(f"{METHOD_NAMES[method]} {span} (lowest in {wins})")
         parts.append(f"{what}: {', '.join(of_methods)}")
-    return f"Over {count(len(by_dataset), 'data set')}, {'; '.join(parts)}."
-
-
-def _wins(
-    by_dataset: Mapping[str, Mapping[Method, MethodSummary]], method: Method, row: int
-) -> str:
-    column = "reprojection" if row == 1 else "reconstruction"
-    wins = sum(
-        best_methods(summaries)[column] == method
-        and bool(np.isfinite(_estimate(summaries[method], row).value))
-        for summaries in by_dataset.values()
-    )
-    return f" (lowest in {wins})"
+    return f"Over {style.count(len(by_dataset), 'data set')}, {'; '.join(parts)}."
 
 
 def _estimate(summary: MethodSummary, row: int) -> Estimate:
     return summary.reprojection.fcp if row == 1 else summary.reconstruction.median
-
-
-def _floor(estimates: Sequence[Estimate]) -> float:
-    """The end of intervals that reach 0, on a logarithmic axis below all positive values."""
-    positive = [v for e in estimates for v in (e.value, e.low, e.high) if v > 0]
-    return min(positive) / 2 if positive else 1e-6
 
 
 def _add_comparison(
@@ -103,37 +86,26 @@ def _add_comparison(
     floor: float,
 ) -> None:
     # Where nothing was counted, the upper limit alone.
-    values = np.array(
-        [[e.value or e.high, e.low if e.value else e.high, e.high] for e in estimates]
-    )
-    drawn: FloatArray = 100 * np.maximum(values, floor)
-    symbol = METHOD_SYMBOLS[method]
-    texts = [
-        f"{html.escape(name)}, {METHOD_NAMES[method]}<br>"
-        + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
-        for name, e in zip(names, estimates, strict=True)
-    ]
-    figure.add_scatter(
-        x=np.arange(len(names)) + 0.2 * (ALL_METHODS.index(method) - 1.5),
-        y=drawn[:, 0],
-        error_y={
-            "type": "data",
-            "array": drawn[:, 2] - drawn[:, 0],
-            "arrayminus": drawn[:, 0] - drawn[:, 1],
-            "thickness": 1.5,
-            "width": 3,
-        },
+    values = [[e.value or e.high, e.low if e.value else e.high, e.high] for e in estimates]
+    middle, low, high = 100 * np.maximum(values, floor).T
+    beside = 0.2 * (ALL_METHODS.index(method) - 1.5)
+    symbol = [style.METHOD_SYMBOLS[method] if e.value else LIMIT for e in estimates]
+    ends = {"array": high - middle, "arrayminus": middle - low, "thickness": 1.5, "width": 3}
+    style.add(
+        figure,
+        np.column_stack([np.arange(len(names)) + beside, middle]),
+        "%{text}",
         mode="markers",
+        error_y={"type": "data", **ends},
         name=METHOD_NAMES[method],
         legendgroup=method,
         showlegend=row == 1,
-        marker={
-            "color": METHOD_COLOURS[method],
-            "size": 9 if len(names) <= 8 else 7,
-            "symbol": [symbol if e.value else LIMIT for e in estimates],
-        },
-        text=texts,
-        hovertemplate="%{text}<extra></extra>",
+        marker=style.marker_of(method, 9 if len(names) <= 8 else 7, symbol=symbol),
+        text=[
+            f"{html.escape(name)}, {METHOD_NAMES[method]}<br>"
+            + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
+            for name, e in zip(names, estimates, strict=True)
+        ],
         row=row,
         col=1,
     )

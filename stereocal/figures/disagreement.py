@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.style import FAINT, NEUTRAL, WRONG_COLOUR, finish
+from stereocal.figures.style import DASHED, FAINT, NEUTRAL, WRONG_COLOUR, blank
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input, in_digits
 from stereocal.rig.compiled import FloatArray
@@ -31,7 +31,7 @@ NAMES = {
 def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
     """The test value of each input in standard errors, with the threshold of disagreement."""
     shown = list(reversed(inputs))
-    figure = finish(go.Figure(), FRAME + ROW * max(len(shown), 1))
+    figure = blank(FRAME + ROW * max(len(shown), 1))
     values = np.array([item.standard_errors for item in shown])
     figure.add_bar(
         y=[name_of(item) for item in shown],
@@ -50,12 +50,10 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
         cliponaxis=False,
         hovertemplate="%{customdata}<extra></extra>",
     )
-    figure.add_vline(x=ACCUSED, line={"color": NEUTRAL, "dash": "dash", "width": 2})
+    figure.add_vline(x=ACCUSED, line=DASHED)
     most = float(np.nanmax(np.append(values, ACCUSED)))
-    figure.update_xaxes(
-        title_text=f"Disagreement (standard errors)<br>Dashed: threshold {ACCUSED:g}",
-        range=[0, 1.2 * most],
-    )
+    title = f"Disagreement (standard errors)<br>Dashed: threshold {ACCUSED:g}"
+    figure.update_xaxes(title_text=title, range=[0, 1.2 * most])
     return figure
 
 
@@ -63,19 +61,18 @@ def disagreement_table(inputs: Sequence[Input]) -> pd.DataFrame:
     """What was stated of each input, and what comes out with images and lengths."""
     rows = {}
     for item in inputs:
-        sigma, estimated = item.sigma, "held as stated"
+        sigma, apart = item.sigma, item.standard_errors
+        stated, estimated = ", ".join(f"{value:g}" for value in item.stated), "held as stated"
         if sigma.all():
             stated = in_digits(item.stated, sigma)
             found = f"{in_digits(item.estimate, sigma)} ± {in_digits(sigma, sigma)}"
             estimated = f"{found} {item.unit}".rstrip()
-        else:
-            stated = ", ".join(f"{value:g}" for value in item.stated)
         rows[name_of(item)] = {
             "Stated": f"{stated} {item.unit}".rstrip(),
             "Estimated": estimated,
-            "Disagreement (standard errors)": "no information"
-            if np.isnan(item.standard_errors)
-            else digits(item.standard_errors, 2),
+            "Disagreement (standard errors)": (
+                "no information" if np.isnan(apart) else digits(apart, 2)
+            ),
         }
     return pd.DataFrame(rows).T.rename_axis("Input")
 
@@ -94,13 +91,13 @@ def name_of(item: Input) -> str:
 def _words(item: Input) -> str:
     if np.isnan(item.standard_errors):
         return f"{name_of(item)}: the images have no information about it"
+    apart = f"{digits(item.standard_errors, 2)} standard errors"
     if not item.prior_sigma.any() and not item.accused:
-        return f"{name_of(item)}: held as stated, {digits(item.standard_errors, 2)} standard errors"
-    return (
-        f"{name_of(item)}: stated {_numbers(item.stated)} {item.unit}".rstrip()
-        + f", estimated {_numbers(item.estimate)} {item.unit}".rstrip()
-        + f", {digits(item.standard_errors, 2)} standard errors"
+        return f"{name_of(item)}: held as stated, {apart}"
+    stated, estimate = (
+        f"{_numbers(values)} {item.unit}".rstrip() for values in (item.stated, item.estimate)
     )
+    return f"{name_of(item)}: stated {stated}, estimated {estimate}, {apart}"
 
 
 def _numbers(values: FloatArray) -> str:

@@ -27,8 +27,8 @@ table { border-collapse: collapse; font-size: 0.92rem; }
 th, td { padding: 4px 10px; border-bottom: 1px solid var(--rule); text-align: left;
   vertical-align: top; overflow-wrap: break-word; }
 td { font-variant-numeric: tabular-nums; }
-.data td + td:not(.digest) { white-space: nowrap; }
-.digest { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
+.data td:not(:last-child) { white-space: nowrap; }
+.data td:last-child { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
 .main-svg > g:not(.hoverlayer) text { fill: var(--ink) !important; }
 .narrow { display: none; }
 .sets { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; }
@@ -45,14 +45,15 @@ td { font-variant-numeric: tabular-nums; }
 """
 
 
-def html_page(title: str, sections: Sequence[str]) -> str:
-    """The text of the file, with Plotly's script."""
+def html_page(title: str, answer: str, sections: Sequence[str]) -> str:
+    """The text of the file, with Plotly's script; the answer stands below the title."""
+    first = f'<h1>{escape(title)}</h1>\n<p class="answer">{escape(answer)}</p>'
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n"
         f"<script>{get_plotlyjs()}</script>\n</head>\n<body>\n<main>\n"
-        + "\n".join(sections)
+        + "\n".join([first, *sections])
         + "\n</main>\n</body>\n</html>\n"
     )
 
@@ -65,7 +66,11 @@ def paragraphs(*texts: str) -> str:
     return "\n".join(f"<p>{escape(text)}</p>" for text in texts)
 
 
-def html_plot(figure: go.Figure, words: str, kind: str) -> str:
+def html_list(texts: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+
+
+def html_plot(figure: go.Figure, words: str, kind: str = "plot") -> str:
     drawn = figure.to_html(
         full_html=False,
         include_plotlyjs=False,
@@ -77,13 +82,14 @@ def html_plot(figure: go.Figure, words: str, kind: str) -> str:
 
 def html_figure(title: str, figure: go.Figure, words: str) -> str:
     """A section with a figure and its words."""
-    return html_section(title, html_plot(figure, words, "plot") + paragraphs(words))
+    return html_section(title, html_plot(figure, words) + paragraphs(words))
 
 
-def html_table(table: pd.DataFrame) -> str:
-    """A table with its cells, rows and columns escaped."""
-    first = escape(str(table.index.name or ""))
-    heads = "".join(f'<th scope="col">{escape(str(column))}</th>' for column in table.columns)
+def html_table(table: pd.DataFrame, kind: str = "plain") -> str:
+    """A table with its cells, rows and columns escaped; of the kind `data`, the last column is a
+    digest."""
+    columns = (table.index.name or "", *table.columns)
+    heads = "".join(f'<th scope="col">{escape(str(column))}</th>' for column in columns)
     rows = [
         f'<tr><th scope="row">{escape(str(name))}</th>'
         + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
@@ -91,6 +97,6 @@ def html_table(table: pd.DataFrame) -> str:
         for name, cells in zip(table.index, table.to_numpy(), strict=True)
     ]
     return (
-        f'<div class="scroll" tabindex="0"><table><thead><tr><th scope="col">{first}</th>{heads}'
-        "</tr></thead>\n<tbody>" + "\n".join(rows) + "</tbody></table></div>"
+        f'<div class="scroll" tabindex="0"><table class="{kind}"><thead><tr>{heads}</tr></thead>\n'
+        "<tbody>" + "\n".join(rows) + "</tbody></table></div>"
     )

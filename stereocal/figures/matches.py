@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from stereocal.figures.photograph import Photograph, photograph_behind
-from stereocal.figures.style import NEUTRAL, WRONG_COLOUR, count, finish
+from stereocal.figures.style import NEUTRAL, WRONG_COLOUR, add, blank, count
 from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
 
-HEIGHT = 350
 MAXIMUM_DRAWN = 3000
 """Maximum number of points of one kind that are drawn in an image, evenly thinned."""
 MAXIMUM_NUMBERS = 40
@@ -38,33 +36,22 @@ def plot_matches(
         photograph: what is drawn behind the points.
     """
     pairs = pairs.sort_values("u_primary", ignore_index=True)
-    figure = make_subplots(rows=1, cols=1)
-    finish(figure, HEIGHT)
+    figure, (width, height) = blank(350), size
     figure.layout.uirevision, figure.layout.showlegend, figure.layout.margin.pad = side, False, 0
-    width, height = size
     if photograph is not None:
         box = (-0.5, -0.5, width - 0.5, height - 0.5)
         figure.layout.images = photograph_behind(photograph, box)
-    _add_unmatched(figure, points[unmatched(pairs, points, side)], photograph is not None)
+    alone = points[unmatched(pairs, points, side)]
+    colour = WRONG_COLOUR if photograph is not None else NEUTRAL
+    marker = {"symbol": "circle-open", "size": 9, "line": {"width": 2}, "color": colour}
+    hover, name = "no partner<br>u %{x:.2f} px, v %{y:.2f} px", f"No partner (n = {len(alone)})"
+    add(figure, alone[:: thinned(len(alone))], hover, marker=marker, name=name)
     _add_pairs(figure, side, pairs, photograph is not None)
-    figure.update_xaxes(
-        range=[-0.5, width - 0.5],
-        constrain="domain",
-        nticks=4,
-        tickangle=0,
-        showgrid=False,
-        mirror=True,
-        ticksuffix=" px",
-    )
-    figure.update_yaxes(
-        range=[height - 0.5, -0.5],
-        scaleanchor="x",
-        constrain="domain",
-        constraintoward="top",
-        nticks=5,
-        showgrid=False,
-        mirror=True,
-    )
+    common = {"constrain": "domain", "showgrid": False, "mirror": True}
+    ticks = {"nticks": 4, "tickangle": 0, "ticksuffix": " px"}
+    figure.update_xaxes(range=[-0.5, width - 0.5], **ticks, **common)
+    common |= {"nticks": 5, "scaleanchor": "x", "constraintoward": "top"}
+    figure.update_yaxes(range=[height - 0.5, -0.5], **common)
     return figure
 
 
@@ -93,28 +80,10 @@ def unmatched(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
     return np.array([tuple(point) not in taken for point in points], dtype=np.bool_)
 
 
-def _add_unmatched(figure: go.Figure, points: FloatArray, on_photograph: bool) -> None:
-    drawn = points[:: thinned(len(points))]
-    figure.add_scatter(
-        x=drawn[:, 0],
-        y=drawn[:, 1],
-        mode="markers",
-        marker={
-            "symbol": "circle-open",
-            "size": 9,
-            "line": {"width": 2},
-            "color": WRONG_COLOUR if on_photograph else NEUTRAL,
-        },
-        name=f"No partner (n = {len(points)})",
-        hovertemplate="no partner<br>u %{x:.2f} px, v %{y:.2f} px<extra></extra>",
-    )
-
-
 def _add_pairs(
     figure: go.Figure, side: CameraName, pairs: pd.DataFrame, on_photograph: bool
 ) -> None:
     """Pairs as discs, ambiguous ones as diamonds, coloured by their order in the primary image."""
-    numbered = len(pairs) <= MAXIMUM_NUMBERS
     rank = np.arange(len(pairs)) / max(len(pairs) - 1, 1)
     ambiguous = pairs["ambiguous"].to_numpy(dtype=np.bool_)
     step = thinned(len(pairs))
@@ -126,10 +95,12 @@ def _add_pairs(
             continue
         drawn = np.flatnonzero(chosen)[::step]
         rows = pairs.iloc[drawn]
-        figure.add_scatter(
-            x=rows[f"u_{side}"],
-            y=rows[f"v_{side}"],
-            mode="markers+text" if numbered else "markers",
+        add(
+            figure,
+            rows[[f"u_{side}", f"v_{side}"]].to_numpy(dtype=np.float64),
+            f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
+            "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px",
+            mode="markers+text" if len(pairs) <= MAXIMUM_NUMBERS else "markers",
             text=[str(k + 1) for k in drawn],
             textposition="top center",
             textfont={"size": 13, **(ON_PHOTOGRAPH if on_photograph else {})},
@@ -143,11 +114,7 @@ def _add_pairs(
                 "cmax": 1.0,
                 "line": {"width": 1 if on_photograph else 0, "color": "white"},
             },
-            customdata=np.column_stack([rows["error_px"], rows["runner_up_px"]]),
-            hovertemplate=(
-                f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
-                "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px<extra></extra>"
-            ),
+            customdata=rows[["error_px", "runner_up_px"]],
         )
 
 

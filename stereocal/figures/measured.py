@@ -11,15 +11,14 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, set_scene, upright
-from stereocal.figures.style import METHOD_COLOURS, NEUTRAL, count, finish, sentence_only
+from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, set_scene
+from stereocal.figures.style import DASHED, add, blank, count, marker_of, sentence_only
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import rounded
 
-HEIGHT = 560
 MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
 MAXIMUM_TRACKS = 500
@@ -32,6 +31,34 @@ COLOURS = ((0.0, "#1F83C4"), (0.5, "#009E73"), (1.0, "#D55E00"))
 FAR_OUT = 1.5
 """Points are not drawn beyond this multiple of the extent of the central 98 %, because a single
 wrong pair at a distance of kilometres would shrink the others to a dot."""
+
+HEADINGS: Mapping[str, str] = {
+    "frame": "Frame",
+    "u_primary": "u, primary (px)",
+    "v_primary": "v, primary (px)",
+    "u_secondary": "u, secondary (px)",
+    "v_secondary": "v, secondary (px)",
+    "error_px": "Error (px)",
+    "runner_up_px": "Next best error (px)",
+    "ambiguous": "Ambiguous",
+    "x": "x, right (m)",
+    "y": "y, down (m)",
+    "z": "z, depth (m)",
+    "sigma_x": "Standard error of x (m)",
+    "sigma_y": "Standard error of y (m)",
+    "sigma_z": "Standard error of z (m)",
+    "outside_volume": "Outside the volume of the bars",
+}
+"""Of tables of pairs and points on a page, by the name of the column; the files keep their names,
+and a column of the user keeps its own."""
+IN_WORLD: Mapping[str, str] = {
+    **HEADINGS,
+    "x": "x (m)",
+    "y": "y (m)",
+    "z": "z (m)",
+    "coordinates": "World frame",
+}
+"""Of points in a world frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +126,23 @@ def plot_points(
     if not len(cloud.shown):
         return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
     values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)
+    shown = values[cloud.shown]
+    # For errors, the scale ends at the 98th percentile.
+    low, top = float(shown.min()), float(np.percentile(shown, 98 if colour == "error" else 100))
     scale = {
         "colorscale": [list(stop) for stop in COLOURS],
-        "cmin": float(values[cloud.shown].min()),
-        "cmax": _top(values[cloud.shown], colour),
+        "cmin": low,
+        "cmax": top if top > low else low + 1.0,
     }
-    figure = finish(go.Figure(), HEIGHT)
+    figure = blank(560)
     figure.layout.uirevision, figure.layout.showlegend = view, False
     _add_tracks(figure, cloud, values, scale)
     _add_points(figure, cloud, values, {**scale, "colorbar": _colour_bar(colour)})
-    _mark_frame(figure, cloud, frame)
+    marked = cloud.xyz[cloud.seen & (points["frame"] == frame)][:MAXIMUM_MARKED]
+    if len(marked):
+        size = 8 if len(marked) <= 20 else 4
+        marker = {"symbol": "diamond", "color": MARK_COLOUR, "size": size}
+        add(figure, marked, "name", marker=marker, name=f"Frame {frame}")
     add_cameras(figure, rig, cloud.depth, cloud.scene)
     seen = cloud.xyz[cloud.seen]
     # Else tracks far from the cameras are a dot in a corner.
@@ -124,10 +158,7 @@ def _colour_bar(colour: Colour) -> dict[str, Any]:
         "tickfont": {"size": 13},
         "nticks": 6,
         "orientation": "h",
-        "x": 0.5,
-        "xanchor": "center",
-        "y": 0.0,
-        "yanchor": "top",
+        **{"x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top"},
         **({"tickformat": "d"} if colour == "frame" else {}),
     }
 
@@ -136,45 +167,26 @@ def _add_points(
     figure: go.Figure, cloud: PointCloud, values: FloatArray, scale: Mapping[str, Any]
 ) -> None:
     """The points inside and outside the volume of the bars, with one colour bar."""
-    table, shown = cloud.points, cloud.shown
-    about = np.column_stack([table["frame"], table["error_px"], table[["x", "y", "z"]]])
+    about = cloud.points[["frame", "error_px", "x", "y", "z"]].to_numpy(dtype=np.float64)
     x, y, z = ("", "", "") if cloud.scene.is_world else (" (right)", " (down)", " (depth)")
-    outside = cloud.outside[shown]
-    kinds = (
-        (shown[~outside], "circle", "Points"),
-        (shown[outside], "circle-open", "Outside the volume of the bars"),
-    )
-    for number, (some, symbol, name) in enumerate(kind for kind in kinds if len(kind[0])):
-        figure.add_scatter3d(
-            **upright(cloud.xyz[some]),
-            mode="markers",
-            marker={
-                **scale,
-                "size": 4 if len(shown) <= 200 else 2,
-                "color": values[some],
-                "symbol": symbol,
-                "showscale": number == 0,
-            },
+    rows, outside = cloud.shown, cloud.outside[cloud.shown]
+    kinds = {"Points": (rows[~outside], "circle")}
+    kinds["Outside the volume of the bars"] = (rows[outside], "circle-open")
+    bar = True
+    for name, (some, symbol) in kinds.items():
+        if not len(some):
+            continue
+        own = {"size": 4 if len(rows) <= 200 else 2, "color": values[some], "symbol": symbol}
+        add(
+            figure,
+            cloud.xyz[some],
+            "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{customdata[2]:.3f} "
+            f"m{x}, y %{{customdata[3]:.3f}} m{y}, z %{{customdata[4]:.3f}} m{z}",
+            marker={**scale, **own, "showscale": bar},
             customdata=about[some],
-            hovertemplate=(
-                "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{customdata[2]:.3f} "
-                f"m{x}, y %{{customdata[3]:.3f}} m{y}, z %{{customdata[4]:.3f}} m{z}<extra></extra>"
-            ),
             name=f"{name} (n = {len(some)})",
         )
-
-
-def _mark_frame(figure: go.Figure, cloud: PointCloud, frame: int | None) -> None:
-    rows = np.flatnonzero(cloud.seen & (cloud.points["frame"] == frame))[:MAXIMUM_MARKED]
-    if len(rows):
-        size = 8 if len(rows) <= 20 else 4
-        figure.add_scatter3d(
-            **upright(cloud.xyz[rows]),
-            mode="markers",
-            name=f"Frame {frame}",
-            hoverinfo="name",
-            marker={"symbol": "diamond", "color": MARK_COLOUR, "size": size},
-        )
+        bar = False
 
 
 def _add_tracks(
@@ -187,13 +199,8 @@ def _add_tracks(
     rows = np.concatenate([part for track in drawn for part in (track, track[-1:])])
     path = cloud.xyz[rows]
     path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
-    figure.add_scatter3d(
-        **upright(path),
-        mode="lines",
-        line={**scale, "color": values[rows], "width": 3},
-        hoverinfo="skip",
-        name=f"Tracks (n = {len(cloud.tracks)})",
-    )
+    line = {**scale, "color": values[rows], "width": 3}
+    add(figure, path, line=line, name=f"Tracks (n = {len(cloud.tracks)})")
 
 
 def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
@@ -245,26 +252,19 @@ def in_view(xyz: FloatArray) -> BoolArray:
     return finite & near
 
 
-def _top(values: FloatArray, colour: Colour) -> float:
-    """The end of the colour scale; for errors, the 98th percentile."""
-    top = float(np.percentile(values, 98)) if colour == "error" else float(values.max())
-    return top if top > values.min() else float(values.min()) + 1.0
-
-
 def plot_lengths(check: LengthCheck) -> go.Figure:
     """The error of a known length, frame by frame."""
-    figure = finish(go.Figure(), 320)
-    figure.add_scatter(
-        x=check.frames,
-        y=100 * check.errors,
-        mode="markers",
-        marker={"color": METHOD_COLOURS["3d"], "symbol": "triangle-up", "size": 9},
+    figure = blank(320)
+    add(
+        figure,
+        np.column_stack([check.frames, 100 * check.errors]),
+        "frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %",
+        marker=marker_of("3d", 9),
         customdata=check.lengths_m,
         name=f"Measured (n = {len(check.frames)})",
         showlegend=True,
-        hovertemplate="frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %<extra></extra>",
     )
-    figure.add_hline(y=0, line={"color": NEUTRAL, "width": 2, "dash": "dash"})
+    figure.add_hline(y=0, line=DASHED)
     figure.update_xaxes(title_text="Frame")
     figure.update_yaxes(title_text="Length error (%)")
     return figure

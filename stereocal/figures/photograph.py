@@ -17,16 +17,16 @@ QUALITY = 85
 
 
 def photograph_behind(
-    image: Photograph, box: tuple[float, float, float, float], xref: str = "x", yref: str = "y"
+    image: Photograph, box: tuple[float, float, float, float], number: str = ""
 ) -> list[dict[str, Any]]:
     """The part of a photograph that is in a box behind a panel, for `layout.images`; none outside.
 
     Args:
         box: left, top, right, bottom in pixels, the centre of the first pixel at (0, 0).
-        xref, yref: axes of the panel.
+        number: of the panel's axes.
     """
     height, width = image.shape
-    left, top = max(int(np.floor(box[0] + 0.5)), 0), max(int(np.floor(box[1] + 0.5)), 0)
+    left, top = (max(int(np.floor(end + 0.5)), 0) for end in box[:2])
     right, bottom = min(int(np.ceil(box[2] + 0.5)), width), min(int(np.ceil(box[3] + 0.5)), height)
     part = image[top:bottom, left:right]
     if not part.size:
@@ -38,16 +38,6 @@ def photograph_behind(
         )
     _, packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     source = "data:image/jpeg;base64," + base64.b64encode(packed.tobytes()).decode()
-    return [
-        {
-            "source": source,
-            "x": left - 0.5,
-            "y": top - 0.5,
-            "sizex": right - left,
-            "sizey": bottom - top,
-            "sizing": "stretch",
-            "layer": "below",
-            "xref": xref,
-            "yref": yref,
-        }
-    ]
+    place = {"x": left - 0.5, "y": top - 0.5, "sizex": right - left, "sizey": bottom - top}
+    axes = {"xref": f"x{number}", "yref": f"y{number}"}
+    return [{"source": source, "sizing": "stretch", "layer": "below", **place, **axes}]

@@ -1,39 +1,131 @@
-"""The report of a plan: one HTML file that holds everything and opens without a network."""
+"""A plan in figures, by place, by depth for several plans and by baseline, and in a report: one
+HTML file that holds everything and opens without a network."""
 
 from __future__ import annotations
 
-from html import escape
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import plotly.graph_objects as go
 
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.field.planning.in_words import answer
 from stereocal.field.planning.plan import AimedPose, Plan
-from stereocal.figures.forecast_table import plan_table
-from stereocal.figures.html import html_figure, html_page, html_section, html_table, paragraphs
-from stereocal.figures.plan_errors import (
-    describe_plan_baselines,
-    describe_plan_depths,
-    describe_plan_map,
-    plot_plan_baselines,
-    plot_plan_depths,
-    plot_plan_map,
+from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
+from stereocal.figures.html import (
+    html_figure,
+    html_list,
+    html_page,
+    html_section,
+    html_table,
+    paragraphs,
 )
+from stereocal.figures.style import add, blank, line_of, sentence_only
+from stereocal.figures.tables import plan_table
+from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, percent
 from stereocal.version import __version__
 
+PLAN_STYLES = (
+    ("#1F83C4", "solid", "circle"),
+    ("#D55E00", "dash", "triangle-up"),
+    ("#A1458A", "dot", "diamond"),
+)
+HEIGHT = 340
+HOVER = "%{x:.3~r} m<br>%{y:.2~r} %"
+NO_BASELINE = "No other baseline could be tried: the cameras would lose their common view."
+
+
+def plot_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> go.Figure:
+    """Errors in the volume, from above and from the side, with bars as they may be placed."""
+    result, frames = found.fit.result, found.plan.frames
+    few = {name: getattr(result, name)[:frames] for name in ("points_m", "outlying", "frame_of")}
+    shown = replace(result, **few)
+    return plot_accuracy(_maps(found), shown, quantity)
+
+
+def describe_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> str:
+    """The figure in words."""
+    return describe_accuracy(_maps(found), quantity)
+
+
+def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
+    """Mean length error against depth, a line for each of up to three plans."""
+    figure = blank(HEIGHT)
+    for found, (colour, dash, symbol) in zip(plans, PLAN_STYLES, strict=False):
+        depths, length, _ = found.fit.by_depth
+        name = found.plan.name if len(plans) > 1 else "Length error"
+        points = np.column_stack([depths, 100 * length])
+        style = {"line": line_of(colour, 2, dash), "marker": {"symbol": symbol, "size": 8}}
+        add(figure, points, f"{HOVER}<extra>%{{fullData.name}}</extra>", name=name, **style)
+    figure.update_layout(showlegend=len(plans) > 1)
+    figure.update_xaxes(title_text="Depth ahead of the primary camera (m)")
+    figure.update_yaxes(title_text="Mean length error (%)", rangemode="tozero")
+    return figure
+
+
+def describe_plan_depths(plans: Sequence[PlanForecast]) -> str:
+    """The figure in words."""
+    parts = []
+    for found in plans:
+        depths, length, _ = found.fit.by_depth
+        known = np.flatnonzero(np.isfinite(length))
+        first, last = known[0], known[-1]
+        parts.append(
+            f"{found.plan.name}: {percent(length[first])} % at {rounded(depths[first], 3)} m, "
+            f"{percent(length[last])} % at {rounded(depths[last], 3)} m"
+        )
+    return f"Mean length error of the refined set against depth. {'; '.join(parts)}."
+
+
+def plot_plan_baselines(found: PlanForecast) -> go.Figure:
+    """Mean length error in the volume against the baseline."""
+    advice, planned = found.advice, found.plan.baseline_m
+    known = np.isfinite(advice.baseline_errors)
+    if known.sum() < 2:
+        return sentence_only(NO_BASELINE)
+    baselines, errors = advice.baselines_m[known], 100 * advice.baseline_errors[known]
+    figure = blank(HEIGHT)
+    others = np.column_stack([baselines, errors])
+    add(figure, others, HOVER, name="other baselines", line=line_of(), marker={"size": 8})
+    marker = {"size": 13, "symbol": "diamond", "color": PLAN_STYLES[0][0]}
+    text = {"text": ["planned"], "textposition": "top right", "cliponaxis": False}
+    at = np.array([[planned, 100 * advice.length_error]])
+    add(figure, at, f"planned: {HOVER}", name="planned", marker=marker, **text)
+    figure.update_layout(showlegend=False)
+    ticks = {"tickvals": baselines, "ticktext": [f"{float(f'{b:.2g}'):g}" for b in baselines]}
+    figure.update_xaxes(title_text="Baseline (m)", type="log", **ticks)
+    figure.update_yaxes(title_text="Mean length error (%)", rangemode="tozero")
+    return figure
+
+
+def describe_plan_baselines(found: PlanForecast) -> str:
+    """The figure in words."""
+    advice = found.advice
+    known = np.flatnonzero(np.isfinite(advice.baseline_errors))
+    if len(known) < 2:
+        return NO_BASELINE
+    best = known[int(np.argmin(advice.baseline_errors[known]))]
+    return (
+        "Mean length error against the baseline, the cameras aimed at the same place: "
+        f"{percent(advice.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as planned, "
+        f"least with {rounded(advice.baselines_m[best], 3)} m, "
+        f"{percent(advice.baseline_errors[best])} %. A baseline is not tried where less than 60 % "
+        "of the common view would be left."
+    )
+
+
+def _maps(found: PlanForecast) -> list[AccuracyMap]:
+    return [found.fit.map("above"), found.fit.map("side")]
+
 
 def plan_report(found: PlanForecast) -> str:
     """The text of the file."""
-    plan = found.plan
-    title = f"Forecast of the plan {plan.name}"
-    advice = "".join(f"<li>{escape(text)}</li>" for text in found.advice.sentences)
     sections = [
-        f"<h1>{escape(title)}</h1>",
-        f'<p class="answer">{escape(answer(found))}</p>',
-        html_section("What would help most", f"<ul>{advice}</ul>"),
+        html_section("What would help most", html_list(found.advice.sentences)),
         html_figure("Errors by place", plot_plan_map(found), describe_plan_map(found)),
         html_figure("Errors by depth", plot_plan_depths([found]), describe_plan_depths([found])),
         html_figure(
@@ -41,9 +133,9 @@ def plan_report(found: PlanForecast) -> str:
         ),
         html_section("What the files will do", html_table(plan_table(found))),
         html_section("How it was computed", paragraphs(how_computed(found))),
-        html_section("The plan", html_table(contents_of_plan(plan))),
+        html_section("The plan", html_table(_contents(found.plan))),
     ]
-    return html_page(title, sections)
+    return html_page(f"Forecast of the plan {found.plan.name}", answer(found), sections)
 
 
 def how_computed(found: PlanForecast) -> str:
@@ -61,12 +153,17 @@ def how_computed(found: PlanForecast) -> str:
     )
 
 
-def contents_of_plan(plan: Plan) -> pd.DataFrame:
+def _contents(plan: Plan) -> pd.DataFrame:
     """The plan as a table."""
     own, pose = plan.uncertainty, plan.stated_pose
+    primary, secondary = (
+        f"{width} x {height} px, focal length {rounded(camera.K[0, 0], 4)} px"
+        for camera in (plan.primary, plan.secondary)
+        for width, height in (camera.image_size,)
+    )
     lines = {
-        "Primary camera": _lens(plan, 0),
-        "Secondary camera": _lens(plan, 1),
+        "Primary camera": primary,
+        "Secondary camera": secondary,
         "Baseline": f"{rounded(plan.baseline_m, 4)} m ± {rounded(1000 * own.baseline_m, 3)} mm",
         "Volume": f"{rounded(plan.near_m, 4)} to {rounded(plan.far_m, 4)} m ahead of the primary "
         "camera",
@@ -83,9 +180,3 @@ def contents_of_plan(plan: Plan) -> pd.DataFrame:
         angle = np.degrees(np.arccos(np.clip((np.trace(plan.pose.R) - 1) / 2, -1, 1)))
         lines["Angle between the cameras"] = f"{rounded(angle, 3)}°"
     return pd.DataFrame({"Value": lines}).rename_axis("Planned")
-
-
-def _lens(plan: Plan, number: int) -> str:
-    camera = (plan.primary, plan.secondary)[number]
-    width, height = camera.image_size
-    return f"{width} x {height} px, focal length {rounded(camera.K[0, 0], 4)} px"

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import datetime
 import math
-import platform
-from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 
-import cv2
-import numba
-import numpy as np
 import pandas as pd
 import plotly
-import scipy
 
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, CalibrationSettings, Method
 from stereocal.calibration.montecarlo import SearchSettings
@@ -21,14 +15,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.frame_view import PAPERS, telling_frame, views_of
-from stereocal.figures.html import (
-    html_figure,
-    html_page,
-    html_plot,
-    html_section,
-    html_table,
-    paragraphs,
-)
+from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
 from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
@@ -49,11 +36,11 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
+from stereocal.rig.parameters import software_versions
 from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import left_out_line, listed
 from stereocal.verdict.recommendation import Recommendation
-from stereocal.version import __version__
 
 SETTING_NAMES = {
     "maximum_moves": "Most moves of a search",
@@ -88,37 +75,29 @@ def report_html(
         recommended: the calibration of a single data set, and its recommendation.
     """
     first = recommended[1].text if recommended else validation_answer(summaries)
-    title = f"Validation of {_named(datasets)}"
-    sections = [
-        f"<h1>{escape(title)}</h1>",
-        f'<p class="answer">{escape(first)}</p>',
-        *_why_two_sets(recommended[0] if recommended else None),
-        html_section("What was done", _procedure(datasets, settings)),
-        html_section(
-            "Data sets" if len(datasets) > 1 else "Data set", _datasets(datasets, screenings)
-        ),
-        html_section("How well each method matches and measures", _validation(summaries)),
-        html_section("The figures in numbers", html_table(validation_table(summaries))),
-        *_comparison(by_dataset),
-        html_section(
-            "Angles: mean ± spread over the runs, in degrees", _angles(summaries, datasets)
-        ),
-        html_section("Settings", html_table(_settings(settings, summaries))),
-        html_section("Software", _software()),
-    ]
-    return html_page(title, sections)
+    many = len(datasets) > 1
+    named = f"{len(datasets)} data sets" if many else datasets[0].name or "a data set"
+    versions = {**software_versions(), "plotly": plotly.__version__}
+    software = html_table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
+    written = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+    sections = {
+        "Why two sets": _why_two_sets(recommended[0]) if recommended else "",
+        "What was done": paragraphs(*_procedure(settings, "data sets" if many else "runs")),
+        "Data sets" if many else "Data set": _datasets(datasets, screenings),
+        "How well each method matches and measures": _validation(summaries),
+        "The figures in numbers": html_table(validation_table(summaries)),
+        "The data sets compared": _comparison(by_dataset) if len(by_dataset) > 1 else "",
+        "Angles: mean ± spread over the runs, in degrees": _angles(summaries, datasets),
+        "Settings": html_table(_settings(settings, summaries)),
+        "Software": f"{software}\n{paragraphs(f'Written on {written}.')}",
+    }
+    drawn = [html_section(title, content) for title, content in sections.items() if content]
+    return html_page(f"Validation of {named}", first, drawn)
 
 
-def _named(datasets: Sequence[Dataset]) -> str:
-    if len(datasets) == 1:
-        return datasets[0].name or "a data set"
-    return f"{len(datasets)} data sets"
-
-
-def _procedure(datasets: Sequence[Dataset], settings: EvaluationSettings) -> str:
-    """What was done, in words."""
-    units = "data sets" if len(datasets) > 1 else "runs"
-    return paragraphs(
+def _procedure(settings: EvaluationSettings, units: str) -> tuple[str, ...]:
+    """What was done, in words; intervals are over the `units`."""
+    return (
         f"In each of {settings.runs} runs for each data set, {settings.calibration_frames} frames "
         "drawn at random calibrated the rig in three ways: by the essential matrix, by a search "
         "for the smallest reprojection error (2D set), and by a search for the smallest error of "
@@ -139,32 +118,17 @@ def _procedure(datasets: Sequence[Dataset], settings: EvaluationSettings) -> str
 
 
 def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> str:
-    heads = ["Name", "Frames", "Pairs", "Bars", "Baseline", "Bar", "SHA-256 of its numbers"]
     rows = []
     for dataset in datasets:
-        lines = contents_table(dataset)["Read"]
-        points = dataset.correspondences
-        cells = [
-            dataset.name,
-            len(points.frames),
-            len(points),
-            len(points.bars),
-            lines["Baseline"],
-            lines["Distance between the targets"],
-        ]
-        rows.append(
-            "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
-            + f'<td class="digest">{escape(dataset.sha256)}</td>'
-        )
+        lines, points = contents_table(dataset)["Read"], dataset.correspondences
+        counts = {"Frames": len(points.frames), "Pairs": len(points), "Bars": len(points.bars)}
+        lengths = {"Baseline": lines["Baseline"], "Bar": lines["Distance between the targets"]}
+        rows.append({**counts, **lengths, "SHA-256 of its numbers": dataset.sha256})
+    table = pd.DataFrame(rows, index=pd.Index([dataset.name for dataset in datasets], name="Name"))
     notes = [f"{d.name}: {d.notes}" for d in datasets if d.notes]
     notes += [f"{s.full_dataset.name}: {s.time_note}" for s in screenings if s.time_note]
     notes += [f"{s.full_dataset.name}: {left_out_line(s)}" for s in screenings if s.left_out]
-    head = "".join(f'<th scope="col">{text}</th>' for text in heads)
-    body = "\n".join(f"<tr>{row}</tr>" for row in rows)
-    return (
-        f'<div class="scroll" tabindex="0"><table class="data"><thead><tr>{head}</tr></thead>\n'
-        f"<tbody>{body}</tbody></table></div>\n{paragraphs(*notes)}"
-    )
+    return f"{html_table(table, 'data')}\n{paragraphs(*notes)}"
 
 
 def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
@@ -178,33 +142,27 @@ def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
     return "\n".join([wide, *narrow, paragraphs(words)])
 
 
-def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> Iterable[str]:
-    if len(by_dataset) < 2:
-        return []
+def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> str:
     words = describe_comparison(by_dataset)
-    return [html_figure("The data sets compared", plot_comparison(by_dataset), words)]
+    return html_plot(plot_comparison(by_dataset), words) + paragraphs(words)
 
 
-def _why_two_sets(calibration: Calibration | None) -> Iterable[str]:
+def _why_two_sets(calibration: Calibration) -> str:
     """The frame that shows it best, with the paper's two sets side by side."""
-    if calibration is None:
-        return []
     frame = telling_frame(calibration)
     views = views_of(calibration, frame)
     columns = []
     for method in PAPERS:
-        images = [
-            html_plot(
-                plot_image(views, method, camera), describe_image(views, method, camera), "plot"
-            )
+        gap = describe_gap(views, method)
+        drawn = [
+            (plot_image(views, method, camera), describe_image(views, method, camera))
             for camera in range(len(CAMERAS))
         ]
-        gap = html_plot(plot_gap(views, method), describe_gap(views, method), "plot")
+        plots = [html_plot(*each) for each in (*drawn, (plot_gap(views, method), gap))]
         head = f"<h3>{METHOD_NAMES[method]}: primary and secondary image, and the rays</h3>"
-        words = paragraphs(describe_gap(views, method))
-        columns.append(f"<div>{head}{''.join(images)}{gap}{words}</div>")
+        columns.append(f"<div>{head}{''.join(plots)}{paragraphs(gap)}</div>")
     said = paragraphs(f"Frame {frame}. {describe_two_sets(views)}")
-    return [html_section("Why two sets", f'{said}<div class="sets">{"".join(columns)}</div>')]
+    return f'{said}<div class="sets">{"".join(columns)}</div>'
 
 
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Dataset]) -> str:
@@ -243,18 +201,3 @@ def _setting(value: object) -> str:
     if isinstance(value, list):
         return listed(value) if value else "none"
     return "none" if value is None else str(value)
-
-
-def _software() -> str:
-    versions = {
-        "stereocal": __version__,
-        "Python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "numba": numba.__version__,
-        "opencv": cv2.__version__,
-        "plotly": plotly.__version__,
-    }
-    written = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
-    table = html_table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
-    return f"{table}\n{paragraphs(f'Written on {written}.')}"

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
-from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, finish
+from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add, blank, with_gaps
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px
 from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
@@ -56,13 +55,13 @@ def describe_misfit(misfit: Misfit) -> str:
         for masks in zip(*((field.known, field.apart) for field in misfit.fields), strict=True)
     )
     largest = np.nanmax([0.0, *(field.largest_px for field in misfit.fields)])
-    what = (
-        "Noise does not explain them: a lens is wrong, or has errors that its model does not "
-        "contain. Calibrate the lenses again, with boards where the arrows are longest. Pairs "
-        "cannot tell which of the two lenses it is."
-        if misfit.is_sure
-        else "Noise explains them: they accuse no lens."
-    )
+    what = "Noise explains them: they accuse no lens."
+    if misfit.is_sure:
+        what = (
+            "Noise does not explain them: a lens is wrong, or has errors that its model does not "
+            "contain. Calibrate the lenses again, with boards where the arrows are longest. Pairs "
+            "cannot tell which of the two lenses it is."
+        )
     return (
         f"Mean residuals across the epipolar lines in {cells} cells of at least {FEWEST_POINTS} "
         f"points: at most {rounded(float(largest))} px, and {apart or 'none'} apart from 0 "
@@ -77,65 +76,50 @@ def _plot(
     fields: Sequence[ResidualField], titles: Sequence[str], what: str, narrow: bool = False
 ) -> go.Figure:
     rows, columns = (len(fields), 1) if narrow else (1, len(fields))
-    figure = make_subplots(rows=rows, cols=columns, horizontal_spacing=0.1)
-    finish(figure, 100 + 290 * rows if narrow else 450)
+    figure = blank(100 + 290 * rows if narrow else 450, rows, columns, horizontal_spacing=0.1)
     scale = arrow_scale(fields)
     for at, field in enumerate(fields):
         place = {"row": at + 1, "col": 1} if narrow else {"row": 1, "col": at + 1}
-        figure.add_trace(_dots(field, what, at), **place)
+        figure.add_scattergl(
+            x=field.points[:, 0],
+            y=field.points[:, 1],
+            mode="markers",
+            hoverinfo="skip",
+            marker={"size": 3, "color": FAINT},
+            name=f"{what} (n = {len(field.points)})",
+            legendgroup="points",
+            showlegend=at == 0,
+            **place,
+        )
         for apart in (False, True):
             if (field.apart[field.known] == apart).any():
-                arrows = _arrows(field, apart, scale)
-                arrows.showlegend = arrows.name not in {trace.name for trace in figure.data}
-                figure.add_trace(arrows, **place)
-        figure.update_xaxes(title_text=titles[at], **place)
-        figure.update_yaxes(scaleanchor="x" if at == 0 else f"x{at + 1}", **place)
-        _set_axes(figure, field, place)
+                _add_arrows(figure, field, apart, scale, place)
+        # Image axes, and the border of the image.
+        width, height = field.image_size
+        edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
+        figure.add_shape(edge, line={"color": NEUTRAL, "width": 1.5}, **place)
+        margin = 0.02 * width
+        common = {"showgrid": False, "constrain": "domain", "nticks": 6, **place}
+        figure.update_xaxes(range=[-margin, width + margin], title_text=titles[at], **common)
+        common |= {"scaleanchor": "x" if at == 0 else f"x{at + 1}", "constraintoward": "top"}
+        figure.update_yaxes(range=[height + margin, -margin], title_text="v (px)", **common)
     return figure
 
 
-def _set_axes(figure: go.Figure, field: ResidualField, place: dict[str, int]) -> None:
-    """Image axes, and the border of the image."""
-    width, height = field.image_size
-    edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
-    figure.add_shape(edge, line={"color": NEUTRAL, "width": 1.5}, **place)
-    margin = 0.02 * width
-    common = {"showgrid": False, "constrain": "domain", "nticks": 6}
-    figure.update_xaxes(range=[-margin, width + margin], **common, **place)
-    figure.update_yaxes(
-        range=[height + margin, -margin],
-        title_text="v (px)",
-        constraintoward="top",
-        **common,
-        **place,
-    )
-
-
-def _dots(field: ResidualField, what: str, at: int) -> go.Scattergl:
-    return go.Scattergl(
-        x=field.points[:, 0],
-        y=field.points[:, 1],
-        mode="markers",
-        hoverinfo="skip",
-        marker={"size": 3, "color": FAINT},
-        name=f"{what} (n = {len(field.points)})",
-        legendgroup="points",
-        showlegend=at == 0,
-    )
-
-
-def _arrows(field: ResidualField, apart: bool, scale: float) -> go.Scatter:
+def _add_arrows(
+    figure: go.Figure, field: ResidualField, apart: bool, scale: float, place: dict[str, int]
+) -> None:
     """Arrows of the cells that are, or are not, apart from 0."""
     shown, colour = field.known & (field.apart == apart), METHOD_COLOURS["3d" if apart else "2d"]
     tails, means = field.centres[shown], field.mean[shown]
-    lines = np.full((len(tails), 3, 2), np.nan)
-    lines[:, 0], lines[:, 1] = tails, tails + scale * means
-    return go.Scatter(
-        x=lines[..., 0].ravel(),
-        y=lines[..., 1].ravel(),
-        mode="lines+markers",
+    name = "Apart from 0" if apart else f"Mean residual, ×{scale:g}"
+    add(
+        figure,
+        with_gaps(np.stack([tails, tails + scale * means], axis=1)),
+        "mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"
+        "of %{customdata[2]:.0f} points",
         line={"color": colour, "width": 3 if apart else 2},
-        name="Apart from 0" if apart else f"Mean residual, ×{scale:g}",
+        name=name,
         legendgroup=str(apart),
         marker={
             "color": colour,
@@ -144,8 +128,8 @@ def _arrows(field: ResidualField, apart: bool, scale: float) -> go.Scatter:
             "size": np.tile([0, 10 if apart else 7, 0], len(tails)),
         },
         customdata=np.repeat(np.column_stack([means, field.count[shown]]), 3, axis=0),
-        hovertemplate="mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"
-        "of %{customdata[2]:.0f} points<extra></extra>",
+        showlegend=all(name != trace.name for trace in figure.data),
+        **place,
     )
 
 

@@ -1,38 +1,35 @@
-"""The report of a rig: one HTML file that holds everything and opens without a network."""
+"""A rig in figures, its cameras from above with a line for each pair, and all of them in 3D; and in
+a report: one HTML file that holds everything and opens without a network."""
 
 from __future__ import annotations
 
-from html import escape
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import plotly.graph_objects as go
 
-from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
-from stereocal.figures.rig_graph import describe_rig_graph, plot_cameras, plot_rig_graph
+from stereocal.figures.html import (
+    html_list,
+    html_page,
+    html_plot,
+    html_section,
+    html_table,
+    paragraphs,
+)
+from stereocal.figures.space import outline_of, set_scene
+from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add, blank, line_of
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile
+from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.version import __version__
 
-
-def rig_report(rig: RigFile, name: str) -> str:
-    """The text of the file."""
-    title, notes = f"The rig of {name}", rig_notes(rig)
-    words = describe_rig_graph(rig)
-    listed = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    sections = [
-        f"<h1>{escape(title)}</h1>",
-        f'<p class="answer">{escape(rig_sentence(rig))}</p>',
-        html_section("The pairs", html_plot(plot_rig_graph(rig), words, "plot")),
-        paragraphs(*filter(None, [loops_sentence(rig)])),
-        html_section("The cameras", html_plot(plot_cameras(rig), words, "plot")),
-        html_table(camera_table(rig)),
-        html_section("What to know", f"<ul>{listed}</ul>") if notes else "",
-        html_section("How it was computed", paragraphs(f"stereocal {__version__}. {HOW}")),
-    ]
-    return html_page(title, sections)
-
-
+HEIGHT = 420
+THINNEST, THICKEST = 2.0, 12.0
+MAGNIFIED = 0.25
+"""Length of a camera's pyramid over the largest distance of two cameras."""
 HOW = (
     "Each pair was calibrated by itself; the pairs were fused by what their images tell; a robust "
     "adjustment of all images together left out what contradicts the others; a weighted least "
@@ -41,10 +38,97 @@ HOW = (
 )
 
 
+def plot_rig_graph(rig: RigFile) -> go.Figure:
+    """The cameras from above; a pair's line is the thicker the more bars both see, and dotted if
+    the pair could not be calibrated by itself."""
+    names, centres = list(rig.poses), _centres(rig)[:, [0, 2]]
+    pairs: Mapping[str, Any] = rig.about.get("pairs", {})
+    most = max((own["bars"] for own in pairs.values()), default=1)
+    figure = blank(HEIGHT)
+    for name, own in pairs.items():
+        if not {*own["cameras"]} <= {*names}:
+            continue
+        one, other = (centres[names.index(camera)] for camera in own["cameras"])
+        width = THINNEST + (THICKEST - THINNEST) * own["bars"] / most
+        colour, dash = METHOD_COLOURS["refined"], "solid"
+        if "failed" in own:
+            colour, dash = NEUTRAL, "dot"
+        add(
+            figure,
+            one + np.linspace(0.0, 1.0, 9)[:, None] * (other - one),
+            f"{name}: {own['bars']} bars{_third(rig, own['cameras'])}",
+            # Only markers can be clicked.
+            marker={"size": THICKEST, "opacity": 0.0},
+            line=line_of(colour, width, dash),
+            opacity=0.75,
+            customdata=[name] * 9,
+            name=name,
+            showlegend=False,
+        )
+    marker, text = {"size": 16, "color": METHOD_COLOURS["2d"]}, {"text": names, "textfont_size": 15}
+    style = {"textposition": "top center", "cliponaxis": False, "showlegend": False}
+    add(figure, centres, "camera %{text}", marker=marker, **text, **style)
+    figure.update_layout(margin={"t": 40})
+    figure.update_xaxes(title_text=f"x of camera {rig.names[0]}, m")
+    figure.update_yaxes(title_text="depth z, m", scaleanchor="x", zerolinecolor=FAINT)
+    return figure
+
+
+def describe_rig_graph(rig: RigFile) -> str:
+    """The figure in words."""
+    pairs = [f"{name} {own['bars']} bars" for name, own in rig.about.get("pairs", {}).items()]
+    seen = f"Bars that two cameras see: {', '.join(pairs)}."
+    return " ".join(filter(None, [rig_sentence(rig), loops_sentence(rig), seen]))
+
+
+def plot_cameras(rig: RigFile) -> go.Figure:
+    """All cameras in 3D, as pyramids; equal axes, metres."""
+    centres, figure = _centres(rig), blank(HEIGHT + 60)
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+    for name, pose in rig.poses.items():
+        outline = outline_of(rig.cameras[name], pose.inverse(), MAGNIFIED * float(apart.max()))
+        line = line_of(METHOD_COLOURS["2d"], 4)
+        add(figure, outline, f"camera {name}", line=line, showlegend=False)
+    marker = {"size": 4, "color": METHOD_COLOURS["2d"]}
+    named = {"text": list(rig.poses), "showlegend": False}
+    add(figure, centres, "camera %{text}", marker=marker, **named)
+    set_scene(figure)
+    return figure
+
+
+def _centres(rig: RigFile) -> FloatArray:
+    """(n, 3): of the cameras, in the reference's frame."""
+    return np.array([pose.inverse().T for pose in rig.poses.values()])
+
+
+def _third(rig: RigFile, pair: list[str]) -> str:
+    """How far off points of a pair are in a third camera."""
+    found = [
+        f"<br>in {own['camera']}: {rounded(own['before'])} px before, {rounded(own['after'])} after"
+        for own in rig.about.get("third_camera_px", [])
+        if {*own["pair"]} == {*pair}
+    ]
+    return "".join(found[:4])
+
+
+def rig_report(rig: RigFile, name: str) -> str:
+    """The text of the file."""
+    notes, words = rig_notes(rig), describe_rig_graph(rig)
+    sections = [
+        html_section("The pairs", html_plot(plot_rig_graph(rig), words)),
+        paragraphs(*filter(None, [loops_sentence(rig)])),
+        html_section("The cameras", html_plot(plot_cameras(rig), words)),
+        html_table(camera_table(rig)),
+        html_section("What to know", html_list(notes)) if notes else "",
+        html_section("How it was computed", paragraphs(f"stereocal {__version__}. {HOW}")),
+    ]
+    return html_page(f"The rig of {name}", rig_sentence(rig), sections)
+
+
 def camera_table(rig: RigFile) -> pd.DataFrame:
     """Poses and standard errors, a camera a row."""
     rows = []
-    content = rig.to_json()["cameras"]
+    content, errors = rig.to_json()["cameras"], rig.about.get("image_errors_px", {})
     for name, pose in rig.poses.items():
         own = content[name]["standard_errors"]
         turn = np.degrees([own["turn_x"], own["turn_y"], own["turn_z"]])
@@ -57,12 +141,7 @@ def camera_table(rig: RigFile) -> pd.DataFrame:
                 "rotation ±, °": ", ".join(rounded(value) for value in turn),
                 "position ±, mm": ", ".join(rounded(value) for value in shift),
                 "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
-                "image error, px": _image_error(rig, name),
+                "image error, px": rounded(errors[name]) if name in errors else "unknown",
             }
         )
     return pd.DataFrame(rows).set_index("camera")
-
-
-def _image_error(rig: RigFile, name: str) -> str:
-    found = rig.about.get("image_errors_px", {}).get(name)
-    return "unknown" if found is None else rounded(found)

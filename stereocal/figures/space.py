@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT
+from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add, line_of, upright
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -65,7 +66,7 @@ class Scene:
 
     def place(self, point: FloatArray) -> str:
         """A point (3,) of the scene in words."""
-        x, y, z = _upright(point) if self.is_world else point
+        x, y, z = upright(point) if self.is_world else point
         if self.is_world:
             return f"x {x:.3f} m, y {y:.3f} m, z {z:.3f} m"
         return f"x {x:.3f} m (right), y {y:.3f} m (down), z {z:.3f} m (depth)"
@@ -74,23 +75,18 @@ class Scene:
 IN_CAMERA = Scene()
 
 
-def upright(points: FloatArray) -> dict[str, FloatArray]:
-    """Points (..., 3) in the primary's frame, as the figure's coordinates: x, depth, up."""
-    return {"x": points[..., 0].ravel(), "y": points[..., 2].ravel(), "z": -points[..., 1].ravel()}
-
-
 @dataclass(frozen=True, eq=False)
 class Eye:
     """From where a scene is seen, in the primary's frame, metres."""
 
-    direction: tuple[float, float, float] = BEHIND
-    """Towards the eye, which is as far away as needed to see everything."""
+    direction: npt.ArrayLike = BEHIND
+    """(3,): towards the eye, which is as far away as needed to see everything."""
     at: FloatArray | None = None
     """(3,): the eye itself, instead of a direction."""
     towards: FloatArray | None = None
     """(3,): what it then looks at."""
-    up: tuple[float, float, float] = (0.0, -1.0, 0.0)
-    """What is up in the view."""
+    up: npt.ArrayLike = (0.0, -1.0, 0.0)
+    """(3,): what is up in the view."""
     whole: FloatArray | None = None
     """(n, 3): what to see whole; None: everything."""
     shape: float = NARROW
@@ -113,16 +109,12 @@ def eye_of(
     if view.startswith("Camera"):
         second = scene.from_primary.apply(rig.pose.inverse().T)
         return Eye(at=scene.from_primary.T if view == "Camera 1" else second, towards=target)
+    turn = scene.from_primary.R
     if view == "Above":  # depth to the right, since figures are wide
-        return Eye((0.0, -1.0, 0.0), up=_turned(scene, (-1.0, 0.0, 0.0)))
+        return Eye((0.0, -1.0, 0.0), up=-turn[:, 0])
     if view == "Side":
-        return Eye(_turned(scene, (1.0, 0.0, 0.0)))
-    return Eye(_turned(scene, BEHIND), whole=whole)
-
-
-def _turned(scene: Scene, direction: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, z = (scene.from_primary.R @ direction).tolist()
-    return x, y, z
+        return Eye(turn[:, 0])
+    return Eye(turn @ BEHIND, whole=whole)
 
 
 def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAMERA) -> None:
@@ -134,39 +126,26 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
     """
     # One name above, one below, each inwards: apart with a short baseline, and not cut.
     inwards = ("right", "left") if rig.pose.inverse().T[0] > 0 else ("left", "right")
+    centres = []
     for (name, camera, path), over, side in zip(
         frusta(rig, depth, scene), ("top", "bottom"), inwards, strict=True
     ):
-        centre = path[0]
-        figure.add_scatter3d(
-            **upright(path),
-            mode="lines",
-            line={"color": NEUTRAL, "width": 4},
-            hoverinfo="skip",
-            showlegend=False,
-            name=f"{name} camera",
-        )
+        centres.append(path[0])
+        add(figure, path, line=line_of(width=4), showlegend=False, name=f"{name} camera")
         width, height = camera.image_size
-        figure.add_scatter3d(
-            **upright(centre),
-            mode="markers+text",
+        add(
+            figure,
+            path[:1],
+            f"{name} camera, {width} × {height} px<br>{scene.place(path[0])}",
+            marker={"color": NEUTRAL, "size": 5},
             text=[name],
             textposition=f"{over} {side}",
-            marker={"color": NEUTRAL, "size": 5},
             textfont={"size": 14},
             showlegend=False,
-            hovertemplate=f"{name} camera, {width} × {height} px<br>"
-            f"{scene.place(centre)}<extra></extra>",
             name=f"optical centre, {name}",
         )
-    length = f"{rig.pose.baseline:.3f} m"
-    figure.add_scatter3d(
-        **upright(np.array([scene.from_primary.T, _secondary_in(scene, rig).T])),
-        mode="lines",
-        line={"color": NEUTRAL, "width": 3, "dash": "dash"},
-        hovertemplate=f"baseline {length}<extra></extra>",
-        name=f"Baseline {length}",
-    )
+    length, line = f"{rig.pose.baseline:.3f} m", line_of(width=3, dash="dash")
+    add(figure, np.array(centres), f"baseline {length}", line=line, name=f"Baseline {length}")
 
 
 def frusta(
@@ -176,9 +155,10 @@ def frusta(
 
     An outline is a path (k, 3) with gaps of NaN, which begins at the optical centre.
     """
+    secondary = scene.from_primary @ rig.pose.inverse()
     for name, camera, pose in (
         ("primary", rig.primary, scene.from_primary),
-        ("secondary", rig.secondary, _secondary_in(scene, rig)),
+        ("secondary", rig.secondary, secondary),
     ):
         yield name, camera, outline_of(camera, pose, FRUSTUM_OF_DEPTH * depth)
 
@@ -190,81 +170,57 @@ def outline_of(camera: Camera, pose: Pose, depth: float) -> FloatArray:
     return np.array([pose.T, a, b, pose.T, gap, pose.T, c, d, pose.T, gap, b, c, gap, d, a])
 
 
-def _secondary_in(scene: Scene, rig: Rig) -> Pose:
-    """The secondary camera in the frame of a scene."""
-    return scene.from_primary @ rig.pose.inverse()
-
-
 def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
-    low, high = _bounds(figure)
+    values = [np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz"]
+    ends = np.array([[pick(each) for each in values] for pick in (np.nanmin, np.nanmax)])
+    low, high = ends + 0.02 * np.ptp(ends, axis=0).max() * np.array([[-1.0], [1.0]])
+    common = {**SCENE_AXIS, "nticks": 6, "tickfont": {"size": 12}}
     # Set directly, because `update_layout` takes ten times as long.
     figure.layout.scene = {
         "aspectmode": "data",
-        "camera": _view(low, high, eye),
+        "camera": _view(low, high, eye or Eye()),
         "bgcolor": TRANSPARENT,
         **{
-            name: {
-                **SCENE_AXIS,
-                "nticks": 6,
-                "tickfont": {"size": 12},
-                "range": [low[at], high[at]],
-                "title": {"text": title, "font": {"size": 14}},
-            }
-            for at, (name, title) in enumerate(scene.titles.items())
+            name: {**common, "range": list(ends), "title": {"text": title, "font": {"size": 14}}}
+            for (name, title), ends in zip(
+                scene.titles.items(), zip(low, high, strict=True), strict=True
+            )
         },
     }
 
 
-def _bounds(figure: go.Figure) -> tuple[FloatArray, FloatArray]:
-    """(3,) each: the ranges of the axes, with a margin of 2 % of the largest."""
-    values = [np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz"]
-    known = [each[np.isfinite(each)] for each in values]
-    low, high = (np.array([pick(each) for each in known]) for pick in (np.min, np.max))
-    margin = 0.02 * (high - low).max()
-    return low - margin, high + margin
-
-
-def _view(low: FloatArray, high: FloatArray, eye: Eye | None) -> dict[str, dict[str, float]]:
+def _view(low: FloatArray, high: FloatArray, eye: Eye) -> dict[str, dict[str, float]]:
     """Plotly's camera. Its unit is the geometric mean of the axes, its origin their middle."""
     middle, unit = 0.5 * (low + high), float(np.cbrt(np.prod(high - low)))
-    eye = eye or Eye()
+    up = upright(eye.up)
     if eye.at is not None and eye.towards is not None:
-        at, towards = _upright(eye.at), _upright(eye.towards)
+        at, towards = upright(eye.at), upright(eye.towards)
     else:
-        box = (low, high)
-        if eye.whole is not None:
-            some = upright(eye.whole)
-            box = (
-                np.array([some[axis].min() for axis in "xyz"]),
-                np.array([some[axis].max() for axis in "xyz"]),
-            )
-        direction, up = (_upright(np.array(each)) for each in (eye.direction, eye.up))
+        whole = None if eye.whole is None else upright(eye.whole)
+        box = np.array([low, high] if whole is None else [whole.min(axis=0), whole.max(axis=0)])
         closest_m = CLOSEST * float(np.linalg.norm(high - low))
-        at, towards = _seen_whole(box, direction, up, closest_m, eye.shape)
-    names = ("x", "y", "z")
+        at, towards = _seen_whole(box, upright(eye.direction), up, closest_m, eye.shape)
     return {
-        "eye": dict(zip(names, ((at - middle) / unit).tolist(), strict=True)),
-        "up": dict(zip(names, _upright(np.array(eye.up)).tolist(), strict=True)),
-        "center": dict(zip(names, ((towards - middle) / unit).tolist(), strict=True)),
+        name: dict(zip("xyz", point.tolist(), strict=True))
+        for name, point in (
+            ("eye", (at - middle) / unit),
+            ("up", up),
+            ("center", (towards - middle) / unit),
+        )
     }
 
 
 def _seen_whole(
-    box: tuple[FloatArray, FloatArray],
-    direction: FloatArray,
-    up: FloatArray,
-    closest_m: float,
-    shape: float,
+    box: FloatArray, direction: FloatArray, up: FloatArray, closest_m: float, shape: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The eye (3,) and the point (3,) it looks at, from which a box is seen whole in the middle.
-
-    With room for what is written around the box.
+    """The eye (3,) and the point (3,) it looks at, from which a box (2, 3) is seen whole in the
+    middle, with room for what is written around it.
 
     Args:
         shape: width over height of the view.
     """
-    corners = np.array(np.meshgrid(*zip(*box, strict=True))).reshape(3, -1).T
+    corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
     away = direction / np.linalg.norm(direction)
     across = np.cross(up, away)
     across /= np.linalg.norm(across)
@@ -276,7 +232,3 @@ def _seen_whole(
     distance = max(float((reach + nearer).max()), closest_m)
     towards = middle @ axes
     return towards + distance * away, towards
-
-
-def _upright(point: FloatArray) -> FloatArray:
-    return np.array([point[0], point[2], -point[1]])

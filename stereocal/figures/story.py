@@ -10,12 +10,23 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import Method
-from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, finish, marker_of
+from stereocal.figures.frame_view import PAPERS
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    NEUTRAL,
+    add,
+    blank,
+    line_of,
+    marker_of,
+)
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
@@ -29,7 +40,7 @@ ROWS: Mapping[Method, str] = {
 }
 SHOWN_PERCENT = (-2.0, 4.0)
 """Length errors outside are not drawn, but counted."""
-THICK = {"color": NEUTRAL, "line": {"width": 3, "color": NEUTRAL}}
+SMALL: Mapping[str, Any] = {"showarrow": False, "font": {"size": 13}}
 REACH_PX = 12.0
 """Half the side of the picture of epipolar lines."""
 
@@ -88,38 +99,21 @@ def best_mean(errors: FloatArray) -> float:
 
 def plot_story_lengths(story: Story) -> go.Figure:
     """The length error of each held-out bar, a row for each set, on one axis in percent."""
-    figure = finish(go.Figure(), HEIGHT)
+    figure = blank(HEIGHT)
     for row, (method, name) in enumerate(ROWS.items()):
         found = story.sets[method]
-        percent = 100 * np.array(found.length_errors)
         # Scattered about the row by the golden ratio, in the order of the frames.
-        heights = -row + 0.5 * (np.arange(len(percent)) * 0.6180339887 % 1.0) - 0.42
-        figure.add_scatter(
-            x=percent,
-            y=heights,
-            mode="markers",
-            name=name,
-            showlegend=False,
-            marker=marker_of(method, 5, opacity=0.7),
-            hovertemplate="%{x:.2f} %<extra></extra>",
-        )
-        figure.add_annotation(
-            x=0,
-            xref="paper",
-            xanchor="left",
-            y=-row + 0.13,
-            yanchor="bottom",
-            showarrow=False,
-            text=f"{name}: <b>{rounded(100 * found.length_error)} %</b>",
-            font={"size": 13},
-        )
+        scatter = 0.5 * (np.arange(len(found.length_errors)) * 0.6180339887 % 1.0) - 0.42
+        dots = np.column_stack([100 * np.array(found.length_errors), scatter - row])
+        marker = marker_of(method, 5, opacity=0.7)
+        add(figure, dots, "%{x:.2f} %", marker=marker, name=name, showlegend=False)
+        text = f"{name}: <b>{rounded(100 * found.length_error)} %</b>"
+        left = {"x": 0, "xref": "paper", "xanchor": "left", "yanchor": "bottom"}
+        figure.add_annotation(text=text, y=0.13 - row, **left, **SMALL)
         _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), NEUTRAL, 1.5)
-    figure.update_xaxes(
-        range=SHOWN_PERCENT,
-        showgrid=False,
-        title_text="Length error of held-out bars (%)<br>"
-        f"Bold: mean size, best {100 * BEST:g} % of the bars",
-    )
+    best = f"Bold: mean size, best {100 * BEST:g} % of the bars"
+    title = f"Length error of held-out bars (%)<br>{best}"
+    figure.update_xaxes(range=SHOWN_PERCENT, showgrid=False, title_text=title)
     figure.update_yaxes(visible=False, range=[-2.5, 0.6])
     return figure
 
@@ -143,8 +137,7 @@ def describe_story_lengths(story: Story) -> str:
 
 def plot_story_lines(story: Story) -> go.Figure:
     """The epipolar line of one held-out point with each set, about its measured partner."""
-    figure = finish(go.Figure(), HEIGHT)
-    names = []
+    figure, names = blank(HEIGHT), []
     for (method, found), dash in zip(
         story.sets.items(), ("solid", "dash", "solid", "dot"), strict=True
     ):
@@ -153,57 +146,37 @@ def plot_story_lines(story: Story) -> go.Figure:
         names.append(f'<span style="color:{METHOD_COLOURS[method]}">■</span> {name}')
         ends = start + np.outer([-4 * REACH_PX, 4 * REACH_PX], along)
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
-    figure.add_scatter(
-        x=[0],
-        y=[0],
-        mode="markers",
-        name="Measured point",
-        showlegend=False,
-        marker={"symbol": "cross-thin", "size": 16} | THICK,
-        hoverinfo="name",
-    )
+    cross = {"symbol": "cross-thin", "size": 16, "color": NEUTRAL}
+    cross["line"] = {"width": 3, "color": NEUTRAL}
+    point = {"name": "Measured point", "showlegend": False, "marker": cross}
+    add(figure, np.zeros((1, 2)), "name", **point)
     # The lines rise to the right: there is room for their names below.
-    figure.add_annotation(
-        x=0.99,
-        y=0.01,
-        xref="paper",
-        yref="paper",
-        xanchor="right",
-        yanchor="bottom",
-        align="left",
-        text="<br>".join(names),
-        showarrow=False,
-        font={"size": 13},
-    )
-    figure.update_xaxes(
-        range=[-REACH_PX, REACH_PX],
-        title_text="Pixels from the measured point",
-        dtick=4,
-        constrain="domain",
-    )
-    figure.update_yaxes(range=[REACH_PX, -REACH_PX], scaleanchor="x", constrain="domain", dtick=4)
+    corner = {"x": 0.99, "y": 0.01, "xref": "paper", "yref": "paper", "align": "left"}
+    corner |= {"xanchor": "right", "yanchor": "bottom", **SMALL}
+    figure.add_annotation(text="<br>".join(names), **corner)
+    common = {"constrain": "domain", "dtick": 4}
+    title = "Pixels from the measured point"
+    figure.update_xaxes(range=[-REACH_PX, REACH_PX], title_text=title, **common)
+    figure.update_yaxes(range=[REACH_PX, -REACH_PX], scaleanchor="x", **common)
     return figure
 
 
 def describe_story_lines(story: Story) -> str:
     """The figure in words."""
-    parts = [
-        f"{METHOD_NAMES[method]} {rounded(found.line_distance_px)} px"
-        for method, found in story.sets.items()
-    ]
-    means = [
-        f"{METHOD_NAMES[method]} {rounded(found.reprojection_px)} px"
-        for method, found in story.sets.items()
-    ]
+    away, means = (
+        ", ".join(
+            f"{METHOD_NAMES[method]} {rounded(getattr(found, figure))} px"
+            for method, found in story.sets.items()
+        )
+        for figure in ("line_distance_px", "reprojection_px")
+    )
     return (
         f"Target {story.target} of the held-out frame {story.frame} in the secondary image. Its "
         f"epipolar line, on which the point of the primary image must lie, misses it by: "
-        f"{', '.join(parts)}. Mean reprojection error of the best 98 % of all held-out pairs: "
-        f"{', '.join(means)}."
+        f"{away}. Mean reprojection error of the best 98 % of all held-out pairs: {means}."
     )
 
 
-PRIMARY_XY, SECONDARY_XY = np.array([1.0, 0.7]), np.array([9.0, 0.7])
 ON_RAYS = np.array([[4.1, 5.6], [5.9, 5.1]])
 """Where the drawn rays are nearest to each other."""
 IMAGE_AT = 0.4
@@ -212,11 +185,9 @@ IMAGE_AT = 0.4
 
 def plot_two_rays(story: Story) -> go.Figure:
     """A drawing, not to scale: two rays that miss, the gap, its middle, and its images."""
-    figure = finish(go.Figure(), HEIGHT)
-    middle = ON_RAYS.mean(axis=0)
-    for camera, on_ray, name in zip(
-        (PRIMARY_XY, SECONDARY_XY), ON_RAYS, ("primary", "secondary"), strict=True
-    ):
+    figure, middle = blank(HEIGHT), ON_RAYS.mean(axis=0)
+    cameras = np.array([[1.0, 0.7], [9.0, 0.7]])
+    for camera, on_ray, name in zip(cameras, ON_RAYS, CAMERAS, strict=True):
         seen, back = (camera + IMAGE_AT * (to - camera) for to in (on_ray, middle))
         across = (back - seen) / np.linalg.norm(back - seen)
         plane = np.array([seen - 0.9 * across, back + 0.9 * across])
@@ -224,34 +195,19 @@ def plot_two_rays(story: Story) -> go.Figure:
         _line(figure, np.array([camera, middle]), NEUTRAL, 1.5, "dot")
         _line(figure, plane, NEUTRAL, 2)
         _line(figure, np.array([seen, back]), METHOD_COLOURS["2d"], 6)
-        figure.add_annotation(
-            x=camera[0], y=camera[1] - 0.25, text=name, showarrow=False, yanchor="top"
-        )
+        below = {"x": camera[0], "y": camera[1] - 0.25, "yanchor": "top", "showarrow": False}
+        figure.add_annotation(text=name, **below)
     _line(figure, ON_RAYS, METHOD_COLOURS["3d"], 4)
-    both = np.array([PRIMARY_XY, SECONDARY_XY])
     for at, symbol, colour, size in (
-        (both, "square", NEUTRAL, 14),
+        (cameras, "square", NEUTRAL, 14),
         (middle[None], "circle", METHOD_COLOURS["3d"], 10),
     ):
-        figure.add_scatter(
-            x=at[:, 0],
-            y=at[:, 1],
-            mode="markers",
-            showlegend=False,
-            hoverinfo="skip",
-            marker={"symbol": symbol, "color": colour, "size": size},
-        )
-    gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
-    for x, y, text in (
-        (
-            5.0,
-            7.2,
-            f"gap {rounded(gaps['2d'])} mm with the 2D set,<br>"
-            f"{rounded(gaps['3d'])} mm with the 3D set;<br>its middle is the 3D point",
-        ),
-        (5.0, 2.6, "reprojection<br>error"),
-    ):
-        figure.add_annotation(x=x, y=y, text=text, showarrow=False, font={"size": 13})
+        marker = {"symbol": symbol, "color": colour, "size": size}
+        add(figure, at, marker=marker, showlegend=False)
+    two, three = (rounded(1000 * story.sets[name].gap_m) for name in PAPERS)
+    gap = f"gap {two} mm with the 2D set,<br>{three} mm with the 3D set;"
+    figure.add_annotation(x=5.0, y=7.2, text=f"{gap}<br>its middle is the 3D point", **SMALL)
+    figure.add_annotation(x=5.0, y=2.6, text="reprojection<br>error", **SMALL)
     figure.update_xaxes(visible=False, range=[-0.2, 10.2], fixedrange=True)
     figure.update_yaxes(visible=False, range=[-0.2, 8.0], fixedrange=True)
     return figure
@@ -259,15 +215,14 @@ def plot_two_rays(story: Story) -> go.Figure:
 
 def describe_two_rays(story: Story) -> str:
     """The figure in words."""
-    gaps = {name: 1000 * story.sets[name].gap_m for name in ("2d", "3d")}
+    two, three = (rounded(1000 * story.sets[name].gap_m) for name in PAPERS)
     return (
         "The rays of the two image points miss each other, because images are noisy and lenses a "
         "little wrong. The reconstructed point is the middle of the gap, and its images are the "
         "reprojection error away from the measured points. The 2D set makes that error small, so "
         "that it finds which points belong together; the 3D set makes the distances between the "
-        f"middles right, and widens the gap for it: {rounded(gaps['2d'])} mm with the 2D set and "
-        f"{rounded(gaps['3d'])} mm with the 3D set, for target {story.target} of frame "
-        f"{story.frame}."
+        f"middles right, and widens the gap for it: {two} mm with the 2D set and {three} mm with "
+        f"the 3D set, for target {story.target} of frame {story.frame}."
     )
 
 
@@ -279,12 +234,5 @@ def _line(
     dash: str = "solid",
     name: str | None = None,
 ) -> None:
-    figure.add_scatter(
-        x=ends[:, 0],
-        y=ends[:, 1],
-        mode="lines",
-        showlegend=False,
-        name=name,
-        hoverinfo="name" if name else "skip",
-        line={"color": colour, "width": width, "dash": dash},
-    )
+    line, hover = line_of(colour, width, dash), "name" if name else ""
+    add(figure, ends, hover, line=line, name=name, showlegend=False)

@@ -10,11 +10,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
 from stereocal.calibration.methods import Method
-from stereocal.rig.compiled import BoolArray
+from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import TARGETS, Correspondences
 
 METHOD_COLOURS: Mapping[Method, str] = {
@@ -83,8 +85,9 @@ AXIS: Mapping[str, Any] = {
 }
 
 
-def finish(figure: go.Figure, height: int) -> go.Figure:
-    """Apply the common style."""
+def blank(height: float, rows: int = 1, cols: int = 1, /, **grid: Any) -> go.Figure:
+    """A figure in the common style, of one panel or, with spacings, of several."""
+    figure = make_subplots(rows, cols, **grid) if grid or rows * cols > 1 else go.Figure()
     # Set one by one, because `update_layout` and `update_xaxes` take four times as long.
     for name, value in {**LAYOUT, "height": height}.items():
         figure.layout[name] = value
@@ -92,6 +95,53 @@ def finish(figure: go.Figure, height: int) -> go.Figure:
         for name, value in AXIS.items():
             axis[name] = value
     return figure
+
+
+def add(figure: go.Figure, points: FloatArray, hover: str = "", /, **trace: Any) -> None:
+    """Draw points (n, 2), or (n, 3) of a scene, as what is given of `line`, `marker` and `text`.
+
+    Args:
+        hover: Plotly's template, or `name`; empty: nothing.
+    """
+    points = np.asarray(points)
+    parts = {"line": "lines", "marker": "markers", "text": "text"}
+    drawn = {"mode": "+".join(mode for part, mode in parts.items() if part in trace), **trace}
+    if hover in ("", "name"):
+        drawn["hoverinfo"] = hover or "skip"
+    else:
+        drawn["hovertemplate"] = hover if "<extra>" in hover else f"{hover}<extra></extra>"
+    if points.shape[1] == 3:
+        x, y, z = upright(points).T
+        figure.add_scatter3d(x=x, y=y, z=z, **drawn)
+    else:
+        figure.add_scatter(x=points[:, 0], y=points[:, 1], **drawn)
+
+
+def upright(points: npt.ArrayLike) -> FloatArray:
+    """Points (..., 3) of a scene, whose y axis points down, as the figure's: x, depth, up."""
+    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
+    return np.stack([x, z, -y], axis=-1)
+
+
+def axis_of(title: str | None = None, /, **own: Any) -> dict[str, Any]:
+    """An axis in the common style, for a layout that is given as a whole."""
+    return {**AXIS, "title": {**AXIS["title"], "text": title}, **own}
+
+
+def with_gaps(paths: FloatArray) -> FloatArray:
+    """(n (k + 1), d): paths (n, k, d) one after the other, with a gap of NaN after each."""
+    n, _, dimensions = paths.shape
+    gaps = np.full((n, 1, dimensions), np.nan)
+    return np.concatenate([paths, gaps], axis=1).reshape(-1, dimensions)
+
+
+def line_of(colour: str = NEUTRAL, width: float = 2, dash: str = "solid") -> dict[str, Any]:
+    """Plotly's line."""
+    return {"color": colour, "width": width, "dash": dash}
+
+
+DASHED = line_of(dash="dash")
+"""Of thresholds and other lines to compare with."""
 
 
 def marker_of(method: Method, size: float, **more: Any) -> dict[str, Any]:
@@ -102,7 +152,7 @@ def marker_of(method: Method, size: float, **more: Any) -> dict[str, Any]:
 
 def sentence_only(text: str, height: int = 160) -> go.Figure:
     """An empty figure with a message."""
-    figure = finish(go.Figure(), height)
+    figure = blank(height)
     figure.update_xaxes(visible=False)
     figure.update_yaxes(visible=False)
     figure.add_annotation(

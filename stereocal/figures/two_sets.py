@@ -15,22 +15,23 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures.frame_view import FrameView
 from stereocal.figures.photograph import Photograph, photograph_behind
-from stereocal.figures.space import SCENE_AXIS, upright
+from stereocal.figures.space import SCENE_AXIS
 from stereocal.figures.style import (
-    AXIS,
     LAYOUT,
     METHOD_COLOURS,
-    NEUTRAL,
     TARGET_COLOURS,
     TARGET_SYMBOLS,
     TRANSPARENT,
-    finish,
+    add,
+    axis_of,
+    blank,
+    line_of,
 )
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 
-IMAGE_HEIGHT, SPACE_HEIGHT = 480, 480
+HEIGHT = 480
 DOMAINS = (((0.0, 1.0), (0.478, 1.0)), ((0.0, 0.47), (0.0, 0.378)), ((0.53, 1.0), (0.0, 0.378)))
 """Of the panels, in x and y: the image, and a close-up of each target."""
 SMALLEST_WINDOW_PX, SMALLEST_WINDOW_M = 3.0, 1e-4
@@ -55,35 +56,23 @@ def plot_image(
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]
     # As plain dictionaries: subplots and updates of Plotly take four times as long.
     traces: list[dict[str, Any]] = []
-    layout: dict[str, Any] = {**LAYOUT, "height": IMAGE_HEIGHT, "showlegend": False, "images": []}
+    layout: dict[str, Any] = {**LAYOUT, "height": HEIGHT, "showlegend": False, "images": []}
     layout["margin"] = {**LAYOUT["margin"], "r": 16}
-    for at, (box, domain) in enumerate(zip(boxes, DOMAINS, strict=False)):
-        number = "" if at == 0 else f"{at + 1}"
+    for at, (box, (across, down)) in enumerate(zip(boxes, DOMAINS, strict=False)):
+        number, ticks = "" if at == 0 else f"{at + 1}", "outside" if at == 0 else ""
         if photograph is not None:
-            layout["images"] += photograph_behind(photograph, box, f"x{number}", f"y{number}")
+            layout["images"] += photograph_behind(photograph, box, number)
         axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
         traces += [{**axes, **trace} for trace in _lines(view, camera, 2 if at == 0 else 3)]
         title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
-        layout |= _panel_axes(number, box, domain, title)
+        left, top, right, bottom = box
+        common = {"showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True}
+        common |= {"showticklabels": at == 0, "ticks": ticks}
+        x = {"domain": across, "anchor": f"y{number}", "range": [left, right]}
+        y = {"domain": down, "anchor": f"x{number}", "range": [bottom, top]}
+        layout[f"xaxis{number}"] = axis_of(title, **common, **x)
+        layout[f"yaxis{number}"] = axis_of(**common, **y, scaleanchor=f"x{number}")
     return go.Figure(traces, layout)
-
-
-def _panel_axes(
-    number: str,
-    box: tuple[float, float, float, float],
-    domain: tuple[tuple[float, float], tuple[float, float]],
-    title: str,
-) -> dict[str, Any]:
-    """Equal axes of the image, whose number is empty, or of a close-up."""
-    left, top, right, bottom = box
-    axis = {**AXIS, "showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True}
-    axis |= {"showticklabels": not number, "ticks": "" if number else "outside"}
-    x = {"domain": domain[0], "anchor": f"y{number}", "range": [left, right]}
-    y = {"domain": domain[1], "anchor": f"x{number}", "range": [bottom, top]}
-    return {
-        f"xaxis{number}": {**axis, **x, "title": {**AXIS["title"], "text": title}},
-        f"yaxis{number}": {**axis, **y, "scaleanchor": f"x{number}"},
-    }
 
 
 def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
@@ -91,33 +80,29 @@ def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for target, letter in enumerate(view.letters):
         u, v = view.line(camera, target).T
-        line = {
-            "mode": "lines",
-            "line": {"color": METHOD_COLOURS[view.method], "width": width},
-            "name": f"epipolar line of {letter}",
-            "hoverinfo": "name",
+        line, name = line_of(METHOD_COLOURS[view.method], width), f"epipolar line of {letter}"
+        own = {"line": line, "name": name, "hoverinfo": "name"}
+        found.append({"type": "scatter", "x": u, "y": v, "mode": "lines", **own})
+        marker = {
+            "color": TARGET_COLOURS.get(letter, TARGET_COLOURS["AB"[target]]),
+            "size": 9,
+            "symbol": TARGET_SYMBOLS.get(letter, TARGET_SYMBOLS["AB"[target]]),
+            "line": {"color": "white", "width": 1},
         }
-        at = view.pixels[camera][target]
-        found += [
-            {"type": "scatter", "x": u, "y": v, **line},
+        at, text = view.pixels[camera][target], {"text": [letter], "textposition": "top right"}
+        found.append(
             {
                 "type": "scatter",
                 "x": at[:1],
                 "y": at[1:],
                 "mode": "markers+text",
-                "text": [letter],
-                "textposition": "top right",
                 "textfont": {"size": 16},
-                "marker": {
-                    "color": TARGET_COLOURS.get(letter, TARGET_COLOURS["AB"[target]]),
-                    "size": 9,
-                    "symbol": TARGET_SYMBOLS.get(letter, TARGET_SYMBOLS["AB"[target]]),
-                    "line": {"color": "white", "width": 1},
-                },
+                "marker": marker,
                 "hovertemplate": f"{letter} (%{{x:.2f}}, %{{y:.2f}})<br>"
                 f"{view.distances_px[target, camera]:.2f} px from its line<extra></extra>",
-            },
-        ]
+                **text,
+            }
+        )
     return found
 
 
@@ -131,36 +116,23 @@ def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
     middle = ends.mean(axis=0)
     reach = 1.5 * max(SMALLEST_WINDOW_M, *(float(each.gaps_m[target]) for each in views.values()))
     centres = np.zeros(3), view.rig.pose.inverse().T
-    figure = finish(go.Figure(), SPACE_HEIGHT)
+    figure = blank(HEIGHT)
     for name, centre, end, dash in zip(CAMERAS, centres, ends, ("solid", "dash"), strict=True):
         along = (end - centre) / np.linalg.norm(end - centre)
         path = 1000 * (end + np.array([[-reach], [reach]]) * along - middle)
-        figure.add_scatter3d(
-            **upright(path),
-            mode="lines",
-            line={"color": NEUTRAL, "width": 5, "dash": dash},
-            name=f"ray of the {name}",
-            hoverinfo="name",
-        )
-    gap = f"gap {rounded(1000 * view.gaps_m[target])} mm"
-    figure.add_scatter3d(
-        **upright(1000 * (ends - middle)),
-        mode="lines+markers",
-        name=gap,
-        hoverinfo="name",
-        line={"color": METHOD_COLOURS[method], "width": 9},
-        marker={"color": METHOD_COLOURS[method], "size": 4},
-    )
+        line = line_of(width=5, dash=dash)
+        add(figure, path, "name", line=line, name=f"ray of the {name}")
+    colour, gap = METHOD_COLOURS[method], f"gap {rounded(1000 * view.gaps_m[target])} mm"
+    style = {"line": line_of(colour, 9), "marker": {"color": colour, "size": 4}}
+    add(figure, 1000 * (ends - middle), "name", name=gap, **style)
     axis = {**SCENE_AXIS, "range": [-1000 * reach, 1000 * reach], "nticks": 4}
     titles = {"xaxis": "x (mm)", "yaxis": "z (mm)", "zaxis": "−y (mm)"}
-    figure.update_layout(
-        scene={
-            "aspectmode": "cube",
-            "bgcolor": TRANSPARENT,
-            "camera": {"eye": {"x": 0.9, "y": -1.5, "z": 0.9}},
-            **{name: {**axis, "title": {"text": title}} for name, title in titles.items()},
-        }
-    )
+    figure.layout.scene = {
+        "aspectmode": "cube",
+        "bgcolor": TRANSPARENT,
+        "camera": {"eye": {"x": 0.9, "y": -1.5, "z": 0.9}},
+        **{name: {**axis, "title": {"text": title}} for name, title in titles.items()},
+    }
     return figure
 
 
@@ -192,14 +164,13 @@ def describe_two_sets(views: Mapping[Method, FrameView]) -> str:
     parts: list[str] = []
     for method, view in views.items():
         name = "the refined set" if method == "refined" else f"the {METHOD_NAMES[method]}"
-        px, error = float(view.distances_px.mean()), view.length_error
+        px, error = rounded(float(view.distances_px.mean())), view.length_error
+        bar = "" if error is None else _too_long(error)
         if not parts:
-            text = f"With {name} the epipolar lines pass {rounded(px)} px from the points"
-            text += "" if error is None else f" and the bar is {_too_long(error)}"
+            parts.append(f"With {name} the epipolar lines pass {px} px from the points")
+            parts[0] += f" and the bar is {bar}" if bar else ""
         else:
-            text = f"with {name} {rounded(px)} px"
-            text += "" if error is None else f" and {_too_long(error)}"
-        parts.append(text)
+            parts.append(f"with {name} {px} px" + (f" and {bar}" if bar else ""))
     return f"{'; '.join(parts)}."
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from stereocal.evaluation.summary import (
     Pdf,
     best_methods,
 )
-from stereocal.figures.style import METHOD_NAMES
+from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, METHOD_NAMES, WRONG_COLOUR
 from stereocal.verdict.in_words import digits, interval, percent
 
 COLUMNS = ("residual", "reprojection", "reconstruction")
@@ -27,6 +28,15 @@ HEADINGS = {
     "reprojection": "Reprojection error",
     "reconstruction": "3D error",
 }
+AXIS_TITLES = {
+    "residual": "|Residual| (no unit)",
+    "reprojection": "Reprojection error (px)",
+    "reconstruction": "3D error |D − D<sup>R</sup>| / D (%)",
+}
+SHOWN = (0.01, 0.999)
+"""Quantiles of every PDF of a column that its axis must include."""
+MOST_LABELS = 7
+"""Decades of an axis that are all labelled; of more, every second one."""
 UNITS = {"residual": "", "reprojection": " px", "reconstruction": " %"}
 Standing = Literal["best", "level", ""]
 
@@ -54,10 +64,17 @@ class Panel:
         return self.summary.reprojection if self.quantity == "reprojection" else None
 
     @property
+    def curves(self) -> tuple[tuple[str, Pdf, str], ...]:
+        """What each PDF is of, the PDF, and its colour."""
+        if found := self.matching:
+            correct = ("correct", found.correct, CORRECT_COLOUR)
+            return correct, ("wrong", found.wrong, WRONG_COLOUR)
+        return ((self.method, self.summary.reconstruction.pdf, METHOD_COLOURS[self.method]),)
+
+    @property
     def pdfs(self) -> tuple[Pdf, ...]:
         """The PDFs that it shows."""
-        found = self.matching
-        return (found.correct, found.wrong) if found else (self.summary.reconstruction.pdf,)
+        return tuple(pdf for _, pdf, _ in self.curves)
 
     @property
     def scale(self) -> float:
@@ -68,6 +85,11 @@ class Panel:
     def line(self) -> float:
         """Position of the vertical line, in the unit of the axis."""
         return self.matching.threshold if self.matching else self.scale * ACCEPTABLE
+
+    @property
+    def line_text(self) -> str:
+        """The value of that line."""
+        return f"{digits(self.line, 2)}{UNITS[self.quantity]}" if self.matching else "1 %"
 
     @property
     def title(self) -> list[str]:
@@ -111,19 +133,73 @@ class Panel:
         )
 
 
-def panels_of(summaries: Mapping[Method, MethodSummary], columns: Sequence[str]) -> list[Panel]:
-    """All panels, row by row."""
-    for quantity in columns:
-        if quantity not in COLUMNS:
-            raise StereocalError(f'The column "{quantity}" is not known: {", ".join(COLUMNS)}.')
-    by_column = {quantity: standings(summaries, quantity) for quantity in columns}
-    found: list[Panel] = []
-    for row, method in enumerate(method for method in ALL_METHODS if method in summaries):
-        for column, quantity in enumerate(columns):
-            axis = str(len(found) + 1) if found else ""
-            standing = by_column[quantity].get(method, "")
-            found.append(Panel(method, quantity, summaries[method], standing, row, column, axis))
+@dataclass(frozen=True, eq=False)
+class Column:
+    """The panels of one quantity, and the axes that they share."""
+
+    panels: list[Panel]
+
+    @cached_property
+    def most(self) -> float:
+        """The largest density."""
+        return max(float(pdf.density.max(initial=0)) for p in self.panels for pdf in p.pdfs) or 1.0
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """log10 of the ends of the axis: the quantiles `SHOWN` of all PDFs, and all lines."""
+        ends = [float(np.log10(panel.line)) for panel in self.panels]
+        for panel in self.panels:
+            for pdf in panel.pdfs:
+                running = np.cumsum(pdf.density)
+                if running[-1] > 0:
+                    first, last = np.searchsorted(running / running[-1], SHOWN)
+                    edges = pdf.edges[[first, last + 1]] + np.log10(panel.scale)
+                    ends += edges.tolist()
+        margin = 0.03 * max(max(ends) - min(ends), 1.0)
+        return min(ends) - margin, max(ends) + margin
+
+    @property
+    def labels_all(self) -> bool:
+        """Whether every decade of the axis is labelled, else every second one."""
+        return self.span[1] - self.span[0] <= MOST_LABELS
+
+    @property
+    def foot(self) -> list[str]:
+        """The lines below: the quantity, and the numbers of values in bins out of view."""
+        below = above = 0.0
+        for panel in self.panels:
+            for pdf in panel.pdfs:
+                edges = pdf.edges + np.log10(panel.scale)
+                counts = pdf.density * np.diff(pdf.edges) * pdf.n
+                below += float(counts[edges[1:] <= self.span[0]].sum())
+                above += float(counts[edges[:-1] >= self.span[1]].sum())
+        sides = [(round(below), "smaller"), (round(above), "larger")]
+        beyond = " and ".join(f"{n} {side}" for n, side in sides if n)
+        title = [AXIS_TITLES[self.panels[0].quantity]]
+        return [*title, f"Not in view: {beyond} values"] if beyond else title
+
+
+def columns_of(summaries: Mapping[Method, MethodSummary], names: Sequence[str]) -> list[Column]:
+    """The panels of each quantity, a row for each method."""
+    if unknown := [name for name in names if name not in COLUMNS]:
+        raise StereocalError(f'The column "{unknown[0]}" is not known: {", ".join(COLUMNS)}.')
+    found = []
+    for column, name in enumerate(names):
+        marks, panels = standings(summaries, name), []
+        for row, method in enumerate(method for method in ALL_METHODS if method in summaries):
+            number = len(names) * row + column
+            standing, axis = marks.get(method, ""), str(number + 1) if number else ""
+            panels.append(Panel(method, name, summaries[method], standing, row, column, axis))
+        found.append(Column(panels))
     return found
+
+
+def drawn_bins(pdf: Pdf) -> slice:
+    """The bins to draw, from one before the first value to one after the last."""
+    filled = np.flatnonzero(pdf.density)
+    if not len(filled):
+        return slice(0, 0)
+    return slice(max(0, int(filled[0]) - 1), min(len(pdf.density), int(filled[-1]) + 2))
 
 
 def standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
@@ -150,7 +226,7 @@ def describe_validation(
         parts = [
             f"{METHOD_NAMES[panel.method]} {panel.words}"
             + (f" ({panel.standing})" if panel.standing else "")
-            for panel in panels_of(summaries, [quantity])
+            for panel in columns_of(summaries, [quantity])[0].panels
         ]
         what = (
             "3D error of bars, median and 95 %"

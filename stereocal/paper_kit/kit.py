@@ -6,10 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from stereocal.calibration.methods import METHODS
-from stereocal.figures.journal import page
-from stereocal.figures.journal.frame_errors import draw_frame_errors
-from stereocal.figures.journal.rig import draw_rig
-from stereocal.figures.journal.validation import draw_validation
+from stereocal.figures import journal
 from stereocal.matching.application import Outcome
 from stereocal.paper_kit.methods_text import captions_md, methods_md
 from stereocal.paper_kit.references import references_bib
@@ -18,7 +15,7 @@ from stereocal.paper_kit.table import table_csv
 from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import Answer
 
-WIDTHS = (page.COLUMN_MM, page.PAGE_MM)
+WIDTHS = (journal.COLUMN_MM, journal.PAGE_MM)
 
 
 def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
@@ -31,7 +28,7 @@ def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
         f"figures/{name}_{width:.0f}mm.{form}": content
         for name, draw in _figures(answer)
         for width in WIDTHS
-        for form, content in page.rendered(draw, width).items()
+        for form, content in journal.rendered(draw, width).items()
     }
     return pack_zip(
         {
@@ -44,13 +41,13 @@ def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
     )
 
 
-def _figures(answer: Answer) -> Iterator[tuple[str, page.Draw]]:
+def _figures(answer: Answer) -> Iterator[tuple[str, journal.Draw]]:
     calibration, evaluation = answer.calibration, answer.evaluation
     if evaluation is not None:
         summaries = evaluation.summaries
         papers = {method: summaries[method] for method in METHODS}
-        yield "validation", partial(draw_validation, papers)
+        yield "validation", partial(journal.draw_validation, papers)
         if len(summaries) > len(papers):
-            yield "validation_with_refined", partial(draw_validation, summaries)
-    yield "errors_by_frame", partial(draw_frame_errors, calibration)
-    yield "rig", partial(draw_rig, calibration, answer.recommendation.measure.method)
+            yield "validation_with_refined", partial(journal.draw_validation, summaries)
+    yield "errors_by_frame", partial(journal.draw_frame_errors, calibration)
+    yield "rig", partial(journal.draw_rig, calibration, answer.recommendation.measure.method)

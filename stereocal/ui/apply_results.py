@@ -12,8 +12,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures.headings import HEADINGS, IN_WORLD
-from stereocal.figures.measured import describe_lengths, plot_lengths
+from stereocal.figures.measured import HEADINGS, IN_WORLD, describe_lengths, plot_lengths
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.matching.reconstruction_files import COORDINATES

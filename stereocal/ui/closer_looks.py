@@ -12,11 +12,10 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import two_sets
-from stereocal.figures.forecast_table import forecast_table
 from stereocal.figures.frame_errors import plot_frame_errors
 from stereocal.figures.frame_panels import describe_frame_errors
 from stereocal.figures.frame_view import FrameView, views_of
-from stereocal.figures.tables import angles_table, errors_table
+from stereocal.figures.tables import angles_table, errors_table, forecast_table
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project

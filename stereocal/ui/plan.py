@@ -14,9 +14,8 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.field.planning.forecast import PlanForecast, forecast
 from stereocal.field.planning.in_words import answer, points_per_frame
 from stereocal.field.planning.plan import Plan
-from stereocal.figures import plan_errors as figures
-from stereocal.figures.forecast_table import plan_table
-from stereocal.figures.plan_report import how_computed, plan_report
+from stereocal.figures import plan_report as figures
+from stereocal.figures.tables import plan_table
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.plan_file import parse_plan, write_plan
@@ -144,7 +143,7 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
     planned_targets_to_print(project, plan)
     with st.expander("What each file will do, and how this was computed"):
         st.table(plan_table(found))
-        st.caption(escape_markdown(how_computed(found)))
+        st.caption(escape_markdown(figures.how_computed(found)))
 
 
 def _compare(project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]) -> None:
@@ -220,7 +219,7 @@ def _buttons(found: PlanForecast) -> None:
         for label, make, name in (
             ("Save plan", partial(write_plan, found.plan), "plan.json"),
             ("Forecast", found.dumps, "forecast.json"),
-            ("Report", partial(plan_report, found), "report.html"),
+            ("Report", partial(figures.plan_report, found), "report.html"),
         ):
             offer(label, make, name, f"download_{name}")
         field_sheet_to_print(found.plan)

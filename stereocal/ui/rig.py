@@ -8,8 +8,12 @@ import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures.rig_graph import describe_rig_graph, plot_cameras, plot_rig_graph
-from stereocal.figures.rig_report import camera_table
+from stereocal.figures.rig_report import (
+    camera_table,
+    describe_rig_graph,
+    plot_cameras,
+    plot_rig_graph,
+)
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RIG, RigFile, rig_file

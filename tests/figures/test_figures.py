@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from stereocal.calibration.methods import METHODS
+from stereocal.calibration.methods import METHODS, Method
 from stereocal.calibration.montecarlo import Trace
 from stereocal.figures.coverage import plot_coverage
 from stereocal.figures.frame_errors import plot_frame_errors
@@ -53,9 +53,9 @@ def test_coverage_shows_the_points_of_both_images(calibration: Calibration) -> N
 
 def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
     figure = plot_traces(calibration)
-    panels = {"2d": ("y", "y3", "y4"), "3d": ("y2", "y3", "y4")}
-    for method in ("2d", "3d"):
-        trace = calibration.methods["2d" if method == "2d" else "3d"].trace
+    panels: dict[Method, tuple[str, ...]] = {"2d": ("y", "y3", "y4"), "3d": ("y2", "y3", "y4")}
+    for method in panels:
+        trace = calibration.methods[method].trace
         assert trace is not None
         moves = drawn_moves(len(trace.cost))
         for axis, values in zip(
@@ -64,7 +64,7 @@ def test_traces_show_cost_step_and_ratio(calibration: Calibration) -> None:
             (line,) = traces_of(figure, legendgroup=method, yaxis=axis)
             np.testing.assert_array_equal(line.x, moves + 1)
             np.testing.assert_array_equal(line.y, values[moves])
-            assert line.line.color == METHOD_COLOURS["2d" if method == "2d" else "3d"]
+            assert line.line.color == METHOD_COLOURS[method]
 
 
 def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -> None:
@@ -118,9 +118,8 @@ def test_the_outlying_frame_is_named(calibration: Calibration) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_rig_shows_the_reconstructed_bars(calibration: Calibration, method: str) -> None:
-    chosen = next(name for name in METHODS if name == method)
-    dataset, pose = calibration.dataset, calibration.methods[chosen].pose
+def test_rig_shows_the_reconstructed_bars(calibration: Calibration, method: Method) -> None:
+    dataset, pose = calibration.dataset, calibration.methods[method].pose
     points = triangulate_rays(pose.R, pose.T, dataset.rays)
     (bars,) = [t for t in plot_rig(calibration, method).data if t.name.startswith("Bars")]
     path = np.column_stack([bars.x, bars.y, bars.z]).reshape(-1, 4, 3)
@@ -128,10 +127,10 @@ def test_rig_shows_the_reconstructed_bars(calibration: Calibration, method: str)
     np.testing.assert_array_equal(path[:, 0], ends[:, 0][:, [0, 2, 1]] * [1, 1, -1])
     np.testing.assert_array_equal(path[:, 2], ends[:, 1][:, [0, 2, 1]] * [1, 1, -1])
     lengths = np.linalg.norm(path[:, 0] - path[:, 2], axis=1)
-    error = calibration.errors[chosen].length
+    error = calibration.errors[method].length
     np.testing.assert_allclose(np.abs(lengths - rig.BAR_M) / rig.BAR_M, error, atol=1e-12)
     assert bars.text[0] == f"frame 2<br>length {lengths[0]:.4f} m, error {100 * error[0]:.2f} %"
-    assert bars.line.color == METHOD_COLOURS[chosen]
+    assert bars.line.color == METHOD_COLOURS[method]
     assert "n = 24" in bars.name
 
 

@@ -11,10 +11,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from stereocal.calibration.methods import METHODS
-from stereocal.figures.journal.frame_errors import draw_frame_errors
-from stereocal.figures.journal.page import COLUMN_MM, PAGE_MM, rendered
-from stereocal.figures.journal.rig import draw_rig
-from stereocal.figures.journal.validation import draw_validation
+from stereocal.figures.journal import (
+    COLUMN_MM,
+    PAGE_MM,
+    draw_frame_errors,
+    draw_rig,
+    draw_validation,
+    rendered,
+)
 from stereocal.workflow import Answer
 from tests.paper_kit.answers import of_field, of_recording
 
