@@ -20,28 +20,18 @@ PRIMARY = str(ROOT / "sample_data" / "field" / "primary.json")
 @pytest.mark.parametrize(
     "asked",
     [
-        ["target", "--side", "0.18"],
-        ["target", "--focal", "7120", "--far", "25", "--near", "8"],
-        ["target", "--camera", PRIMARY, "--far", "25", "--paper", "a3"],
-        ["board", "--board", "18x12", "--square", "0.02", "--paper", "A3"],
-        [
-            "board",
-            "--board",
-            "8x6",
-            "--square",
-            "0.02",
-            "--charuco",
-            "DICT_4X4_50",
-            "--marker",
-            "0.015",
-        ],
+        "target --side 0.18",
+        "target --focal 7120 --far 25 --near 8",
+        f"target --camera {PRIMARY} --far 25 --paper a3",
+        "board --board 18x12 --square 0.02 --paper A3",
+        "board --board 8x6 --square 0.02 --charuco DICT_4X4_50 --marker 0.015",
     ],
 )
 def test_prints_are_written(
-    asked: list[str], suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    asked: str, suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / f"print.{suffix}"
-    assert main(["print", *asked, "--out", str(out)]) == 0
+    assert main(["print", *asked.split(), "--out", str(out)]) == 0
     assert out.read_bytes().startswith(b"%PDF" if suffix == "pdf" else b"<?xml")
     said = capsys.readouterr().out
     assert f"wrote {out}: print it at 100 % on A" in said

@@ -14,62 +14,34 @@ from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
-INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, list[str]]] = {
+INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, str]] = {
     # What it says when it has begun, whether nothing is compiled yet, and the command.
-    "calibrate": ("Compiling", True, ["calibrate", f"{FIELD}", "--out", "OUT"]),
-    "evaluate": ("Compiling", True, ["evaluate", f"{FIELD}", "--out", "OUT"]),
+    "calibrate": ("Compiling", True, f"calibrate {FIELD} --out OUT"),
+    "evaluate": ("Compiling", True, f"evaluate {FIELD} --out OUT"),
     "evaluate in processes": (
         "/100000 runs",
         False,
-        ["evaluate", f"{FIELD}", "--out", "OUT", "--workers", "2", "--runs", "100000"],
+        f"evaluate {FIELD} --out OUT --workers 2 --runs 100000",
     ),
-    "detect": ("Compiling", True, ["detect", f"{PHOTOGRAPHS}", "--out", "OUT/table.csv"]),
+    "detect": ("Compiling", True, f"detect {PHOTOGRAPHS} --out OUT/table.csv"),
     "intrinsics": (
         "photographs searched",
         False,
-        [
-            "intrinsics",
-            f"{PHOTOGRAPHS / 'boards_primary'}",
-            "--board",
-            "18x12",
-            "--square",
-            "0.03",
-            "--out",
-            "OUT/camera.json",
-            "--repeats",
-            "10000",
-        ],
+        f"intrinsics {PHOTOGRAPHS / 'boards_primary'} --board 18x12 --square 0.03 "
+        "--out OUT/camera.json --repeats 10000",
     ),
     "match": (
         "Compiling",
         True,
-        [
-            "match",
-            "IN/primary.csv",
-            "IN/secondary.csv",
-            "--parameters",
-            "IN/parameters_2d.json",
-            "--threshold",
-            "1",
-            "--out",
-            "OUT/pairs.csv",
-            "--unmatched",
-            "OUT/unmatched.csv",
-        ],
+        "match IN/primary.csv IN/secondary.csv --parameters IN/parameters_2d.json --threshold 1 "
+        "--out OUT/pairs.csv --unmatched OUT/unmatched.csv",
     ),
     "reconstruct": (
         "Compiling",
         True,
-        [
-            "reconstruct",
-            "IN/pairs.csv",
-            "--parameters",
-            "IN/parameters_2d.json",
-            "--out",
-            "OUT/points.csv",
-        ],
+        "reconstruct IN/pairs.csv --parameters IN/parameters_2d.json --out OUT/points.csv",
     ),
-    "compile": ("Compiling", True, ["compile"]),
+    "compile": ("Compiling", True, "compile"),
 }
 FEW = ("calibrate", "match")
 """One that computes, one with processes of its own, one with half a file; the rest in the soak."""
@@ -116,7 +88,7 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
     words, cold, arguments = INTERRUPTED_COMMANDS[name]
     out, temporary, cache = (tmp_path / folder for folder in ("out", "temporary", "cache"))
     temporary.mkdir()
-    own = [word.replace("OUT", f"{out}").replace("IN/", f"{given}/") for word in arguments]
+    own = [word.replace("OUT", f"{out}").replace("IN/", f"{given}/") for word in arguments.split()]
     environment = {"TMPDIR": f"{temporary}", **({"NUMBA_CACHE_DIR": f"{cache}"} if cold else {})}
     with started(*own, **environment) as process:
         said = said_until(process, words) + interrupted(process)

@@ -33,29 +33,15 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
         shutil.copy(PHOTOGRAPHS / name, few)
     lens.write_boards(given / "boards", 5)
     parameters = ["--parameters", f"{found['parameters']}"]
+    tables_of = found["primary"], found["secondary"]
     return {
         "evaluate": ["evaluate", f"{FIELD}", "--runs", "25", "--no-refined"],
         "detect": ["detect", f"{few}", "--doubtful"],
         "intrinsics": [
-            "intrinsics",
-            f"{given / 'boards'}",
-            "--board",
-            "8x6",
-            "--square",
-            "0.03",
-            "--subset",
-            "4",
-            "--repeats",
-            "12",
+            *("intrinsics", f"{given / 'boards'}"),
+            *["--board", "8x6", "--square", "0.03", "--subset", "4", "--repeats", "12"],
         ],
-        "match": [
-            "match",
-            f"{found['primary']}",
-            f"{found['secondary']}",
-            *parameters,
-            "--threshold",
-            "1",
-        ],
+        "match": ["match", *map(str, tables_of), *parameters, "--threshold", "1"],
         "reconstruct": ["reconstruct", f"{found['pairs']}", *parameters],
     }
 

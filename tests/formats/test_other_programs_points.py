@@ -79,13 +79,15 @@ ARGUS = csv(
 WAND = csv("", rig_columns(lower_left))
 
 
+def points_of(side: int) -> list[tuple[int, int, float, float]]:
+    """Frame, end, u and v of each point of a camera."""
+    rows = [(k, end, VIEWS[side][k, end]) for k in range(FRAMES) for end in (0, 1)]
+    return [(FIRST + k, end, float(uv[0]), float(uv[1])) for k, end, uv in rows]
+
+
 def tracktor(side: int) -> bytes:
-    rows: list[list[object]] = [
-        [2 * k + end, FIRST + k, *VIEWS[side][k, end].tolist(), end]
-        for k in range(FRAMES)
-        for end in (0, 1)
-    ]
-    return csv(",frame,pos_x,pos_y,id", rows)
+    rows = enumerate(points_of(side))
+    return csv(",frame,pos_x,pos_y,id", [[n, k, u, v, end] for n, (k, end, u, v) in rows])
 
 
 def sleap(side: int, score: float = 0.9) -> bytes:
@@ -130,9 +132,7 @@ def deeplabcut(side: int) -> bytes:
 
 def trackmate(side: int, unit: str, scale: float) -> bytes:
     rows: list[list[object]] = [
-        ["ID", end, *(scale * VIEWS[side][k, end]).tolist(), FIRST + k]
-        for k in range(FRAMES)
-        for end in (0, 1)
+        ["ID", end, scale * u, scale * v, k] for k, end, u, v in points_of(side)
     ]
     head = (
         "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Track ID,X,Y,Frame\n"
@@ -143,12 +143,7 @@ def trackmate(side: int, unit: str, scale: float) -> bytes:
 
 def odd(side: int) -> bytes:
     """No name of a column says anything."""
-    rows: list[list[object]] = [
-        [1.5, *VIEWS[side][k, end][::-1].tolist(), FIRST + k]
-        for k in range(FRAMES)
-        for end in (0, 1)
-    ]
-    return csv("weight,down,right,when", rows)
+    return csv("weight,down,right,when", [[1.5, v, u, k] for k, _, u, v in points_of(side)])
 
 
 def pixels(content: bytes, side: int) -> pd.DataFrame:
@@ -239,6 +234,48 @@ class TestNumbers:
         assert read_points(content, strict, "cam1").empty
 
 
+def test_deeplabcut_with_several_animals() -> None:
+    content = (
+        b"scorer,net,net,net\nindividuals,a,a,a\nbodyparts,nose,nose,nose\n"
+        b"coords,x,y,likelihood\n0,1,2,1\n"
+    )
+    assert propose_layout(content, "dlc.csv").points == ("a nose",)
+
+
+@pytest.mark.parametrize(("unit", "asks"), [("(pixel)", False), ("(micron)", True)])
+def test_trackmate(unit: str, asks: bool) -> None:
+    content = (
+        "LABEL,ID,TRACK_ID,QUALITY,POSITION_X,POSITION_Y,POSITION_Z,FRAME\n"
+        "Label,Spot ID,Track ID,Quality,X,Y,Z,Frame\n"
+        "Label,Spot ID,Track ID,Quality,X,Y,Z,Frame\n"
+        f",,,(quality),{unit},{unit},{unit},\n"
+        "ID7,7,3,1.5,100.5,50.25,0,2\nID8,8,3,1.5,101.5,51.25,0,1\n"
+    ).encode()
+    layout = propose_layout(content, "spots.csv")
+    assert layout.program == "TrackMate"
+    assert any("micron" in question for question in layout.questions) == asks
+    table = read_points(content, replace(layout, px_per_unit=2.0), "cam1")
+    assert list(table) == ["frame", "u", "v", "track"]
+    assert table["frame"].tolist() == [1, 2]  # in the order of the frames
+    assert table["u"].tolist() == [203.0, 201.0]
+    assert table["track"].tolist() == ["3", "3"]
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "empty"),
+        (b"frame,u,v\n", "x.csv"),
+        (b"\x00\x01\x02\n\x03", "text file"),
+        (b"name,size\nx,1\n", "layout"),
+        (b"1,2,3\n4,5,6\n", "layout"),
+    ],
+)
+def test_what_is_no_point_file(content: bytes, says: str) -> None:
+    with pytest.raises(StereocalError, match=says):
+        propose_layout(content, "x.csv")
+
+
 class TestHdf5:
     @pytest.mark.parametrize("side", [0, 1])
     def test_sleaps_analysis_file_is_its_csv(self, side: int) -> None:
@@ -295,22 +332,13 @@ def hdf5_bytes_of_deeplabcut() -> bytes:
     return b"\x89HDF\r\n\x1a\n" + bytes(90) + b"df_with_missing" + bytes(90)
 
 
-def run_match(tmp_path: Path, files: tuple[bytes, bytes], *more: str, ending: str = "csv") -> int:
-    for name, content in zip(("p", "s"), files, strict=True):
-        (tmp_path / f"{name}.{ending}").write_bytes(content)
+def run_match(tmp_path: Path, contents: tuple[bytes, bytes], *more: str) -> int:
+    given = [str(tmp_path / name) for name in ("p.csv", "s.csv")]
+    for name, content in zip(given, contents, strict=True):
+        Path(name).write_bytes(content)
     RIG_2D.save(tmp_path / "2d.json")
-    given = [str(tmp_path / f"{name}.{ending}") for name in ("p", "s")]
-    return main(
-        [
-            "match",
-            *given,
-            "--parameters",
-            str(tmp_path / "2d.json"),
-            "--out",
-            str(tmp_path / "pairs.csv"),
-            *more,
-        ]
-    )
+    files = ["--parameters", str(tmp_path / "2d.json"), "--out", str(tmp_path / "pairs.csv")]
+    return main(["match", *given, *files, *more])
 
 
 ONE_CAMERA = {

@@ -17,8 +17,7 @@ import numpy as np
 from stereocal.formats.camera_file import write_camera
 from stereocal.rig.parameters import RigParameters
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
-from tests.formats.test_point_files import wand
-from tests.known_rig import PRIMARY, RIG, SECONDARY
+from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.rigs.worlds import Place, plumb_lines, surveyed, thrown, world_of_cameras
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -28,6 +27,16 @@ FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 def field() -> Mapping[str, bytes]:
     """The files of the sample data set."""
     return {path.name: path.read_bytes() for path in FIELD.iterdir()}
+
+
+def wand(header: str = "") -> bytes:
+    """Three cameras, both ends, from the lower left; the third sees nothing."""
+    first, second = images(bar_ends(6))
+    below = [np.column_stack([v[:, 0], h - v[:, 1]]) for v, h in ((first, 1200), (second, 1024))]
+    both = np.hstack([*below, np.full((12, 2), np.nan)]).reshape(6, -1)
+    both[-1] = 0.0
+    rows = [",".join("NaN" if np.isnan(x) else repr(float(x)) for x in row) for row in both]
+    return ("\n".join([*([header] if header else []), *rows]) + "\n").encode()
 
 
 def layouts() -> Mapping[str, Sequence[bytes]]:
