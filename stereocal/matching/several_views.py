@@ -20,7 +20,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.views import fill_point_fits
+from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
@@ -87,11 +87,8 @@ class ViewFitter:
 
     def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
         """The points of images (n, c, 2); with `sigma_px` their covariances too."""
-        n, size = len(pixels), len(self.q)
-        points, residuals = np.empty((n, 3)), np.empty(pixels.shape)
-        own, by_shared = np.empty((n, 3, 3)), np.empty((n if sigma_px else 0, 3, size))
-        images = np.ascontiguousarray(pixels), np.ascontiguousarray(rays)
-        fill_point_fits(self.q, self.R, self.lenses, *images, points, residuals, own, by_shared)
+        cameras = Cameras(self.q, self.R, self.lenses)
+        points, residuals, own, by_shared = fit_points(cameras, pixels, rays, sigma_px is not None)
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)

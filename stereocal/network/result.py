@@ -15,7 +15,7 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.views import EACH, TIME, TRANSLATION, fill_jacobians, fill_point_fits
+from stereocal.refined.views import EACH, TIME, TRANSLATION, Cameras, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -108,12 +108,14 @@ class RigCalibration:
     def point_fits(self) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2, 3) of the units of `fit.placings`, from their pixels alone, and residuals
         (n, 2, c, 2) in pixels; NaN where not seen."""
-        own, cameras = self.fit.placings, len(self.names)
-        n = 2 * len(own.pixels)
-        points, residuals = np.empty((n, 3)), np.empty((n, cameras, 2))
-        pixels, rays = (v.reshape(n, cameras, 2) for v in (own.pixels, self.fit.rays))
-        fit_points(self.fit, pixels, rays, points, residuals, np.empty((n, 3, 3)))
-        return points.reshape(-1, 2, 3), residuals.reshape(-1, 2, cameras, 2)
+        shape = -1, len(self.names), 2
+        pixels, rays = (v.reshape(shape) for v in (self.fit.placings.pixels, self.fit.rays))
+        found = fit_points(self._as_fitted, pixels, rays)
+        return found.points.reshape(-1, 2, 3), found.residuals.reshape(-1, 2, *shape[1:])
+
+    @property
+    def _as_fitted(self) -> Cameras:
+        return Cameras(self.fit.q, self.fit.R, self.fit.lenses)
 
     @cached_property
     def used(self) -> IntArray:
@@ -168,29 +170,20 @@ class RigCalibration:
     def _image_px(self, number: int) -> float:
         """Root mean square error of a camera's images of points that two others see; NaN without
         such points."""
-        own, count = self.fit.placings, len(self.fit.q)
         pixels, rays = (
-            values.reshape(-1, *values.shape[2:]).copy() for values in (own.pixels, self.fit.rays)
+            values.reshape(-1, *values.shape[2:]).copy()
+            for values in (self.fit.placings.pixels, self.fit.rays)
         )
         seen = np.isfinite(pixels[:, number, 0]) & (np.isfinite(pixels[..., 0]).sum(axis=1) > 2)
         at = np.flatnonzero(seen)[:: max(int(seen.sum()) // IMAGE_POINTS, 1)]
         pixels, rays = pixels[at], rays[at]
         pixels[:, number], rays[:, number] = np.nan, np.nan
-        n = len(at)
-        points, residuals, of_points = np.empty((n, 3)), np.empty_like(pixels), np.empty((n, 3, 3))
-        by_shared = np.empty((n, 3, count))
-        fit_points(self.fit, pixels, rays, points, residuals, of_points, by_shared)
-        known = np.isfinite(points[:, 0])
+        found = fit_points(self._as_fitted, pixels, rays, derivatives=True)
+        known = np.isfinite(found.points[:, 0])
         if not known.any():
             return float("nan")
-        points, by_shared = points[known], by_shared[known]
-        fit, cameras = self.fit, len(self.names)
-        by_point, by_own = (
-            np.empty((len(points), cameras, 2, 3)),
-            np.empty((len(points), cameras, 2, EACH)),
-        )
-        fill_jacobians(fit.q, fit.R, fit.lenses, points, by_point, by_own)
-        J = by_point[:, number] @ by_shared
+        by_point, by_own = jacobians_of(self._as_fitted, found.points[known])
+        J = by_point[:, number] @ found.by_shared[known]
         J[:, :, EACH * number : EACH * (number + 1)] += by_own[:, number]
         J = J[np.isfinite(J).all(axis=(1, 2))]
         squares = np.einsum("nkq,qr,nkr->nk", J, self.covariance, J)
@@ -247,18 +240,3 @@ class RigCalibration:
     def pose_of(self, pair: Pair) -> Pose:
         """`second_from_first` of the rig."""
         return self.poses[pair[1]] @ self.poses[pair[0]].inverse()
-
-
-def fit_points(
-    fit: RigFit,
-    pixels: FloatArray,
-    rays: FloatArray,
-    points: FloatArray,
-    residuals: FloatArray,
-    covariances: FloatArray,
-    by_shared: FloatArray | None = None,
-) -> None:
-    """`views.fill_point_fits` with the parameters of a fit."""
-    nothing = np.empty((0, 3, len(fit.q)))
-    by = nothing if by_shared is None else by_shared
-    fill_point_fits(fit.q, fit.R, fit.lenses, pixels, rays, points, residuals, covariances, by)

@@ -13,7 +13,8 @@ import numpy as np
 
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import Placings
-from stereocal.refined.adjustment import sum_normal_equations
+from stereocal.refined.adjustment import equations_for, sum_normal_equations
+from stereocal.refined.views import Cameras, Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
@@ -127,22 +128,8 @@ def _changed(images: FloatArray, targets: IntArray, trial: _Trial) -> FloatArray
 def _chi_squares(fit: RigFit, placings: Placings, rays: FloatArray) -> FloatArray:
     """(f,): of other placings, with the parameters of a fit."""
     n = len(placings.pixels)
-    chi_squares, Q = np.empty(n), len(fit.q)
-    sum_normal_equations(
-        fit.q,
-        fit.R,
-        fit.lenses,
-        fit.free,
-        placings.pixels,
-        rays,
-        fit.motion[:0],
-        placings.distances,
-        1 / fit.sigma_px,
-        1 / fit.scatter,
-        np.zeros(n),
-        np.full((n, 6), np.nan),
-        chi_squares,
-        np.empty((Q, Q)),
-        np.empty(Q),
-    )
+    chi_squares, weights = np.empty(n), (1 / fit.sigma_px, 1 / fit.scatter)
+    units = Units(placings.pixels, rays, fit.motion[:0], placings.distances, *weights)
+    cameras, points = Cameras(fit.q, fit.R, fit.lenses), np.full((n, 6), np.nan)
+    sum_normal_equations(cameras, units, np.zeros(n), points, chi_squares, equations_for(fit.free))
     return np.bincount(placings.of_frame, chi_squares, len(placings.frames)).astype(np.float64)

@@ -8,9 +8,10 @@ linearly with the number of units.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from stereocal.refined.distortion import set_distortion
 from stereocal.refined.two_views import SHARED, fill_views
 from stereocal.refined.views import (
     DISTORTION,
@@ -18,12 +19,18 @@ from stereocal.refined.views import (
     LENS,
     OWN,
     TRANSLATION,
+    Cameras,
+    Unit,
+    Units,
+    Work,
     fill_gradient,
     fill_normal_matrix,
     fill_residuals,
     fill_shared,
     fit_unit,
     start_unit,
+    with_lenses,
+    work_of,
 )
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
@@ -51,106 +58,103 @@ def loss(s: float, limit: float) -> tuple[float, float]:
     return limit / 3.0 * (1.0 - left * left * left), left * left
 
 
+class Equations(NamedTuple):
+    """Normal equations without the points, H (Q, Q) and g = J r (Q,): 0 where not `free` (Q,)."""
+
+    free: BoolArray
+    H: FloatArray
+    g: FloatArray
+
+
+def equations_for(free: BoolArray) -> Equations:
+    """To be written."""
+    size = len(free)
+    return Equations(free, np.empty((size, size)), np.empty(size))
+
+
+class State(NamedTuple):
+    """What a step changes: p (k,), R (c, 3, 3), the units' points (n, 6), NaN where first ones are
+    needed, and their chi-squares (n,)."""
+
+    p: FloatArray
+    R: FloatArray
+    points: FloatArray
+    chi_squares: FloatArray
+
+
 @compiled
 def sum_normal_equations(
-    q: FloatArray,
-    R: FloatArray,
-    stated_lenses: FloatArray,
-    free: BoolArray,
-    pixels: FloatArray,
-    rays: FloatArray,
-    motion: FloatArray,
-    distances: FloatArray,
-    weight: float,
-    length_weight: float,
+    stated: Cameras,
+    units: Units,
     limits: FloatArray,
     points: FloatArray,
     chi_squares: FloatArray,
-    H: FloatArray,
-    g: FloatArray,
+    into: Equations,
 ) -> float:
     """Fit the points of all units, sum the normal equations, and return the cost.
 
     Args:
-        q: (Q,), and R: (c, 3, 3): see `views`.
-        stated_lenses: (c, 23): as `lenses` in `views.fill_residuals`; k1, k2, p1, p2 are those of
-            q.
-        free: (Q,): which unknowns are not held fixed; H and g are 0 for the others.
-        pixels: (n, 2, c, 2): NaN where a camera does not see a point.
-        rays: (n, 2, c, 2): undistorted with the stated lenses, for first points.
-        motion: (n, 2, c, 3): as in `views.fill_residuals`, or empty.
-        distances: (n,): in metres; NaN without a known length.
+        stated: with the stated k1, k2, p1, p2; those of q are used.
         limits: (n,): of `loss`.
-        points: (n, 6), updated: 3D points; NaN where first points are needed.
-        chi_squares: (n,), H (Q, Q) and g (Q,): written; with the points eliminated.
+        points: (n, 6), updated, and chi_squares: (n,), written: see `State`.
     """
-    cameras, unknowns = len(R), len(q)
-    lenses = set_distortion(q, DISTORTION, EACH, stated_lenses)
-    r, Jx = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3))
-    Js, along = np.zeros((2, cameras, 2, EACH)), np.zeros(OWN + 1)
-    V, small, work, by_lens = np.empty((6, 6)), np.empty((3, 3)), np.empty((2, 6)), np.empty((2, 4))
-    index, Y, x = np.empty(unknowns, np.int64), np.empty((unknowns + 1, OWN)), np.empty(OWN)
-    still, bent, cost = np.empty((0, cameras, 3)), False, 0.0
+    cameras, count, unknowns = (
+        with_lenses(stated.q, stated.R, stated.lenses),
+        len(stated.R),
+        len(stated.q),
+    )
+    work, index, Y, x = (
+        work_of(count),
+        np.empty(unknowns, np.int64),
+        np.empty((unknowns + 1, OWN)),
+        np.empty(OWN),
+    )
+    still, bent, cost = np.empty((0, count, 3)), False, 0.0
     for i in range(unknowns):
-        bent = bent or (free[i] and i < EACH * cameras and 0 <= i % EACH - DISTORTION < 4)
-        g[i] = 0.0
+        bent = bent or (into.free[i] and i < EACH * count and 0 <= i % EACH - DISTORTION < 4)
+        into.g[i] = 0.0
         for j in range(unknowns):
-            H[i, j] = 0.0
-    for n in range(len(pixels)):
-        own = 0.0 if np.isnan(distances[n]) else length_weight
-        moving, seen = motion[n] if len(motion) else still, pixels[n]
+            into.H[i, j] = 0.0
+    for n in range(len(units.pixels)):
+        moving, distance = units.motion[n] if len(units.motion) else still, units.distances[n]
+        known = 0.0 if np.isnan(distance) else units.length_weight
+        unit = Unit(units.pixels[n], moving, distance, units.weight, known)
         for i in range(OWN):
             x[i] = points[n, i]
-        start_unit(R, q, rays[n], x, small)
-        s = fit_unit(
-            q, R, lenses, seen, moving, distances[n], weight, own, x, r, Jx, along, V, work
-        )
+        start_unit(cameras, units.rays[n], x, work.small)
+        s = fit_unit(cameras, unit, x, work)
         chi_squares[n] = s
         rho, w = loss(s, limits[n])
         cost += rho
         if w > 0.0 and s < np.inf:
-            fill_shared(q, R, lenses, seen, moving, weight, x, Jx, bent, by_lens, Js)
-            fill_normal_matrix(seen, Jx, along, own, V)
-            if factor(V, 0.0):
-                eliminate(q, seen, distances[n], own, r, Jx, Js, along, V, w, free, index, Y, H, g)
+            fill_shared(cameras, unit, x, bent, work)
+            fill_normal_matrix(unit, known, work)
+            if factor(work.V, 0.0):
+                eliminate(stated.q, unit, work, w, index, Y, into)
         for i in range(OWN):
             points[n, i] = x[i] if s < np.inf else np.nan
     for i in range(unknowns):
         for j in range(i):
-            H[j, i] = H[i, j]
+            into.H[j, i] = into.H[i, j]
     return cost
 
 
 @internal
 def eliminate(
-    q: FloatArray,
-    pixels: FloatArray,
-    distance: float,
-    length_weight: float,
-    r: FloatArray,
-    Jx: FloatArray,
-    Js: FloatArray,
-    along: FloatArray,
-    L: FloatArray,
-    w: float,
-    free: BoolArray,
-    index: IntArray,
-    Y: FloatArray,
-    H: FloatArray,
-    g: FloatArray,
+    q: FloatArray, unit: Unit, work: Work, w: float, index: IntArray, Y: FloatArray, into: Equations
 ) -> None:
     """Add w times the Schur complement of a unit to H (lower half) and g.
 
     With J_x J_x^T = L L^T and y = L^-1 J_x J_q^T: H = J_q J_q^T - y^T y.
 
     Args:
-        L: Cholesky's factor of `views.fill_normal_matrix`.
+        work: with Cholesky's factor in V.
         index: (Q,), Y: (Q + 1, 6), for work.
     """
-    last = len(q) - 1
-    count = active_unknowns(pixels, length_weight, free, index)
-    by_factor = -(along[OWN] + length_weight * distance) / q[last]
-    fill_gradient(pixels, r, Jx, along, length_weight, Y[last + 1])
+    last, along, L = len(q) - 1, work.along, work.V
+    count = active_unknowns(unit, into.free, index)
+    by_factor = -(along[OWN] + unit.length_weight * unit.distance) / q[last]
+    fill_gradient(unit, work, Y[last + 1])
     forward(L, Y[last + 1])
     for n in range(count):
         a = index[n]
@@ -161,29 +165,27 @@ def eliminate(
             for j in range(OWN):
                 own[j] = along[j] * by_factor
         else:
-            total = project(pixels, r, Jx, Js, c, a - EACH * c, own)
+            total = project(unit.pixels, work, c, a - EACH * c, own)
         forward(L, own)
         for j in range(OWN):
             total -= own[j] * Y[last + 1, j]
-        g[a] += w * total
+        into.g[a] += w * total
         for m in range(n + 1):
             b = index[m]
             total = 0.0
             if a == last:
                 total = by_factor * by_factor if b == last else 0.0
             elif b // EACH == c:
-                total = product(pixels, Js, c, a - EACH * c, b - EACH * c)
+                total = product(unit.pixels, work.Js, c, a - EACH * c, b - EACH * c)
             for j in range(OWN):
                 total -= own[j] * Y[b, j]
-            H[a, b] += w * total
+            into.H[a, b] += w * total
 
 
 @internal
-def active_unknowns(
-    pixels: FloatArray, length_weight: float, free: BoolArray, index: IntArray
-) -> int:
+def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
     """Write the unknowns that a unit depends on to `index`, ascending, and return their number."""
-    count = 0
+    count, pixels = 0, unit.pixels
     for c in range(pixels.shape[1]):
         if np.isnan(pixels[0, c, 0]) and np.isnan(pixels[1, c, 0]):
             continue
@@ -191,24 +193,16 @@ def active_unknowns(
             if free[EACH * c + i]:
                 index[count] = EACH * c + i
                 count += 1
-    if length_weight > 0.0 and free[len(free) - 1]:
+    if unit.length_weight > 0.0 and free[len(free) - 1]:
         index[count] = len(free) - 1
         count += 1
     return count
 
 
 @internal
-def project(
-    pixels: FloatArray,
-    r: FloatArray,
-    Jx: FloatArray,
-    Js: FloatArray,
-    c: int,
-    i: int,
-    own: FloatArray,
-) -> float:
+def project(pixels: FloatArray, work: Work, c: int, i: int, own: FloatArray) -> float:
     """Write Jx^T times an unknown's column of Js to `own` (6,); return the column times r."""
-    total = 0.0
+    total, r, Jx, Js = 0.0, work.r, work.Jx, work.Js
     own[:] = 0.0
     for e in range(2):
         if not np.isnan(pixels[e, c, 0]):
@@ -230,93 +224,78 @@ def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float
     return total
 
 
+class Parameters(NamedTuple):
+    """Free parameters p of the unknowns of `views`, or of a pair's shared ones: origin (Q,) + M p.
+
+    Args:
+        by_parameter: (k, Q): the transpose of M.
+        precision: (k, k): of the prior of p, normal with mean 0; 0 for no prior.
+        turns: (k,): which of p are small rotations: they are 0 after each step.
+    """
+
+    origin: FloatArray
+    by_parameter: FloatArray
+    precision: FloatArray
+    turns: BoolArray
+
+
 @compiled
 def adjust(
-    origin: FloatArray,
-    by_parameter: FloatArray,
-    precision: FloatArray,
-    p: FloatArray,
-    turns: BoolArray,
-    R: FloatArray,
-    free: BoolArray,
-    baselines: FloatArray,
+    parameters: Parameters,
+    state: State,
     lenses: FloatArray,
-    pixels: FloatArray,
-    rays: FloatArray,
-    motion: FloatArray,
-    distances: FloatArray,
-    weight: float,
-    length_weight: float,
+    units: Units,
+    baselines: FloatArray,
     limits: FloatArray,
-    points: FloatArray,
-    chi_squares: FloatArray,
-    H: FloatArray,
+    found: Equations,
     tolerance: float,
     most_steps: int,
 ) -> tuple[float, int, bool]:
     """Minimise the cost over the free parameters p (Levenberg-Marquardt).
 
-    The unknowns are origin + M p: those of `views`, or the shared ones of a pair. p, R, points,
-    chi_squares and H (of `views`) are updated in place. The prior of p is normal with mean 0 and
-    the given precision (k, k), 0 for no prior.
-
     Args:
-        by_parameter: (k, Q): the transpose of M.
-        turns: (k,): which of p are small rotations: they are 0 after each step.
+        state: updated, as is H (of `views`) of the equations found.
+        lenses: (c, 23): as of `Cameras`, with the stated k1, k2, p1, p2.
         baselines: as in `add_baselines`; they are not in H.
 
     Returns:
         The cost with the priors, the number of steps tried, and whether it converged.
     """
-    k, size, gain, cost, damping = len(p), len(H), np.inf, np.inf, 1e-5
-    q, by_p, g = np.empty(size), np.empty((k, size)), np.empty(size)
-    trial_p, trial_R, trial_points = p.copy(), R.copy(), points.copy()
-    trial_chi_squares, trial_H, with_baselines = chi_squares.copy(), H.copy(), H.copy()
+    k, size, gain, cost, damping = len(state.p), len(found.H), np.inf, np.inf, 1e-5
+    q, by_p, precision = np.empty(size), np.empty((k, size)), parameters.precision
+    trial = State(state.p.copy(), state.R.copy(), state.points.copy(), state.chi_squares.copy())
+    tried, with_baselines = Equations(found.free, found.H.copy(), found.g), found.H.copy()
     A, damped, b, d = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
     for step in range(most_steps + 1):
-        place(origin, by_parameter, trial_p, turns, R, q, trial_R, by_p)
-        trial = sum_normal_equations(
-            q,
-            trial_R,
-            lenses,
-            free,
-            pixels,
-            rays,
-            motion,
-            distances,
-            weight,
-            length_weight,
-            limits,
-            trial_points,
-            trial_chi_squares,
-            trial_H,
-            g,
-        ) + prior_cost(trial_p, precision)
-        copy(trial_H, with_baselines)
-        trial += add_baselines(baselines, q, trial_R, with_baselines, g)
-        if trial <= cost or step == 0:
-            cost = trial
-            copy(trial_points, points)
-            copy(trial_H, H)
-            copy_row(trial_chi_squares, chi_squares)
-            copy_row(trial_p, p)
-            for c in range(len(R)):
-                copy(trial_R[c], R[c])
+        place(parameters, trial, state.R, q, by_p)
+        total = sum_normal_equations(
+            Cameras(q, trial.R, lenses), units, limits, trial.points, trial.chi_squares, tried
+        ) + prior_cost(trial.p, precision)
+        copy(tried.H, with_baselines)
+        total += add_baselines(baselines, q, trial.R, with_baselines, tried.g)
+        if total <= cost or step == 0:
+            cost = total
+            copy(trial.points, state.points)
+            copy(tried.H, found.H)
+            copy_row(trial.chi_squares, state.chi_squares)
+            copy_row(trial.p, state.p)
+            for c in range(len(state.R)):
+                copy(trial.R[c], state.R[c])
             if gain < tolerance:
                 return cost, step, True
             if step > 0:
                 damping *= 0.05
-            reduce_normal_equations(with_baselines, g, by_p, p, precision, A, b)
+            reduce_normal_equations(with_baselines, tried.g, by_p, state.p, precision, A, b)
         else:
             if gain < 1e-6:  # rounding, or the remaining error of the points
                 return cost, step, True
-            copy(points, trial_points)
+            copy(state.points, trial.points)
             damping = max(20.0 * damping, 1e-4)
         gain = damped_step(A, b, damping, damped, d)
         if gain < 0.0:
             return cost, step + 1, False
         for i in range(k):
-            trial_p[i] = p[i] - d[i]
+            trial.p[i] = state.p[i] - d[i]
     return cost, most_steps, False
 
 
@@ -371,21 +350,15 @@ def multiply(A: FloatArray, B: FloatArray, C: FloatArray) -> None:
 
 @internal
 def place(
-    origin: FloatArray,
-    by_parameter: FloatArray,
-    p: FloatArray,
-    turns: BoolArray,
-    before: FloatArray,
-    q: FloatArray,
-    R: FloatArray,
-    by_p: FloatArray,
+    parameters: Parameters, state: State, before: FloatArray, q: FloatArray, by_p: FloatArray
 ) -> None:
-    """Write the unknowns q (V,) of `views`, the rotations R, and the derivatives (k, V) by p.
+    """Write the unknowns q (V,) of `views`, the state's rotations, and the derivatives (k, V) by p.
 
     Args:
         before: (c, 3, 3): the rotations before the small ones of p, which become 0.
     """
-    shared = origin.copy()
+    by_parameter, p, R = parameters.by_parameter, state.p, state.R
+    shared = parameters.origin.copy()
     for j in range(len(p)):
         for i in range(len(shared)):
             shared[i] += p[j] * by_parameter[j, i]
@@ -401,7 +374,7 @@ def place(
         for i in range(TRANSLATION):
             q[EACH * c + i] = 0.0
     for j in range(len(p)):
-        p[j] = 0.0 if turns[j] else p[j]
+        p[j] = 0.0 if parameters.turns[j] else p[j]
 
 
 @internal
@@ -503,14 +476,7 @@ def reduce_normal_equations(
 
 @compiled
 def length_innovations(
-    q: FloatArray,
-    R: FloatArray,
-    stated_lenses: FloatArray,
-    pixels: FloatArray,
-    distances: FloatArray,
-    weight: float,
-    points: FloatArray,
-    found: FloatArray,
+    stated: Cameras, units: Units, points: FloatArray, found: FloatArray
 ) -> None:
     """Write the length of each unit as the pixels alone determine it, to `found` (n, 2).
 
@@ -518,24 +484,21 @@ def length_innovations(
     stated length, in metres. Column 1: its variance from the noise of the pixels, in square metres:
     l^T (J_x J_x^T)^-1 l, where l is the gradient of the length. NaN without a known length.
     """
-    lenses, cameras = set_distortion(q, DISTORTION, EACH, stated_lenses), len(R)
-    r, Jx, along = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3)), np.zeros(OWN + 1)
-    V, gradient, still = np.empty((6, 6)), np.empty(OWN), np.empty((0, cameras, 3))
-    for n in range(len(pixels)):
+    cameras, count = with_lenses(stated.q, stated.R, stated.lenses), len(stated.R)
+    work, gradient, still = work_of(count), np.empty(OWN), np.empty((0, count, 3))
+    for n in range(len(units.pixels)):
         found[n, 0] = found[n, 1] = np.nan
-        if np.isnan(distances[n]) or np.isnan(points[n, 0]):
+        if np.isnan(units.distances[n]) or np.isnan(points[n, 0]):
             continue
-        s = fill_residuals(
-            q, R, lenses, pixels[n], still, distances[n], weight, 1.0, points[n], r, Jx, along
-        )
-        if not s < np.inf:
+        unit = Unit(units.pixels[n], still, units.distances[n], units.weight, 1.0)
+        if not fill_residuals(cameras, unit, points[n], work) < np.inf:
             continue
         for i in range(OWN):
-            gradient[i] = along[i]
-        fill_normal_matrix(pixels[n], Jx, along, 0.0, V)
-        if factor(V, 0.0):
-            forward(V, gradient)
-            found[n, 0], found[n, 1] = along[OWN], 0.0
+            gradient[i] = work.along[i]
+        fill_normal_matrix(unit, 0.0, work)
+        if factor(work.V, 0.0):
+            forward(work.V, gradient)
+            found[n, 0], found[n, 1] = work.along[OWN], 0.0
             for i in range(OWN):
                 found[n, 1] += gradient[i] * gradient[i]
 

@@ -20,13 +20,16 @@ from scipy.special import chdtri, fdtri
 from stereocal.refined.adjustment import (
     ROUGH_TOLERANCE,
     TOLERANCE,
+    Parameters,
+    State,
     adjust,
+    equations_for,
     excess_variance,
     length_innovations,
     sum_normal_equations,
 )
 from stereocal.refined.unknowns import RefineSettings, Unknowns
-from stereocal.refined.views import OWN
+from stereocal.refined.views import OWN, Cameras, Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
@@ -86,7 +89,7 @@ class RobustFit(ABC):
     share_of_limit: FloatArray
     """(n,): that of each unit over that of its frame."""
     lenses: FloatArray
-    """(c, 23), and the next ones (n, ...), as in `adjustment.sum_normal_equations`."""
+    """(c, 23), and the next ones (n, ...), as in `views.Units`."""
     pixels: FloatArray
     rays: FloatArray
     motion: FloatArray
@@ -147,34 +150,28 @@ class RobustFit(ABC):
         """(f,): sums over the units of each frame."""
         return np.bincount(self.frame_of, of_units, len(self.frames)).astype(np.float64)
 
+    def _units(self, length_weight: float, own: IntArray | slice = slice(None)) -> Units:
+        """What was measured of some units."""
+        motion = self.motion[own] if len(self.motion) else self.motion
+        pixels, rays, distances = self.pixels[own], self.rays[own], self.distances[own]
+        return Units(pixels, rays, motion, distances, 1 / self.sigma_px, length_weight)
+
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
         """Minimise the cost with these limits (f,) of the loss; updates all results."""
-        H = np.empty((len(self.free),) * 2)
+        own, found = self.unknowns, equations_for(self.free)
         self.cost, steps, self.converged = adjust(
-            self.unknowns.origin,
-            np.ascontiguousarray(self.unknowns.M.T),
-            self.unknowns.precision,
-            self.p,
-            self.turns,
-            self.R,
-            self.free,
-            self.baselines,
+            Parameters(own.origin, np.ascontiguousarray(own.M.T), own.precision, self.turns),
+            State(self.p, self.R, self.points, self.of_units),
             self.lenses,
-            self.pixels,
-            self.rays,
-            self.motion,
-            self.distances,
-            1 / self.sigma_px,
-            1 / self.scatter,
+            self._units(1 / self.scatter),
+            self.baselines,
             limits[self.frame_of] * self.share_of_limit,
-            self.points,
-            self.of_units,
-            H,
+            found,
             tolerance,
             self.settings.maximum_steps,
         )
         B = self.views(self.q)[2]
-        self.H[:] = H if B is None else B @ H @ B.T
+        self.H[:] = found.H if B is None else B @ found.H @ B.T
         self.chi_squares[:] = self.by_frame(self.of_units)
         self.steps += steps
 
@@ -195,32 +192,16 @@ class RobustFit(ABC):
             free: (V,): None for those that are not held fixed.
         """
         v, R, B = self.views(q)
-        H, g = np.empty((len(v), len(v))), np.empty(len(v))
-        cost = sum_normal_equations(
-            v,
-            R,
-            self.lenses,
-            self.free if free is None else free,
-            self.pixels[units],
-            self.rays[units],
-            self.motion[units] if len(self.motion) else self.motion,
-            self.distances[units],
-            1 / self.sigma_px,
-            length_weight,
-            limits,
-            points,
-            chi_squares,
-            H,
-            g,
-        )
-        return (cost, H, g) if B is None else (cost, B @ H @ B.T, B @ g)
+        measured = self._units(length_weight, units)
+        into = equations_for(self.free if free is None else free)
+        cameras = Cameras(v, R, self.lenses)
+        cost = sum_normal_equations(cameras, measured, limits, points, chi_squares, into)
+        return (cost, into.H, into.g) if B is None else (cost, B @ into.H @ B.T, B @ into.g)
 
     def innovations(self, q: FloatArray, points: FloatArray) -> FloatArray:
         """(n, 2): as of `adjustment.length_innovations`."""
         (v, R, _), found = self.views(q), np.empty((len(points), 2))
-        length_innovations(
-            v, R, self.lenses, self.pixels, self.distances, 1 / self.sigma_px, points, found
-        )
+        length_innovations(Cameras(v, R, self.lenses), self._units(1.0), points, found)
         return found
 
     def equations(

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
-from stereocal.refined.views import EACH, fill_jacobians
+from stereocal.refined.views import EACH, Cameras, jacobians_of
 from stereocal.rig.compiled import FloatArray
 
 LENS = ("fx", "fy", "cx", "cy")
@@ -161,7 +161,7 @@ def point_errors(
     of the points by the shared unknowns; NaN behind a camera.
 
     Args:
-        q: (25,): as of `two_views`; lenses: (2, 23): as in `views.fill_residuals`.
+        q: (25,): as of `two_views`; lenses: (2, 23): as in `views.Cameras`.
         sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
             both cameras.
         points_m: (n, 3), in the primary's frame.
@@ -187,7 +187,6 @@ def point_jacobians(
     """Derivatives of the pixels of points (n, 3) by the points (n, 4, 3) and by the shared unknowns
     (n, 4, 25); NaN behind a camera. Arguments as in `point_errors`."""
     n, (v, R, B) = len(points_m), views_of(q)
-    by_point, by_views = np.empty((n, 2, 2, 3)), np.empty((n, 2, 2, EACH))
-    fill_jacobians(v, R, lenses, points_m, by_point, by_views)
+    by_point, by_views = jacobians_of(Cameras(v, R, lenses), points_m)
     by_shared = np.einsum("nckv,qcv->nckq", by_views, B[:, :-1].reshape(SHARED, 2, EACH))
     return by_point.reshape(n, 4, 3), by_shared.reshape(n, 4, SHARED)

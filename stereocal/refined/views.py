@@ -16,6 +16,8 @@ least squares shrank it without end.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stereocal.refined.distortion import distort, distortion_derivatives, set_distortion
@@ -31,33 +33,87 @@ TOLERANCE = 1e-6
 (measured: the remaining reduction is below 1e-9)."""
 
 
-@internal
-def fill_residuals(
-    q: FloatArray,
-    R: FloatArray,
-    lenses: FloatArray,
-    pixels: FloatArray,
-    motion: FloatArray,
-    distance: float,
-    weight: float,
-    length_weight: float,
-    x: FloatArray,
-    r: FloatArray,
-    Jx: FloatArray,
-    along: FloatArray,
-) -> float:
-    """Write the residuals of a unit and their derivatives by its points; return their squares' sum.
+class Cameras(NamedTuple):
+    """N cameras: the unknowns (Q,), R (c, 3, 3), and skew and `distortion.lens_terms` (c, 23)."""
 
-    Args:
-        R: (c, 3, 3).
-        lenses: (c, 23): skew and `distortion.lens_terms`, with the k1, k2, p1, p2 of q.
-        pixels: (2, c, 2); NaN where a camera does not see a point.
-        motion: (2, c, 3): velocities in pixels per frame, and the frame from which the drift
-            counts; empty if the cameras are in step.
-        x: (6,): both points in the reference's frame.
-        r: (2, c, 2) and Jx (2, c, 2, 3), written where there are pixels.
-        along: (7,), written: the derivatives of the length's residual by x, and the residual.
+    q: FloatArray
+    R: FloatArray
+    lenses: FloatArray
+
+
+class Units(NamedTuple):
+    """What was measured of n units. The weights are one over standard deviations."""
+
+    pixels: FloatArray
+    """(n, 2, c, 2); NaN where a camera does not see a point."""
+    rays: FloatArray
+    """(n, 2, c, 2): undistorted with the stated lenses, for first points."""
+    motion: FloatArray
+    """(n, 2, c, 3): velocities in pixels per frame, and the frame from which the drift counts;
+    empty if the cameras are in step."""
+    distances: FloatArray
+    """(n,): in metres; NaN without a known length."""
+    weight: float
+    length_weight: float
+
+
+class Unit(NamedTuple):
+    """One of them; its `length_weight` is 0 without a known length."""
+
+    pixels: FloatArray
+    motion: FloatArray
+    distance: float
+    weight: float
+    length_weight: float
+
+
+class Work(NamedTuple):
+    """Residuals r (2, c, 2) of a unit, written where there are pixels, their derivatives Jx
+    (2, c, 2, 3) by the points and Js (2, c, 2, 16) by the unknowns of the cameras, those of the
+    length's residual and itself, `along` (7,), the normal matrix V (6, 6) of the points or its
+    factor; and room for what the computation needs.
     """
+
+    r: FloatArray
+    Jx: FloatArray
+    Js: FloatArray
+    along: FloatArray
+    V: FloatArray
+    step: FloatArray
+    tried: FloatArray
+    small: FloatArray
+    by_lens: FloatArray
+
+
+@internal
+def with_lenses(q: FloatArray, R: FloatArray, stated_lenses: FloatArray) -> Cameras:
+    """The cameras of some unknowns; lenses (c, 23) have the stated k1, k2, p1, p2."""
+    return Cameras(q, R, set_distortion(q, DISTORTION, EACH, stated_lenses))
+
+
+@internal
+def work_of(cameras: int) -> Work:
+    """The arrays for units that this number of cameras sees."""
+    return Work(
+        np.zeros((2, cameras, 2)),
+        np.zeros((2, cameras, 2, 3)),
+        np.zeros((2, cameras, 2, EACH)),
+        np.zeros(OWN + 1),
+        np.empty((OWN, OWN)),
+        np.empty(OWN),
+        np.empty(OWN),
+        np.empty((3, 3)),
+        np.empty((2, 4)),
+    )
+
+
+@internal
+def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
+    """Write the residuals of a unit at points x (6,), in the reference's frame, and their
+    derivatives by these; return the sum of squares, infinite behind a camera."""
+    q, R, lenses = cameras
+    pixels, motion, distance, weight, length_weight = unit
+    r, Jx, along = work.r, work.Jx, work.along
     total = 0.0
     for e in range(2):
         for c in range(len(R)):
@@ -101,10 +157,9 @@ def fill_residuals(
 
 
 @internal
-def fill_normal_matrix(
-    pixels: FloatArray, Jx: FloatArray, along: FloatArray, length_weight: float, V: FloatArray
-) -> None:
-    """Write the lower half of the normal matrix (6, 6) of a unit's points; 1 for one not seen."""
+def fill_normal_matrix(unit: Unit, length_weight: float, work: Work) -> None:
+    """Write the lower half of the normal matrix of a unit's points; 1 for one not seen."""
+    pixels, Jx, along, V = unit.pixels, work.Jx, work.along, work.V
     for i in range(OWN):
         for j in range(i + 1):
             V[i, j] = along[i] * along[j] if length_weight > 0.0 else 0.0
@@ -125,17 +180,11 @@ def fill_normal_matrix(
 
 
 @internal
-def fill_gradient(
-    pixels: FloatArray,
-    r: FloatArray,
-    Jx: FloatArray,
-    along: FloatArray,
-    length_weight: float,
-    b: FloatArray,
-) -> None:
+def fill_gradient(unit: Unit, work: Work, b: FloatArray) -> None:
     """Write Jx^T r (6,) of a unit."""
+    pixels, r, Jx, along = unit.pixels, work.r, work.Jx, work.along
     for i in range(OWN):
-        b[i] = along[i] * along[OWN] if length_weight > 0.0 else 0.0
+        b[i] = along[i] * along[OWN] if unit.length_weight > 0.0 else 0.0
     for e in range(2):
         for c in range(pixels.shape[1]):
             if not np.isnan(pixels[e, c, 0]):
@@ -144,39 +193,19 @@ def fill_gradient(
 
 
 @internal
-def fit_unit(
-    q: FloatArray,
-    R: FloatArray,
-    lenses: FloatArray,
-    pixels: FloatArray,
-    motion: FloatArray,
-    distance: float,
-    weight: float,
-    length_weight: float,
-    x: FloatArray,
-    r: FloatArray,
-    Jx: FloatArray,
-    along: FloatArray,
-    V: FloatArray,
-    work: FloatArray,
-) -> float:
-    """Minimise a unit's sum of squares over its points (Levenberg-Marquardt), in place.
-
-    Args:
-        work: (2, 6).
+def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
+    """Minimise a unit's sum of squares over its points x (6,) in place (Levenberg-Marquardt).
 
     Returns:
-        The minimum, infinite behind a camera; r, Jx and along are those at the minimum.
+        The minimum, infinite behind a camera; the residuals and derivatives are those there.
     """
-    step, tried, damping = work[0], work[1], 0.0
-    best = fill_residuals(
-        q, R, lenses, pixels, motion, distance, weight, length_weight, x, r, Jx, along
-    )
+    step, tried, V, damping = work.step, work.tried, work.V, 0.0
+    best = fill_residuals(cameras, unit, x, work)
     if not best < np.inf:
         return np.inf
     for _ in range(MAXIMUM_STEPS):
-        fill_normal_matrix(pixels, Jx, along, length_weight, V)
-        fill_gradient(pixels, r, Jx, along, length_weight, step)
+        fill_normal_matrix(unit, unit.length_weight, work)
+        fill_gradient(unit, work, step)
         for i in range(OWN):
             V[i, i] *= 1.0 + damping
         if not factor(V, 0.0):
@@ -188,9 +217,7 @@ def fit_unit(
         backward(V, step)
         for i in range(OWN):
             tried[i] = x[i] - step[i]
-        found = fill_residuals(
-            q, R, lenses, pixels, motion, distance, weight, length_weight, tried, r, Jx, along
-        )
+        found = fill_residuals(cameras, unit, tried, work)
         if found <= best:
             best = found
             for i in range(OWN):
@@ -198,18 +225,14 @@ def fit_unit(
             damping *= 0.1
         else:
             damping = max(10.0 * damping, 1e-3)
-            fill_residuals(
-                q, R, lenses, pixels, motion, distance, weight, length_weight, x, r, Jx, along
-            )
+            fill_residuals(cameras, unit, x, work)
         if gain < TOLERANCE * (1.0 + best):
             break
     return best
 
 
 @internal
-def start_unit(
-    R: FloatArray, q: FloatArray, rays: FloatArray, x: FloatArray, V: FloatArray
-) -> None:
+def start_unit(cameras: Cameras, rays: FloatArray, x: FloatArray, V: FloatArray) -> None:
     """Replace a unit's points x (6,), if NaN, by those nearest to the rays of all cameras.
 
     Args:
@@ -221,7 +244,7 @@ def start_unit(
         total += x[i]
     if np.isnan(total):
         for e in range(2):
-            nearest_point(R, q, rays[e], x[3 * e : 3 * e + 3], V)
+            nearest_point(cameras.R, cameras.q, rays[e], x[3 * e : 3 * e + 3], V)
 
 
 @internal
@@ -255,25 +278,15 @@ def nearest_point(
 
 
 @internal
-def fill_shared(
-    q: FloatArray,
-    R: FloatArray,
-    lenses: FloatArray,
-    pixels: FloatArray,
-    motion: FloatArray,
-    weight: float,
-    x: FloatArray,
-    Jx: FloatArray,
-    bent: bool,
-    by_lens: FloatArray,
-    Js: FloatArray,
-) -> None:
-    """Write the derivatives by the unknowns of the cameras, (2, c, 2, 16), after `fill_residuals`.
+def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, bent: bool, work: Work) -> None:
+    """Write the derivatives by the unknowns of the cameras, after `fill_residuals`.
 
     Args:
         bent: whether those by the distortion are wanted; else they stay as they are.
-        by_lens: (2, 4), for work.
     """
+    q, R, lenses = cameras
+    pixels, motion, weight = unit.pixels, unit.motion, unit.weight
+    Jx, Js, by_lens = work.Jx, work.Js, work.by_lens
     for e in range(2):
         for c in range(len(R)):
             if np.isnan(pixels[e, c, 0]):
@@ -308,60 +321,68 @@ def fill_shared(
                 Js[e, c, 1, DISTORTION + i] = weight * fy * by_lens[1, i]
 
 
-@compiled
-def fill_point_fits(
-    q: FloatArray,
-    R: FloatArray,
-    stated_lenses: FloatArray,
-    pixels: FloatArray,
-    rays: FloatArray,
-    points: FloatArray,
-    residuals: FloatArray,
-    covariances: FloatArray,
-    by_shared: FloatArray,
-) -> None:
-    """Points of the least sum of squared pixel residuals, from all views of each.
+class PointFits(NamedTuple):
+    """Points (n, 3) of the least sum of squared pixel residuals, these (n, c, 2), covariances
+    (n, 3, 3) for noise of 1 px, and derivatives (n, 3, Q) by the unknowns, empty if not asked for;
+    NaN where there is no such point.
+    """
+
+    points: FloatArray
+    residuals: FloatArray
+    covariances: FloatArray
+    by_shared: FloatArray
+
+
+def fit_points(
+    cameras: Cameras, pixels: FloatArray, rays: FloatArray, derivatives: bool = False
+) -> PointFits:
+    """The points of all their views.
 
     Args:
+        cameras: with the stated k1, k2, p1, p2.
         pixels, rays: (n, c, 2); NaN where a camera does not see a point.
-        points: (n, 3), residuals: (n, c, 2) in pixels, covariances: (n, 3, 3) for noise of 1 px:
-            written; NaN where there is no such point.
-        by_shared: (n, 3, Q), written: derivatives of the points by the unknowns; or empty.
     """
-    cameras = len(R)
-    lenses = set_distortion(q, DISTORTION, EACH, stated_lenses)
-    r, Jx = np.zeros((2, cameras, 2)), np.zeros((2, cameras, 2, 3))
-    Js, along = np.zeros((2, cameras, 2, EACH)), np.zeros(OWN + 1)
-    V, small, work, by_lens = np.empty((6, 6)), np.empty((3, 3)), np.empty((2, 6)), np.empty((2, 4))
-    x, b = np.empty(OWN), np.empty(OWN)
-    seen, ray = np.full((2, cameras, 2), np.nan), np.full((2, cameras, 2), np.nan)
-    still = np.empty((0, cameras, 3))
+    n, count = len(pixels), len(cameras.q)
+    found = PointFits(
+        np.full((n, 3), np.nan),
+        np.full(pixels.shape, np.nan),
+        np.full((n, 3, 3), np.nan),
+        np.full((n if derivatives else 0, 3, count), np.nan),
+    )
+    _fill_fits(cameras, np.ascontiguousarray(pixels), np.ascontiguousarray(rays), found)
+    return found
+
+
+@compiled
+def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, found: PointFits) -> None:
+    cameras, count = with_lenses(stated.q, stated.R, stated.lenses), len(stated.R)
+    work, x, b = work_of(count), np.empty(OWN), np.empty(OWN)
+    seen, ray = np.full((2, count, 2), np.nan), np.full((2, count, 2), np.nan)
+    unit = Unit(seen, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
     for n in range(len(pixels)):
-        points[n], residuals[n], covariances[n] = np.nan, np.nan, np.nan
-        if len(by_shared):
-            by_shared[n] = np.nan
         seen[0], ray[0] = pixels[n], rays[n]
         if np.isfinite(pixels[n, :, 0]).sum() < 2:
             continue
         x[:] = np.nan
-        start_unit(R, q, ray, x, small)
-        s = fit_unit(q, R, lenses, seen, still, 0.0, 1.0, 0.0, x, r, Jx, along, V, work)
-        if not s < np.inf:
+        start_unit(cameras, ray, x, work.small)
+        if not fit_unit(cameras, unit, x, work) < np.inf:
             continue
-        fill_normal_matrix(seen, Jx, along, 0.0, V)
-        if not factor(V, 1e-14):
+        fill_normal_matrix(unit, 0.0, work)
+        if not factor(work.V, 1e-14):
             continue
-        residuals[n] = np.where(np.isnan(seen[0]), np.nan, r[0])
-        points[n] = x[:3]
+        found.residuals[n] = np.where(np.isnan(seen[0]), np.nan, work.r[0])
+        found.points[n] = x[:3]
         for j in range(3):
             b[:] = 0.0
             b[j] = 1.0
-            forward(V, b)
-            backward(V, b)
-            covariances[n, :, j] = b[:3]
-        if len(by_shared):
-            fill_shared(q, R, lenses, seen, still, 1.0, x, Jx, True, by_lens, Js)
-            fill_point_derivatives(seen[0], Jx[0], Js[0], covariances[n], by_shared[n])
+            forward(work.V, b)
+            backward(work.V, b)
+            found.covariances[n, :, j] = b[:3]
+        if len(found.by_shared):
+            fill_shared(cameras, unit, x, True, work)
+            fill_point_derivatives(
+                seen[0], work.Jx[0], work.Js[0], found.covariances[n], found.by_shared[n]
+            )
 
 
 @internal
@@ -382,36 +403,32 @@ def fill_point_derivatives(
                     by[j, EACH * c + i] -= gain * Js[c, k, i]
 
 
-@compiled
-def fill_jacobians(
-    q: FloatArray,
-    R: FloatArray,
-    stated_lenses: FloatArray,
-    points: FloatArray,
-    by_point: FloatArray,
-    by_shared: FloatArray,
-) -> None:
-    """Write the derivatives of the pixels of points (n, 3) in all cameras, NaN behind a camera.
+def jacobians_of(cameras: Cameras, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the pixels of points (n, 3) in all cameras, NaN behind a camera.
 
     Args:
-        by_point: (n, c, 2, 3).
-        by_shared: (n, c, 2, 16): by the unknowns of each camera.
+        cameras: with the stated k1, k2, p1, p2.
+
+    Returns:
+        By the point (n, c, 2, 3), and by the unknowns of each camera (n, c, 2, 16).
     """
-    lenses, cameras = set_distortion(q, DISTORTION, EACH, stated_lenses), len(R)
-    pixels, still = np.full((2, cameras, 2), np.nan), np.empty((0, cameras, 3))
+    shape = len(points), len(cameras.R), 2
+    by_point, by_shared = np.full((*shape, 3), np.nan), np.full((*shape, EACH), np.nan)
+    _fill_jacobians(cameras, points, by_point, by_shared)
+    return by_point, by_shared
+
+
+@compiled
+def _fill_jacobians(
+    stated: Cameras, points: FloatArray, by_point: FloatArray, by_shared: FloatArray
+) -> None:
+    cameras, count = with_lenses(stated.q, stated.R, stated.lenses), len(stated.R)
+    pixels, work, x = np.full((2, count, 2), np.nan), work_of(count), np.zeros(OWN)
     pixels[0] = 0.0
-    r, Jx, Js = (
-        np.zeros((2, cameras, 2)),
-        np.zeros((2, cameras, 2, 3)),
-        np.zeros((2, cameras, 2, EACH)),
-    )
-    x, along, by_lens = np.zeros(OWN), np.empty(OWN + 1), np.empty((2, 4))
+    unit = Unit(pixels, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
     for n in range(len(points)):
         for i in range(3):
             x[i] = points[n, i]
-        s = fill_residuals(q, R, lenses, pixels, still, 0.0, 1.0, 0.0, x, r, Jx, along)
-        if s < np.inf:
-            fill_shared(q, R, lenses, pixels, still, 1.0, x, Jx, True, by_lens, Js)
-            by_point[n], by_shared[n] = Jx[0], Js[0]
-        else:
-            by_point[n], by_shared[n] = np.nan, np.nan
+        if fill_residuals(cameras, unit, x, work) < np.inf:
+            fill_shared(cameras, unit, x, True, work)
+            by_point[n], by_shared[n] = work.Jx[0], work.Js[0]
