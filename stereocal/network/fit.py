@@ -23,7 +23,7 @@ from stereocal.refined.robust import (
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.views import EACH
+from stereocal.refined.views import EACH, Cameras
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -62,6 +62,11 @@ class RigFit(RobustFit):
 
     def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, None]:
         return q, self.R, None
+
+    @property
+    def cameras(self) -> Cameras:
+        """As of `views`, with the stated distortion."""
+        return Cameras(self.q, self.R, self.lenses)
 
     @property
     def poses(self) -> list[Pose]:

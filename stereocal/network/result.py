@@ -15,7 +15,7 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.views import EACH, TIME, TRANSLATION, Cameras, fit_points, jacobians_of
+from stereocal.refined.views import EACH, TIME, TRANSLATION, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -110,12 +110,8 @@ class RigCalibration:
         (n, 2, c, 2) in pixels; NaN where not seen."""
         shape = -1, len(self.names), 2
         pixels, rays = (v.reshape(shape) for v in (self.fit.placings.pixels, self.fit.rays))
-        found = fit_points(self._as_fitted, pixels, rays)
+        found = fit_points(self.fit.cameras, pixels, rays)
         return found.points.reshape(-1, 2, 3), found.residuals.reshape(-1, 2, *shape[1:])
-
-    @property
-    def _as_fitted(self) -> Cameras:
-        return Cameras(self.fit.q, self.fit.R, self.fit.lenses)
 
     @cached_property
     def used(self) -> IntArray:
@@ -162,11 +158,6 @@ class RigCalibration:
             found[name] = CameraErrors((x, y, z), (tx, ty, tz), lens, self._image_px(number))
         return found
 
-    def time_offset_error(self, name: str) -> float:
-        """Standard error of a camera's time offset, in frames; 0 if not asked for."""
-        at = EACH * self.names.index(name) + TIME
-        return float(np.sqrt(self.covariance[at, at]))
-
     def _image_px(self, number: int) -> float:
         """Root mean square error of a camera's images of points that two others see; NaN without
         such points."""
@@ -178,11 +169,11 @@ class RigCalibration:
         at = np.flatnonzero(seen)[:: max(int(seen.sum()) // IMAGE_POINTS, 1)]
         pixels, rays = pixels[at], rays[at]
         pixels[:, number], rays[:, number] = np.nan, np.nan
-        found = fit_points(self._as_fitted, pixels, rays, derivatives=True)
+        found = fit_points(self.fit.cameras, pixels, rays, derivatives=True)
         known = np.isfinite(found.points[:, 0])
         if not known.any():
             return float("nan")
-        by_point, by_own = jacobians_of(self._as_fitted, found.points[known])
+        by_point, by_own = jacobians_of(self.fit.cameras, found.points[known])
         J = by_point[:, number] @ found.by_shared[known]
         J[:, :, EACH * number : EACH * (number + 1)] += by_own[:, number]
         J = J[np.isfinite(J).all(axis=(1, 2))]

@@ -14,7 +14,7 @@ import numpy as np
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import Placings
 from stereocal.refined.adjustment import equations_for, sum_normal_equations
-from stereocal.refined.views import Cameras, Units
+from stereocal.refined.views import Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
@@ -130,6 +130,6 @@ def _chi_squares(fit: RigFit, placings: Placings, rays: FloatArray) -> FloatArra
     n = len(placings.pixels)
     chi_squares, weights = np.empty(n), (1 / fit.sigma_px, 1 / fit.scatter)
     units = Units(placings.pixels, rays, fit.motion[:0], placings.distances, *weights)
-    cameras, points = Cameras(fit.q, fit.R, fit.lenses), np.full((n, 6), np.nan)
-    sum_normal_equations(cameras, units, np.zeros(n), points, chi_squares, equations_for(fit.free))
+    limits, points = np.zeros(n), np.full((n, 6), np.nan)
+    sum_normal_equations(fit.cameras, units, limits, points, chi_squares, equations_for(fit.free))
     return np.bincount(placings.of_frame, chi_squares, len(placings.frames)).astype(np.float64)

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
@@ -32,13 +33,14 @@ from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
-from stereocal.refined.two_views import BAR, BASELINE, DISTORTION, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.two_views import BAR, BASELINE, SHARED
 from stereocal.refined.unknowns import (
     LensPrior,
     RefineSettings,
     baseline_sigma_m,
     distance_sigma_m,
     free_distortion,
+    lens_places,
     lens_prior,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
@@ -62,6 +64,22 @@ UNCERTAINTY_FACTOR = {"baseline": 2.0}
 MINIMUM_INFORMATION = 1e-4
 """The images have no information about an input if they reduce its prior variance by less than this
 fraction."""
+
+
+INPUTS: Mapping[str, tuple[tuple[str, ...], list[int]]] = {
+    "baseline": (("baseline",), [BASELINE]),
+    "distance": (("bar",), [BAR]),
+    **{
+        f"{camera} {part}": (tuple(f"{camera} {key}" for key in keys), lens_places(number)[own])
+        for number, camera in enumerate(CAMERAS)
+        for part, keys, own in (
+            ("focal", ("focal", "fx", "fy"), slice(0, 2)),
+            ("centre", ("cx", "cy"), slice(2, 4)),
+            ("distortion", LENS_UNKNOWNS[4:], slice(4, 8)),
+        )
+    },
+}
+"""Names of the free parameters of each, and its places among the shared unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +110,13 @@ def compare_inputs(result: RefinedResult) -> Comparison:
     named: list[str] = []
     undetermined: set[str] = set()
     while True:
+        known = current.settings
+        # Nothing else fixes the scale once the other length has been freed.
+        scale = {"baseline": known.distance_sigma_m, "distance": known.baseline_sigma_m}
         suspects = {
             k: t
             for k, t in tests.items()
-            if t[0] >= ACCUSED and k not in undetermined and not _the_only_scale(current, k)
+            if t[0] >= ACCUSED and k not in undetermined and scale.get(k) != np.inf
         }
         if not suspects:
             break
@@ -127,13 +148,6 @@ def compare_inputs(result: RefinedResult) -> Comparison:
     return Comparison([found[key] for key in [*named, *rest]], model)
 
 
-def _the_only_scale(result: RefinedResult, key: str) -> bool:
-    """Whether nothing else fixes the scale, because the other length has been freed."""
-    settings = result.settings
-    other = {"baseline": settings.distance_sigma_m, "distance": settings.baseline_sigma_m}.get(key)
-    return other is not None and bool(np.isinf(other))
-
-
 def _with_its_noise(result: RefinedResult) -> RefinedResult:
     """The result of a solve whose noise, unless given, was estimated with wide priors."""
     settings, dataset = result.settings, result.dataset
@@ -154,12 +168,8 @@ def _with_its_noise(result: RefinedResult) -> RefinedResult:
 
 def _widened(lens: LensPrior) -> LensPrior:
     k1, k2, p1, p2 = (WIDER * sigma for sigma in lens.distortion)
-    return replace(
-        lens,
-        focal=WIDER * lens.focal,
-        centre_px=WIDER * lens.centre_px,
-        distortion=(k1, k2, p1, p2),
-    )
+    focal, centre_px = WIDER * lens.focal, WIDER * lens.centre_px
+    return replace(lens, focal=focal, centre_px=centre_px, distortion=(k1, k2, p1, p2))
 
 
 def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
@@ -170,11 +180,11 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
     found, M, C = {}, result.unknowns.M, result.p_covariance_by_model
     # What frames that follow each other add to the variance of the estimates, but not to C.
     spread = C - (result.design_effect - 1.0) * C @ M.T @ result.information @ M @ C
-    for key, columns in _columns(result).items():
-        if not columns:
+    for key in INPUTS:
+        columns = _columns(result, key)
+        if not columns and key.endswith("distortion"):
             found[key] = _distortion_test(result, key), 1.0
-            continue
-        if not np.isfinite(result.unknowns.sigma[columns]).all():
+        if not columns or not np.isfinite(result.unknowns.sigma[columns]).all():
             continue
         prior = result.unknowns.prior_covariance(columns)
         gained = prior - spread[np.ix_(columns, columns)]
@@ -193,12 +203,8 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
 
 def _distortion_test(result: RefinedResult, key: str) -> float:
     """|z| of the F test whether a distortion that is held fixed differs from the stated one."""
-    settings = replace(
-        _freed(result, key),
-        sigma_px=result.sigma_px.value,
-        scatter_m=result.scatter_m.value,
-        loss="squares",
-    )
+    noise = {"sigma_px": result.sigma_px.value, "scatter_m": result.scatter_m.value}
+    settings = replace(_freed(result, key), **noise, loss="squares")
     try:
         freed = refine(result.dataset, settings, result.pose, result.used_rows)
     except StereocalError:
@@ -222,45 +228,27 @@ def _as_z(probability: float) -> float:
     return max(float(-ndtri(0.5 * max(probability, 1e-300))), 0.0)
 
 
-def _columns(result: RefinedResult) -> dict[str, list[int]]:
-    """The indices in p of the free parameters of each input; none for a fixed distortion."""
+def _columns(result: RefinedResult, key: str) -> list[int]:
+    """The indices in p of the free parameters of an input; none if it is held fixed."""
     names = result.unknowns.names
-    groups = {"baseline": ["baseline"], "distance": ["bar"]}
-    for camera in CAMERAS:
-        groups[f"{camera} focal"] = [f"{camera} {key}" for key in ("focal", "fx", "fy")]
-        groups[f"{camera} centre"] = [f"{camera} {key}" for key in ("cx", "cy")]
-        groups[f"{camera} distortion"] = [f"{camera} {key}" for key in LENS_UNKNOWNS[4:]]
-    found = {
-        key: [names.index(name) for name in members if name in names]
-        for key, members in groups.items()
-    }
-    return {key: columns for key, columns in found.items() if columns or key.endswith("distortion")}
+    return [names.index(name) for name in INPUTS[key][0] if name in names]
 
 
 def _values(result: RefinedResult, key: str, values: FloatArray) -> FloatArray:
     """The values of an input among the 25 shared unknowns, in the input's unit."""
-    if key.endswith("distortion"):
-        first = DISTORTION + 4 * key.startswith("secondary")
-        return values[first : first + 4]
-    if key == "baseline":
-        return values[[BASELINE]]
-    if key == "distance":
-        return values[[BAR]] * result.dataset.target_distance_m
-    at = PRIMARY if key.startswith("primary") else SECONDARY
-    return values[at : at + 2] if key.endswith("focal") else values[at + 2 : at + 4]
+    unit = result.dataset.target_distance_m if key == "distance" else 1.0
+    return np.asarray(values[INPUTS[key][1]] * unit)
 
 
 def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
-    columns = _columns(result)[key]
+    columns = _columns(result, key)
     M, sigma = result.unknowns.M[:, columns], result.unknowns.sigma[columns]
     prior = np.sqrt(np.sum(np.square(M * sigma), axis=1)) if len(columns) else np.zeros(SHARED)
     before = _values(result, key, prior)
     after = _values(result, key, np.sqrt(np.diag(result.covariance)))
     with np.errstate(divide="ignore", invalid="ignore"):
         informed = 1.0 - np.square(after / before)
-        detectable = np.where(
-            informed > MINIMUM_INFORMATION, ACCUSED * before / np.sqrt(informed), np.inf
-        )
+        detectable = ACCUSED * before / np.sqrt(informed)
     return Input(
         key=key,
         unit="m" if key in LENGTHS else "" if key.endswith("distortion") else "px",
@@ -269,13 +257,8 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
         estimate=_values(result, key, result.q),
         sigma=after,
         standard_errors=standard_errors,
-        accused=False,
-        others_say=None,
-        others_sigma=None,
-        rivals=(),
         sigma_stated=_sigma_stated(result, key),
-        detectable=detectable,
-        advice="",
+        detectable=np.where(informed > MINIMUM_INFORMATION, detectable, np.inf),
     )
 
 
@@ -285,35 +268,27 @@ def _sigma_stated(result: RefinedResult, key: str) -> bool:
         return (settings.baseline_sigma_m or dataset.baseline_sigma_m) is not None
     if key == "distance":
         return (settings.distance_sigma_m or dataset.target_distance_sigma_m) is not None
-    which = key.split()[0]
-    # The settings of a result have explicit lens priors: the default ones were not stated.
+    camera, given = (getattr(of, key.split()[0]) for of in (dataset, settings))
     if key.endswith("distortion"):
-        return any(lens_prior(getattr(dataset, which), getattr(settings, which)).distortion)
-    default = getattr(settings, which) in (None, LensPrior())
-    return not default or getattr(dataset, which).uncertainty is not None
+        return any(lens_prior(camera, given).distortion)
+    # The settings of a result have explicit lens priors: the default ones were not stated.
+    return given not in (None, LensPrior()) or camera.uncertainty is not None
 
 
 def _freed(result: RefinedResult, key: str) -> RefineSettings:
     """The settings of a result without the prior of one input."""
-    settings = result.settings
-    if key == "baseline":
-        return replace(settings, baseline_sigma_m=np.inf)
-    if key == "distance":
-        return replace(settings, distance_sigma_m=np.inf)
-    camera, part = key.split()
-    lens = lens_prior(getattr(result.dataset, camera), getattr(settings, camera))
-    if part == "focal":
-        lens = replace(lens, focal=np.inf)
-    elif part == "centre":
-        lens = replace(lens, centre_px=np.inf)
-    else:
-        free = free_distortion(getattr(result.dataset, camera))
-        lens = replace(lens, distortion=free)
-    return (
-        replace(settings, primary=lens)
-        if camera == "primary"
-        else replace(settings, secondary=lens)
-    )
+    if key in LENGTHS:
+        change: dict[str, Any] = {f"{key}_sigma_m": np.inf}
+        return replace(result.settings, **change)
+    which, part = key.split()
+    camera = getattr(result.dataset, which)
+    prior: dict[str, Any] = {
+        "focal": {"focal": np.inf},
+        "centre": {"centre_px": np.inf},
+        "distortion": {"distortion": free_distortion(camera)},
+    }[part]
+    lens = replace(lens_prior(camera, getattr(result.settings, which)), **prior)
+    return replace(result.settings, **{which: lens})
 
 
 def _accused(
@@ -322,25 +297,20 @@ def _accused(
     rivals: tuple[str, ...],
     inputs: Mapping[str, Input],
 ) -> Input:
-    say, sigma = _others_say(item.key, freed)
-    if item.key in LENGTHS and len(freed) > 1:
-        advice = pair_advice(
-            [
-                (each, *_others_say(each.key, freed))
-                for each in (item, *(inputs[key] for key in freed if key != item.key))
-            ]
-        ) + note_on_rivals(tuple(set(rivals) - LENGTHS))
+    """An input with its estimate from the other data, and the message about it."""
+    others = {
+        key: (_values(own, key, own.q), _values(own, key, np.sqrt(np.diag(own.covariance))))
+        for key, own in freed.items()
+    }
+    (say, sigma), own = others[item.key], freed[item.key]
+    if len(freed) > 1:
+        other = next(key for key in freed if key != item.key)
+        cases = (item, *others[item.key]), (inputs[other], *others[other])
+        advice = pair_advice(cases) + note_on_rivals(tuple(set(rivals) - LENGTHS))
     else:
-        own = freed[item.key]
         camera = own.secondary if item.key.startswith("secondary") else own.primary
         advice = advice_on(item.key, item.stated, say, sigma, camera.lens_names[4:8])
         advice += note_on_rivals(rivals)
     return replace(
         item, accused=True, others_say=say, others_sigma=sigma, rivals=rivals, advice=advice
     )
-
-
-def _others_say(key: str, freed: Mapping[str, RefinedResult]) -> tuple[FloatArray, FloatArray]:
-    """The estimate of an input from the other data, and its standard error."""
-    own = freed[key]
-    return _values(own, key, own.q), _values(own, key, np.sqrt(np.diag(own.covariance)))

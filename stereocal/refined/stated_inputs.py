@@ -35,19 +35,19 @@ class Input:
     standard_errors: float
     """Test value: disagreement with the other data in standard errors; NaN if they have no
     information about this input."""
-    accused: bool
-    """Whether the input disagrees with the other data."""
-    others_say: FloatArray | None
-    """For an accused input: its estimate from the other data alone; else None."""
-    others_sigma: FloatArray | None
-    rivals: tuple[str, ...]
-    """For an accused input: keys of inputs whose error would explain the data equally well."""
     sigma_stated: bool
     """Whether its uncertainty was stated; otherwise a default is assumed."""
     detectable: FloatArray
     """Smallest error that the test would detect; infinite if the other data have no information."""
-    advice: str
-    """For an accused input: message with the disagreement and the remedy; else empty."""
+    accused: bool = False
+    """Whether the input disagrees with the other data; the following are of accused ones."""
+    others_say: FloatArray | None = None
+    """Its estimate from the other data alone."""
+    others_sigma: FloatArray | None = None
+    rivals: tuple[str, ...] = ()
+    """Keys of inputs whose error would explain the data equally well."""
+    advice: str = ""
+    """Message with the disagreement and the remedy."""
 
 
 def undetectable_errors(inputs: Sequence[Input]) -> str:
@@ -80,23 +80,13 @@ def undetectable_errors(inputs: Sequence[Input]) -> str:
     )
 
 
+_LENGTHS_ASKED = "how the lengths were measured (laser 2 mm, tape 5 mm)"
+_LENSES_ASKED = "the standard errors of the lens calibration"
 _ASKED = (
-    (("baseline",), "the baseline", "how the lengths were measured (laser 2 mm, tape 5 mm)"),
-    (
-        ("distance",),
-        "the distance between the targets",
-        "how the lengths were measured (laser 2 mm, tape 5 mm)",
-    ),
-    (
-        ("primary focal", "secondary focal"),
-        "a focal length",
-        "the standard errors of the lens calibration",
-    ),
-    (
-        ("primary centre", "secondary centre"),
-        "an image centre",
-        "the standard errors of the lens calibration",
-    ),
+    (("baseline",), "the baseline", _LENGTHS_ASKED),
+    (("distance",), "the distance between the targets", _LENGTHS_ASKED),
+    (("primary focal", "secondary focal"), "a focal length", _LENSES_ASKED),
+    (("primary centre", "secondary centre"), "an image centre", _LENSES_ASKED),
 )
 
 
@@ -112,36 +102,45 @@ def advice_on(
         sigma: its standard error.
         coefficients: names of the distortion coefficients of the accused camera.
     """
-    given, found = in_digits(stated, sigma), f"{in_digits(say, sigma)} ± {in_digits(sigma, sigma)}"
-    if key == "baseline":
-        return (
-            f"The measured baseline is {given} m; images and bars say {found} m. Measure between "
-            "the entrance pupils, or widen its uncertainty."
-        )
-    if key == "distance":
-        return (
-            f"The measured distance between the targets is {given} m; images and baseline say "
-            f"{found} m. Measure between the centres of the targets, or widen its uncertainty."
-        )
-    camera, part = key.split()
-    if part == "distortion":
-        return (
-            f"The {camera} camera's distortion ({', '.join(coefficients)}) is stated as {given}; "
-            f"images and lengths say {found}. Was the lens calibrated with another focus, or with "
-            "few points near the edges? Calibrate it again, or let this fit estimate it "
-            "(Estimate the distortion of, on One set or two; or --free-distortion)."
-        )
-    if part == "focal":
-        return (
-            f"The {camera} camera's focal length (fx, fy) is stated as {given} px; images and "
-            f"lengths say {found} px. Was focus or zoom changed after this lens was calibrated? "
-            "Calibrate it again, or widen its uncertainty."
-        )
-    return (
-        f"The {camera} camera's principal point (cx, cy) is stated as {given} px; images and "
-        f"lengths say {found} px. Was the image cropped or the lens moved after it was calibrated? "
-        "Calibrate it again, or widen its uncertainty."
-    )
+    camera, _, part = key.partition(" ")
+    name, unit, others, remedy = {
+        "baseline": (
+            "The measured baseline is",
+            " m",
+            "images and bars",
+            "Measure between the entrance pupils, or widen its uncertainty.",
+        ),
+        "distance": (
+            "The measured distance between the targets is",
+            " m",
+            "images and baseline",
+            "Measure between the centres of the targets, or widen its uncertainty.",
+        ),
+        "distortion": (
+            f"The {camera} camera's distortion ({', '.join(coefficients)}) is stated as",
+            "",
+            "images and lengths",
+            "Was the lens calibrated with another focus, or with few points near the edges? "
+            "Calibrate it again, or let this fit estimate it (Estimate the distortion of, on One "
+            "set or two; or --free-distortion).",
+        ),
+        "focal": (
+            f"The {camera} camera's focal length (fx, fy) is stated as",
+            " px",
+            "images and lengths",
+            "Was focus or zoom changed after this lens was calibrated? Calibrate it again, or "
+            "widen its uncertainty.",
+        ),
+        "centre": (
+            f"The {camera} camera's principal point (cx, cy) is stated as",
+            " px",
+            "images and lengths",
+            "Was the image cropped or the lens moved after it was calibrated? Calibrate it again, "
+            "or widen its uncertainty.",
+        ),
+    }[part or key]
+    found = f"{in_digits(say, sigma)} ± {in_digits(sigma, sigma)}"
+    return f"{name} {in_digits(stated, sigma)}{unit}; {others} say {found}{unit}. {remedy}"
 
 
 def note_on_rivals(rivals: tuple[str, ...]) -> str:

@@ -24,7 +24,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.solve import Solve
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import LensPrior, shared_unknowns
-from stereocal.refined.views import EACH, fill_point_fits
+from stereocal.refined.views import EACH, fit_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -205,19 +205,7 @@ def held_out(rig: RigCalibration, rows: Recording) -> tuple[float, dict[tuple[st
     rays = np.stack(
         [camera.undistort(flat[:, c]) for c, camera in enumerate(rig.cameras.values())], axis=1
     )
-    n, count = len(flat), len(rig.fit.q)
-    points, residuals = np.empty((n, 3)), np.empty(flat.shape)
-    fill_point_fits(
-        rig.fit.q,
-        rig.fit.R,
-        rig.fit.lenses,
-        np.ascontiguousarray(flat),
-        np.ascontiguousarray(rays),
-        points,
-        residuals,
-        np.empty((n, 3, 3)),
-        np.empty((0, 3, count)),
-    )
+    points, residuals, *_ = fit_points(rig.fit.cameras, flat, rays)
     placed = points.reshape(*pixels.shape[:2], 3)
     names, distances = rows.object.names, rows.object.distances
     lengths = {}
