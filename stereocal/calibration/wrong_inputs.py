@@ -9,17 +9,17 @@ that contradict the others are left out before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from stereocal.calibration.pose_fit import Fit, essential_fit
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera, CameraName
+from stereocal.rig.camera import Camera, CameraName, LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import rounded
@@ -51,6 +51,11 @@ NO_FIT_COST = 1e3
 
 MOST_ALTERNATIVES = 3
 """Comparable explanations in one message."""
+ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
+    ("primary",),
+    ("secondary",),
+    ("primary", "secondary"),
+)
 
 
 def check_inputs(dataset: Dataset) -> list[str]:
@@ -84,15 +89,9 @@ def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     nominal = nominal or essential_fit(dataset)
-    return _message(
-        [
-            *_test_hypotheses(dataset, nominal),
-            *_test_factors(
-                dataset, nominal, _with_focal_factor, _focal_factors, _focal_length_message
-            ),
-            *_test_factors(dataset, nominal, _with_size_factor, _size_factors, _size_message),
-        ]
-    )
+    focal = _test_factors(dataset, nominal, _with_focal, _focal_factors, _focal_message)
+    size = _test_factors(dataset, nominal, _scaled, _size_factors, _size_message)
+    return _message([*_test_hypotheses(dataset, nominal), *focal, *size])
 
 
 @dataclass(frozen=True)
@@ -131,111 +130,95 @@ def _message(tested: Sequence[_Tested]) -> str:
     return f"{best.claim}: {fits}. {best.remedy}{alternatives}"
 
 
+def _changed(
+    dataset: Dataset, cameras: Iterable[CameraName], change: Callable[[Camera], Camera]
+) -> Dataset:
+    """The data set with some of its cameras changed."""
+    return replace(dataset, **{which: change(getattr(dataset, which)) for which in cameras})
+
+
+def _whose(cameras: Sequence[CameraName]) -> str:
+    return f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
+
+
 def _test_hypotheses(dataset: Dataset, nominal: Fit) -> list[_Tested]:
     tested = []
-    for hypothesis in _hypotheses(dataset):
+    for claim, remedy, corrected in _hypotheses(dataset):
         with suppress(StereocalError):
-            gains = nominal.gains_of(essential_fit(hypothesis.apply(dataset)))
-            tested.append(_Tested(hypothesis.claim, hypothesis.remedy, gains))
+            tested.append(_Tested(claim, remedy, nominal.gains_of(essential_fit(corrected()))))
     return tested
 
 
 def _test_factors(
     dataset: Dataset,
     nominal: Fit,
-    apply: Callable[[Dataset, tuple[CameraName, ...], float], Dataset],
+    change: Callable[[Camera, float], Camera],
     to_try: Callable[[Camera], FloatArray],
-    message: Callable[[Dataset, tuple[CameraName, ...], float], tuple[str, str]],
+    message: Callable[[Dataset, Sequence[CameraName], float], tuple[str, str]],
 ) -> list[_Tested]:
     """Test a factor of one camera, of the other, and of both, at its best value.
 
     Args:
-        apply: the data set with that factor.
+        change: a camera by that factor.
         to_try: ascending factors of a camera, between which the best one lies; may be empty.
         message: the claim that the factor is wrong, and the remedy.
     """
+
+    def fit(log_factor: float) -> Fit:
+        factor = float(np.exp(log_factor))
+        return essential_fit(_changed(dataset, cameras, lambda own: change(own, factor)))
+
     tested = []
-    both: list[tuple[CameraName, ...]] = [("primary",), ("secondary",), ("primary", "secondary")]
-    for cameras in both:
-        factor = _best_factor(dataset, cameras, apply, to_try(getattr(dataset, cameras[0])))
-        if factor is not None and not (
-            apply is _with_size_factor and abs(factor - 1.0) < SMALLEST_RESIZE
-        ):
-            gains = nominal.gains_of(essential_fit(apply(dataset, cameras, factor)))
-            tested.append(_Tested(*message(dataset, cameras, factor), gains))
+    for cameras in ONE_OR_BOTH:
+        best = _best_factor(fit, to_try(getattr(dataset, cameras[0])))
+        if best is None or (change is _scaled and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
+            continue
+        gains = nominal.gains_of(fit(best))
+        tested.append(_Tested(*message(dataset, cameras, float(np.exp(best))), gains))
     return tested
 
 
-@dataclass(frozen=True)
-class _Hypothesis:
-    """What may be wrong, what to do about it, and the corrected inputs."""
-
-    claim: str
-    remedy: str
-    primary: Camera
-    secondary: Camera
-    targets_exchanged: bool = False
-
-    def apply(self, dataset: Dataset) -> Dataset:
-        """The data set with the corrected inputs."""
-        if self.targets_exchanged:
-            dataset = dataset.with_targets_exchanged(dataset.correspondences.frames)
-        return replace(dataset, primary=self.primary, secondary=self.secondary)
-
-
-def _hypotheses(dataset: Dataset) -> Iterator[_Hypothesis]:
+def _hypotheses(dataset: Dataset) -> Iterator[tuple[str, str, Callable[[], Dataset]]]:
+    """What may be wrong, what to do about it, and the corrected data set."""
     one, two = dataset.primary, dataset.secondary
     if not _same_lens(one, two):
-        yield _Hypothesis(
+        sizes = {"primary": one.image_size, "secondary": two.image_size}
+        exchanged = {"primary": two, "secondary": one}
+        own = {name: replace(exchanged[name], image_size=size) for name, size in sizes.items()}
+        yield (
             "The two camera files seem to be exchanged",
             "Exchange the files.",
-            replace(two, image_size=one.image_size),
-            replace(one, image_size=two.image_size),
+            partial(replace, dataset, **own),
         )
-    yield _Hypothesis(
+    yield (
         "A and B seem to be exchanged in one of the cameras, in all frames",
         "Exchange the two targets of one camera.",
-        one,
-        two,
-        targets_exchanged=True,
+        partial(dataset.with_targets_exchanged, dataset.correspondences.frames),
     )
-    for names, first, second in (
-        ("primary camera's", _negated(one), two),
-        ("secondary camera's", one, _negated(two)),
-        ("cameras'", _negated(one), _negated(two)),
-    ):
-        yield _Hypothesis(
-            f"The {names} distortion coefficients seem to have the wrong sign",
+    for cameras in ONE_OR_BOTH:
+        yield (
+            f"The {_whose(cameras)} distortion coefficients seem to have the wrong sign",
             "Some programs write the inverse (undistorting) coefficients: export the lens in "
             "OpenCV's convention, or change the signs.",
-            first,
-            second,
+            partial(_changed, dataset, cameras, _negated),
         )
-    other_one, other_two = _of_other_model(one), _of_other_model(two)
-    for names, own, other in (
-        ("primary camera's", other_one, two),
-        ("secondary camera's", one, other_two),
-        ("cameras'", other_one, other_two),
-    ):
-        if own is not None and other is not None:
-            yield _Hypothesis(
-                f"The {names} four distortion coefficients seem to be of the other lens model "
-                "(k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
+    for cameras in ONE_OR_BOTH:
+        if all(_has_other_model(getattr(dataset, which)) for which in cameras):
+            yield (
+                f"The {_whose(cameras)} four distortion coefficients seem to be of the other lens "
+                "model (k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
                 "Give the camera file again, and state which they are.",
-                own,
-                other,
+                partial(_changed, dataset, cameras, _of_other_model),
             )
-    for which, camera in (("primary", one), ("secondary", two)):
+    for cameras, camera in zip(ONE_OR_BOTH, (one, two), strict=False):
         factor = camera.size_factor
         if factor is not None:
             width, height = camera.image_size
-            scaled = _scaled(camera, 1.0 / factor)
-            yield _Hypothesis(
-                f"The {which} camera's matrix K seems to be that of an image {rounded(factor, 3)} "
+            yield (
+                f"The {_whose(cameras)} matrix K seems to be that of an image {rounded(factor, 3)} "
                 f"times as large as {width}x{height} px",
                 "Provide K for the size of the images in which the points were measured.",
-                scaled if which == "primary" else one,
-                scaled if which == "secondary" else two,
+                partial(_changed, dataset, cameras, partial(_scaled, factor=1.0 / factor)),
             )
 
 
@@ -263,13 +246,12 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
 
 
 def _size_message(
-    dataset: Dataset, cameras: tuple[CameraName, ...], factor: float
+    dataset: Dataset, cameras: Sequence[CameraName], factor: float
 ) -> tuple[str, str]:
     """The claim that points were measured in images of another size, and the remedy."""
     width, height = getattr(dataset, cameras[0]).image_size
-    whose = f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
     return (
-        f"The {whose} points seem to be measured in images of about {width * factor:.0f}x"
+        f"The {_whose(cameras)} points seem to be measured in images of about {width * factor:.0f}x"
         f"{height * factor:.0f} px, {rounded(factor)} times the size in the camera file, "
         f"{width}x{height} px",
         "Give the points in pixels of the images that the lens was calibrated for, or the camera "
@@ -277,22 +259,21 @@ def _size_message(
     )
 
 
-def _focal_length_message(
-    dataset: Dataset, cameras: tuple[CameraName, ...], factor: float
+def _focal_message(
+    dataset: Dataset, cameras: Sequence[CameraName], factor: float
 ) -> tuple[str, str]:
     """The claim that focal lengths are wrong, and the remedy."""
     stated, fitting = (
         " and ".join(f"{scale * getattr(dataset, which).K[0, 0]:.0f}" for which in cameras)
         for scale in (1.0, factor)
     )
-    whose = f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
     same = (
         " Both cameras have the same lens: was one file used twice?"
         if _same_lens(dataset.primary, dataset.secondary)
         else ""
     )
     return (
-        f"The {whose} lens cannot have the stated focal length of {stated} px; "
+        f"The {_whose(cameras)} lens cannot have the stated focal length of {stated} px; "
         f"about {fitting} px would fit",
         "Calibrate it again, or check whether the file belongs to this camera, lens and image "
         f"size.{same}",
@@ -321,35 +302,30 @@ def _lengths_message(dataset: Dataset, scale: float) -> str:
     )
 
 
-def _best_factor(
-    dataset: Dataset,
-    cameras: tuple[CameraName, ...],
-    apply: Callable[[Dataset, tuple[CameraName, ...], float], Dataset],
-    factors: FloatArray,
-) -> float | None:
-    """The factor with the best fit of images and lengths; None if none fits.
+def _best_factor(fit: Callable[[float], Fit], factors: FloatArray) -> float | None:
+    """The logarithm of the factor with the best fit of images and lengths; None if none fits.
 
     A wrong scale counts like a spread of the lengths.
     """
 
     def cost(log_factor: float) -> float:
         try:
-            fit = essential_fit(apply(dataset, cameras, float(np.exp(log_factor))))
+            found = fit(log_factor)
         except StereocalError:
             return NO_FIT_COST
-        if not np.isfinite(fit.px):
+        if not np.isfinite(found.px):
             return NO_FIT_COST
-        return float(np.log(max(fit.px, 1e-9)) + np.log(np.hypot(fit.spread, np.log(fit.scale))))
+        lengths = np.hypot(found.spread, np.log(found.scale))
+        return float(np.log(max(found.px, 1e-9)) + np.log(lengths))
 
     tried = np.log(factors)
     values = [cost(each) for each in tried]
     if not values or min(values) >= NO_FIT_COST:
         return None
     at, step = int(np.argmin(values)), tried[1] - tried[0]
-    best = minimize_scalar(
-        cost, bounds=(tried[at] - step, tried[at] + step), method="bounded", options={"xatol": 1e-3}
-    )
-    return float(np.exp(best.x))
+    bounds = tried[at] - step, tried[at] + step
+    best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    return float(best.x)
 
 
 def _focal_factors(camera: Camera) -> FloatArray:
@@ -366,13 +342,15 @@ def _same_lens(one: Camera, other: Camera) -> bool:
     return same and one.model == other.model
 
 
-def _of_other_model(camera: Camera) -> Camera | None:
-    """The lens with its four coefficients in the other model; None if it has none."""
-    if camera.is_fisheye:
-        return replace(camera, model="brown")
-    if not camera.distortion[:4].any() or camera.distortion[4:].any():
-        return None
-    return Camera(camera.K, camera.distortion[:4], camera.image_size, model="fisheye")
+def _has_other_model(camera: Camera) -> bool:
+    """Whether the lens has just the four coefficients that the other model has too."""
+    own = camera.distortion
+    return camera.is_fisheye or bool(own[:4].any() and not own[4:].any())
+
+
+def _of_other_model(camera: Camera) -> Camera:
+    model: LensModel = "brown" if camera.is_fisheye else "fisheye"
+    return Camera(camera.K, camera.distortion[:4], camera.image_size, model=model)
 
 
 def _negated(camera: Camera) -> Camera:
@@ -380,25 +358,13 @@ def _negated(camera: Camera) -> Camera:
 
 
 def _scaled(camera: Camera, factor: float) -> Camera:
+    """The camera of images this many times as large."""
     K = camera.K.copy()
     K[:2] *= factor
     return replace(camera, K=K)
 
 
-def _with_focal_factor(dataset: Dataset, cameras: tuple[CameraName, ...], factor: float) -> Dataset:
-    """The data set with the focal lengths of some cameras multiplied by `factor`."""
-    changed = {}
-    for which in cameras:
-        camera = getattr(dataset, which)
-        K = camera.K.copy()
-        K[[0, 0, 1], [0, 1, 1]] *= factor
-        changed[which] = replace(camera, K=K)
-    return replace(dataset, **changed)
-
-
-def _with_size_factor(dataset: Dataset, cameras: tuple[CameraName, ...], factor: float) -> Dataset:
-    """The data set with some cameras for images `factor` times as large."""
-    changed: dict[str, Any] = {}
-    for which in cameras:
-        changed[which] = _scaled(getattr(dataset, which), factor)
-    return replace(dataset, **changed)
+def _with_focal(camera: Camera, factor: float) -> Camera:
+    K = camera.K.copy()
+    K[[0, 0, 1], [0, 1, 1]] *= factor
+    return replace(camera, K=K)

@@ -33,23 +33,8 @@ LENSES = {
     "five": [-0.21, 0.17, 0.0009, -0.0013, -0.06],
     "eight": [0.11, -0.2, 0.001, -0.002, 0.03, 0.3, -0.1, 0.02],
     "twelve": [0.1, -0.2, 0.001, -0.002, 0.03, 0.3, -0.1, 0.02, 0.002, -0.003, 0.001, 0.004],
-    "tilted": [
-        0.1,
-        -0.2,
-        0.001,
-        -0.002,
-        0.03,
-        0.3,
-        -0.1,
-        0.02,
-        0.002,
-        -0.003,
-        0.001,
-        0.004,
-        0.03,
-        -0.05,
-    ],
 }
+LENSES["tilted"] = [*LENSES["twelve"][:8], 0.002, -0.003, 0.001, 0.004, 0.03, -0.05]
 
 
 def truth() -> FloatArray:
@@ -71,11 +56,11 @@ def frame_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals (9,) of one bar, and their derivatives (31, 9) by x and by the pair's unknowns."""
     v, R, B = views_of(q)
-    lenses = set_distortion(v, DISTORTION, EACH, lenses_of(rig.dataset(5)))
-    r, Jx, along = np.zeros((2, 2, 2)), np.zeros((2, 2, 2, 3)), np.zeros(OWN + 1)
-    Js, by_lens = np.zeros((2, 2, 2, EACH)), np.empty((2, 4))
-    s = fill_residuals(v, R, lenses, pixels, motion, rig.BAR_M, *weights, x, r, Jx, along)
-    fill_shared(v, R, lenses, pixels, motion, weights[0], x, Jx, True, by_lens, Js)
+    cameras = views.Cameras(v, R, set_distortion(v, DISTORTION, EACH, lenses_of(rig.dataset(5))))
+    unit, work = views.Unit(pixels, motion, rig.BAR_M, *weights), views.work_of(2)
+    s = fill_residuals(cameras, unit, x, work)
+    fill_shared(cameras, unit, x, True, work)
+    r, Jx, Js, along, *_ = work
     by_x, by_v = np.zeros((OWN, 9)), np.zeros((len(v), 9))
     for end in range(2):
         by_x[3 * end : 3 * end + 3, 4 * end : 4 * end + 4] = Jx[end].reshape(4, 3).T
@@ -135,9 +120,9 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     assert J[:, :4].any()
     assert not J[:, 4:8].any()
     x[2] = -1.0
-    (v, R, _), lenses = views_of(q), lenses_of(rig.dataset(5))
-    work = np.empty((2, 2, 2)), np.empty((2, 2, 2, 3)), np.empty(OWN + 1)
-    assert fill_residuals(v, R, lenses, pixels, STILL, np.nan, 1.0, 0.0, x, *work) == np.inf
+    (v, R, _), unit = views_of(q), views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
+    cameras = views.Cameras(v, R, lenses_of(rig.dataset(5)))
+    assert fill_residuals(cameras, unit, x, views.work_of(2)) == np.inf
 
 
 @given(seed=rig.SEEDS, n=st.integers(1, 8))
