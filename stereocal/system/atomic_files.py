@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -78,30 +78,9 @@ def write_all(files: Mapping[Path, bytes]) -> None:
         StereocalError: a folder cannot be written to, or the disk is full. Nothing has changed
             then, unless the disk fails between two renames.
     """
-    waiting: list[tuple[Path, Path]] = []
-    try:
-        for path, content in files.items():
-            make_folder(path.parent)
-            if path.is_dir():
-                raise IsADirectoryError(0, "it is a folder", str(path))
-            temporary = _name_beside(path)
-            waiting.append((temporary, path))  # before it exists: Ctrl-C may come at any moment
-            with temporary.open("xb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.chmod(0o644)
-        for folder in dict.fromkeys(path.parent for path in files):
-            for temporary, path in waiting:
-                if path.parent == folder:
-                    temporary.replace(path)
-            flush_folder(folder)
-    except OSError as error:
-        where = ", ".join(path.name for path in files)
-        raise StereocalError(f"{where} cannot be written: {error.strerror or error}.") from error
-    finally:
-        for temporary, _ in waiting:
-            _remove(temporary)
+    with _replaced(list(files)) as parts:
+        for part, content in zip(parts, files.values(), strict=True):
+            part.write_bytes(content)
 
 
 @contextmanager
@@ -112,30 +91,33 @@ def write_in_parts(path: Path) -> Iterator[Path]:
         StereocalError: the folder cannot be written to, or the disk is full. After this or any
             other error inside the `with`, `path` is as it was.
     """
-    temporary = _name_beside(path)
+    with _replaced([path]) as (part,):
+        yield part
+
+
+@contextmanager
+def _replaced(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """A temporary file beside each path, which replaces it at the end."""
+    parts = [path.parent / f".{path.name}.{secrets.token_hex(4)}" for path in paths]
     try:
-        make_folder(path.parent)
-        if path.is_dir():
-            raise IsADirectoryError(0, "it is a folder", str(path))
-        temporary.touch(exist_ok=False)
-        yield temporary
-        flush_file(temporary)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-        flush_folder(path.parent)
+        for path, part in zip(paths, parts, strict=True):
+            make_folder(path.parent)
+            if path.is_dir():
+                raise IsADirectoryError(0, "it is a folder", str(path))
+            part.touch(exist_ok=False)
+        yield parts
+        for part in parts:
+            flush_file(part)
+            part.chmod(0o644)
+        for folder in dict.fromkeys(path.parent for path in paths):
+            for path, part in zip(paths, parts, strict=True):
+                if path.parent == folder:
+                    part.replace(path)
+            flush_folder(folder)
     except OSError as error:
-        raise StereocalError(
-            f"{path.name} cannot be written: {error.strerror or error}."
-        ) from error
+        where = ", ".join(path.name for path in paths)
+        raise StereocalError(f"{where} cannot be written: {error.strerror or error}.") from error
     finally:
-        _remove(temporary)
-
-
-def _name_beside(path: Path) -> Path:
-    return path.parent / f".{path.name}.{secrets.token_hex(4)}"
-
-
-def _remove(path: Path) -> None:
-    """Remove a temporary file; if that fails, the server's clean-up does it later."""
-    with suppress(OSError):
-        path.unlink(missing_ok=True)
+        for part in parts:
+            with suppress(OSError):  # the server's clean-up does it later
+                part.unlink(missing_ok=True)

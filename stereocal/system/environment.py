@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from stereocal.errors import StereocalError
 
@@ -25,26 +25,17 @@ def from_environment(
         environment: None: that of the process.
     """
     given = os.environ if environment is None else environment
-    usual: Any = kind()
-    return kind(
-        **{
-            field: number_given(given, variable, getattr(usual, field), least)
-            for field, variable in variables.items()
-        }
-    )
-
-
-def number_given(
-    environment: Mapping[str, str], name: str, default: float, least: float = 0.0
-) -> float:
-    """The number in a variable; `default` if it is not set or blank."""
-    text = environment.get(name, "").strip()
-    if not text:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not value >= least:
-        raise StereocalError(f'{name} is "{text[:40]}": it must be a number, {least:g} or above.')
-    return value
+    found = {}
+    for field, variable in variables.items():
+        if not (text := given.get(variable, "").strip()):
+            continue
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not value >= least:
+            raise StereocalError(
+                f'{variable} is "{text[:40]}": it must be a number, {least:g} or above.'
+            )
+        found[field] = value
+    return kind(**found)

@@ -37,19 +37,14 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
     if scheduler is not None:
         with cluster(scheduler) as remote:
             yield remote
-    elif workers is not None:
-        with _processes(workers) as processes:
-            yield processes
-    else:
+        return
+    if workers is None:
         threads = ThreadPoolExecutor(os.cpu_count() or 1)
         try:
             yield threads
         finally:  # after an error or Ctrl-C do not wait for running tasks
             threads.shutdown(wait=False, cancel_futures=True)
-
-
-@contextmanager
-def _processes(workers: int) -> Iterator[Executor]:
+        return
     others = set(multiprocessing.active_children())
     processes = ProcessPoolExecutor(workers, mp_context=_Spawn())
     try:

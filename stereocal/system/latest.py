@@ -65,15 +65,14 @@ def read_once(
     """
     about = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
     key = f"{hashlib.sha256(content).hexdigest()} {about!r}"
-    found = _READ.get(key)
-    if found is None:
+
+    def answer() -> tuple[Value | None, StereocalError | None]:
         try:
-            found = read(content, *arguments, **named), None
+            return read(content, *arguments, **named), None
         except StereocalError as error:
-            found = None, error
-        _READ.keep(key, found)
-    value: Value | None
-    value, refused = found
+            return None, error
+
+    value, refused = _READ.once(key, answer)
     if refused is not None:
         raise refused.with_traceback(None)
     return cast(Value, value)

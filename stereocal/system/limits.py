@@ -43,53 +43,43 @@ class Limits:
 
     def check_count(self, count: int, source: str) -> None:
         """Raise a `StereocalError` for too many files at once."""
-        if count > self.files:
-            raise self._refusal("files", source, f"{count} files at once are too many", "")
+        self._check("files", count, source, f"{count} files at once are too many")
 
     def check_size(self, size: int, source: str) -> None:
         """Raise a `StereocalError` for too large a file, in bytes."""
-        if size > self.file_mb * MB:
-            raise self._refusal("file_mb", source, f"the file has {_mb(size)}", " MB")
+        self._check("file_mb", size / MB, source, f"the file has {size / MB:.1f} MB")
 
     def check_together(self, size: int, source: str) -> None:
         """Raise a `StereocalError` for too large a sum of files, in bytes."""
-        if size > self.unpacked_mb * MB:
-            raise self._refusal("unpacked_mb", source, f"{_mb(size)} together", " MB")
+        self._check("unpacked_mb", size / MB, source, f"{size / MB:.1f} MB together")
 
     def check_expansion(self, packed: int, unpacked: int, source: str) -> None:
         """Raise a `StereocalError` for a zip bomb; sizes in bytes."""
-        if unpacked > self.ratio * packed + FREE_EXPANSION:
-            message = (
-                f"{packed} bytes would expand to {unpacked}, "
-                f"{unpacked / max(packed, 1):.0f} times as much; it was not unpacked"
-            )
-            raise self._refusal("ratio", source, message, " times")
+        times = f"{packed} bytes would expand to {unpacked}, {unpacked / max(packed, 1):.0f} times"
+        beyond = (unpacked - FREE_EXPANSION) / max(packed, 1)
+        self._check("ratio", beyond, source, f"{times} as much; it was not unpacked")
 
     def check_pixels(self, width: int, height: int, source: str) -> None:
         """Raise a `StereocalError` for too large a photograph, by its header."""
-        if width * height > self.megapixels * MB:
-            message = (
-                f"the image has {width}x{height} px, {rounded(width * height / MB, 4)} megapixels"
-            )
-            raise self._refusal("megapixels", source, message, " megapixels")
+        megapixels = width * height / MB
+        shown = f"the image has {width}x{height} px, {rounded(megapixels, 4)} megapixels"
+        self._check("megapixels", megapixels, source, shown)
 
     def check_pairs(self, rows: int, source: str) -> None:
         """Raise a `StereocalError` for too many rows of a calibration table."""
-        if rows > self.pairs:
-            raise self._refusal("pairs", source, "the table has more rows", "")
+        self._check("pairs", rows, source, "the table has more rows")
 
     def check_rows(self, rows: int, source: str) -> None:
         """Raise a `StereocalError` for too many rows of a table of points."""
-        if rows > self.rows:
-            raise self._refusal("rows", source, f"the table has {rows} rows or more", "")
+        self._check("rows", rows, source, f"the table has {rows} rows or more")
 
-    def _refusal(self, field: str, source: str, message: str, unit: str) -> StereocalError:
-        limit = getattr(self, field)
-        return StereocalError(
-            f"{message}; at most {limit:.10g}{unit} are read (setting {VARIABLES[field]}).", source
-        )
+    def _check(self, field: str, value: float, source: str, message: str) -> None:
+        if value > (limit := getattr(self, field)):
+            most = f"at most {limit:.10g}{UNITS.get(field, '')} are read"
+            raise StereocalError(f"{message}; {most} (setting {VARIABLES[field]}).", source)
 
 
+UNITS = {"file_mb": " MB", "unpacked_mb": " MB", "ratio": " times", "megapixels": " megapixels"}
 VARIABLES: Mapping[str, str] = {
     "files": "STEREOCAL_MOST_FILES",
     "file_mb": "STEREOCAL_MOST_FILE_MB",
@@ -99,7 +89,3 @@ VARIABLES: Mapping[str, str] = {
     "pairs": "STEREOCAL_MOST_PAIRS",
     "rows": "STEREOCAL_MOST_ROWS",
 }
-
-
-def _mb(size: int) -> str:
-    return f"{size / MB:.1f} MB"
