@@ -93,23 +93,11 @@ def calibrate(
     # Points of a moving bar that are out of step fit exchanged or otherwise wrong cameras better.
     offer = offer_time_offset(screening)
     warnings += [] if offer else check_inputs(chosen)
-    results: dict[Method, MethodResult] = {
-        "essential": MethodResult(
-            "essential", start.pose, start.cost, start.evaluations, start.stop_reason, start.seconds
-        )
-    }
+    results: dict[Method, MethodResult] = {"essential": MethodResult("essential", **vars(start))}
     for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
         report(method)
         found = minimise(problem, start.pose, settings.search, seed, trace)
-        results[method] = MethodResult(
-            method,
-            found.pose,
-            found.cost,
-            found.evaluations,
-            found.stop_reason,
-            found.seconds,
-            found.trace,
-        )
+        results[method] = MethodResult(method, **vars(found))
     poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
     warnings += warnings_about_fit(chosen, screening, poor, offer)
     refined_result = None

@@ -40,7 +40,6 @@ class EssentialResult:
     evaluations: int
     stop_reason: str
     seconds: float
-    solver: Solver
 
 
 def calibrate_essential(
@@ -100,7 +99,7 @@ def calibrate_essential(
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of evaluations was reached"
     pose = Pose(pose.R, baseline * pose.T)
-    return EssentialResult(pose, cost, evaluations, stop_reason, clock() - started, solver)
+    return EssentialResult(pose, cost, evaluations, stop_reason, clock() - started)
 
 
 def _best(

@@ -106,22 +106,19 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """The result of a search, with its settings and the reason why it stopped."""
+    """The pose that a search found, and the reason why it stopped."""
 
     pose: Pose
     cost: float
     """In pixels for the 2D cost, in metres for the 3D costs."""
-    initial_cost: float
     evaluations: int
     """Number of evaluations of the cost."""
     stop_reason: str
     seconds: float
-    settings: SearchSettings
     trace: Trace | None
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(NamedTuple):
     """A cost and its data, with the arrays described in `costs`."""
 
     kind: int
@@ -150,64 +147,33 @@ def minimise(
             because the length of the record is not known before.
     """
     started = clock()
-    initial_cost = problem.cost(start)
-    if not np.isfinite(initial_cost):
+    if not np.isfinite(problem.cost(start)):
         raise StereocalError(
             "The search cannot start: with the first estimate a point is behind a camera."
         )
     sequence = seed or np.random.SeedSequence(settings.seed)
+
+    def run(angles: FloatArray, history: FloatArray) -> tuple[float, int, bool]:
+        rng = np.random.Generator(np.random.PCG64(sequence))
+        return search(problem, angles, start.baseline, rng, settings.steps, history)
+
     angles = np.array(start.angles)
-    cost, evaluations, stopped = _run(problem, start, settings, sequence, angles, 0)[:3]
-    seconds = clock() - started
-    record = None
+    cost, evaluations, stopped = run(angles, np.empty((3, 0)))
+    seconds, record = clock() - started, None
     if trace:
-        again = np.array(start.angles)
-        history = _run(problem, start, settings, sequence, again, evaluations - 1)[3]
-        record = Trace(history[0], history[1], history[2])
-    return SearchResult(
-        pose=Pose.from_angles(Angles(*angles.tolist()), start.baseline),
-        cost=cost,
-        initial_cost=initial_cost,
-        evaluations=evaluations,
-        stop_reason=STEP_TOO_SMALL if stopped else OUT_OF_MOVES,
-        seconds=seconds,
-        settings=settings,
-        trace=record,
-    )
-
-
-def _run(
-    problem: Problem,
-    start: Pose,
-    settings: SearchSettings,
-    sequence: np.random.SeedSequence,
-    angles: FloatArray,
-    history_length: int,
-) -> tuple[float, int, bool, FloatArray]:
-    """Run one search; `angles` holds the start and is overwritten with the result."""
-    history = np.empty((3, history_length))
-    cost, evaluations, stopped = search(
-        problem.kind,
-        angles,
-        start.baseline,
-        problem.rays,
-        problem.reference,
-        problem.pixel_scale,
-        np.random.Generator(np.random.PCG64(sequence)),
-        settings.steps,
-        history,
-    )
-    return cost, evaluations, stopped, history
+        history = np.empty((3, evaluations - 1))
+        run(np.array(start.angles), history)
+        record = Trace(*history)
+    pose = Pose.from_angles(Angles(*angles.tolist()), start.baseline)
+    reason = STEP_TOO_SMALL if stopped else OUT_OF_MOVES
+    return SearchResult(pose, cost, evaluations, reason, seconds, record)
 
 
 @compiled
 def search(
-    kind: int,
+    problem: Problem,
     angles: FloatArray,
     baseline: float,
-    rays: FloatArray,
-    reference: FloatArray,
-    pixel_scale: FloatArray,
     rng: np.random.Generator,
     steps: Steps,
     history: FloatArray,
@@ -216,6 +182,7 @@ def search(
 
     Returns the cost, the number of evaluations, and whether the step fell below `delta_min`.
     """
+    kind, rays, reference, pixel_scale = problem
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(angles, baseline, R, T)
     best = costs.cost(kind, R, T, rays, reference, pixel_scale)

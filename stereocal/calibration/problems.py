@@ -49,6 +49,6 @@ def reconstruction_problem(
     return Problem(
         costs.DISTANCE,
         np.ascontiguousarray(dataset.rays[:, table.bars[bars].T.ravel()]),
-        dataset.bar_distances_m[None, bars],
+        np.ascontiguousarray(dataset.bar_distances_m[None, bars]),
         dataset.pixel_scale,
     )

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -134,7 +135,8 @@ def _changed(
     dataset: Dataset, cameras: Iterable[CameraName], change: Callable[[Camera], Camera]
 ) -> Dataset:
     """The data set with some of its cameras changed."""
-    return replace(dataset, **{which: change(getattr(dataset, which)) for which in cameras})
+    changes: dict[str, Any] = {which: change(getattr(dataset, which)) for which in cameras}
+    return replace(dataset, **changes)
 
 
 def _whose(cameras: Sequence[CameraName]) -> str:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.calibration import costs
 from stereocal.calibration.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
-from stereocal.calibration.montecarlo import Steps, search
+from stereocal.calibration.montecarlo import Problem, Steps, search
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
 from stereocal.rig.geometry import (
     angles_of,
@@ -34,12 +33,9 @@ WRONG, CORRECT = 0, 1
 def calibrate_rays(
     angles: FloatArray,
     baseline: float,
-    pixel_scale: FloatArray,
     constrained: bool,
-    rays: FloatArray,
-    kind: int,
-    measured_rays: FloatArray,
-    reference: FloatArray,
+    matching: Problem,
+    measuring: Problem,
     of_2d: np.random.Generator,
     of_3d: np.random.Generator,
     steps: Steps,
@@ -48,16 +44,14 @@ def calibrate_rays(
 
     Args:
         angles: (3, 5), written: essential, 2D, 3D; in radians.
-        baseline: in metres.
         constrained: whether to use the constrained essential solver.
-        rays: (4, n), for essential and 2D.
-        kind: the 3D cost of `costs`, with its `measured_rays` and `reference`.
-        of_2d, of_3d: random generators of the two searches.
+        matching, measuring: the 2D and the 3D problem, of_2d, of_3d: their random generators.
         steps: settings of the searches.
 
     Returns:
         False for fewer than 8 pairs, or points that do not determine the pose.
     """
+    rays = matching.rays
     if rays.shape[1] < LINEAR_PAIRS:
         return False
     E = linear_essential(rays)
@@ -77,17 +71,8 @@ def calibrate_rays(
         # Recomputed from the pose, so that pitch and delta are within +-90 degrees.
         fill_angles(R, T, angles[method])
         if method > 0:
-            cost, _, _ = search(
-                costs.REPROJECTION if method == 1 else kind,
-                angles[method],
-                baseline,
-                rays if method == 1 else measured_rays,
-                reference,
-                pixel_scale,
-                of_2d if method == 1 else of_3d,
-                steps,
-                no_trace,
-            )
+            problem, rng = (matching, of_2d) if method == 1 else (measuring, of_3d)
+            cost, _, _ = search(problem, angles[method], baseline, rng, steps, no_trace)
             if not np.isfinite(cost):
                 return False
     return True

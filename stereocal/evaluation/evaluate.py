@@ -206,20 +206,11 @@ def paper_angles(
     """The angles (3, 5) of the three methods, calibrated with the rows in the mask `rows` (n,)."""
     matching = reprojection_problem(dataset, rows)
     measuring = reconstruction_problem(dataset, settings.known_points, rows)
-    search = settings.search
-    angles = np.empty((len(METHODS), 5))
+    search, angles = settings.search, np.empty((len(METHODS), 5))
+    rngs = (np.random.Generator(np.random.PCG64(seed)) for seed in (of_2d, of_3d))
+    constrained = settings.essential == "constrained"
     if calibrate_rays(
-        angles,
-        dataset.baseline_m,
-        dataset.pixel_scale,
-        settings.essential == "constrained",
-        matching.rays,
-        measuring.kind,
-        measuring.rays,
-        measuring.reference,
-        np.random.Generator(np.random.PCG64(of_2d)),
-        np.random.Generator(np.random.PCG64(of_3d)),
-        search.steps,
+        angles, dataset.baseline_m, constrained, matching, measuring, *rngs, search.steps
     ):
         return angles
     # Fewer than 8 pairs, or a failure: the functions that raise errors with the reason.
