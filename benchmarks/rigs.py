@@ -250,8 +250,8 @@ def cut_in_time(folder: str) -> None:
             print(
                 "  third camera, median px: "
                 + ", ".join(
-                    f"{'-'.join(own.cameras[:2])} in {own.cameras[2]} {own.before_px:.2f} with "
-                    f"pairs, {own.after_px:.2f}"
+                    f"{'-'.join(own['pair'])} in {own['camera']} {own['before']:.2f} with "
+                    f"pairs, {own['after']:.2f}"
                     for own in thirds
                 )
             )

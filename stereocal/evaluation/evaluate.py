@@ -207,10 +207,10 @@ def paper_angles(
     matching = reprojection_problem(dataset, rows)
     measuring = reconstruction_problem(dataset, settings.known_points, rows)
     search, angles = settings.search, np.empty((len(METHODS), 5))
-    rngs = (np.random.Generator(np.random.PCG64(seed)) for seed in (of_2d, of_3d))
+    one, other = (np.random.Generator(np.random.PCG64(seed)) for seed in (of_2d, of_3d))
     constrained = settings.essential == "constrained"
     if calibrate_rays(
-        angles, dataset.baseline_m, constrained, matching, measuring, *rngs, search.steps
+        angles, dataset.baseline_m, constrained, matching, measuring, one, other, search.steps
     ):
         return angles
     # Fewer than 8 pairs, or a failure: the functions that raise errors with the reason.

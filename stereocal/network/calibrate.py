@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -152,29 +152,19 @@ def _consistent(
         failed[spare[0]] = "it contradicts the other pairs"
 
 
-@dataclass(frozen=True, eq=False)
-class _Shifted:
-    """A recording at the instants of the reference's frames."""
-
-    recording: Recording
-    motion: FloatArray
-    """(n, 2): velocities of its rows, in pixels per frame."""
-
-
 def _fit(
     recording: Recording, start: Fused, settings: RigSettings, noise_px: float
 ) -> tuple[RigFit, FloatArray]:
     """The joint fit, and by how many frames each camera is late."""
-    count = len(recording.cameras)
     p = dict(zip(start.unknowns.names, start.p.tolist(), strict=True))
     late = [f"{name} time offset" for name in recording.cameras]
     offsets = np.array([p.pop(name, 0.0) for name in late])
     poses: list[Pose] = start.poses
     for _ in range(MOST_ROUNDS):
-        shifted = _shifted(recording, offsets) if settings.time_offsets else None
-        fit = RigFit(recording if shifted is None else shifted.recording, poses, settings)
-        if shifted is not None:
-            fit.motion = _motion_of(fit, shifted)
+        shifted, velocities = recording, None
+        if settings.time_offsets:
+            shifted, velocities = _shifted(recording, offsets)
+        fit = RigFit(shifted, poses, settings, velocities)
         fit.start_at(p, noise_px)
         if not fit.run():
             raise StereocalError(
@@ -190,13 +180,12 @@ def _fit(
         offsets, poses, p, noise_px = offsets + rest, fit.poses, found, fit.sigma_px
         if (np.abs(rest[1:]) < IN_STEP * sigma[at]).all():
             break
-    assert len(offsets) == count
     return fit, offsets
 
 
-def _shifted(recording: Recording, offsets: FloatArray) -> _Shifted:
-    """The points between the frames of cameras that are late, without those that have no
-    neighbours there."""
+def _shifted(recording: Recording, offsets: FloatArray) -> tuple[Recording, FloatArray]:
+    """The points at the instants of the reference's frames, without those of late cameras that have
+    no neighbours there; and their velocities (n, 2), in pixels per frame."""
     late = offsets[recording.camera]
     track = recording.camera * len(recording.object.names) + recording.target
     found = interpolate(track, recording.frame, recording.points, late)
@@ -207,18 +196,7 @@ def _shifted(recording: Recording, offsets: FloatArray) -> _Shifted:
     points = np.where((moved & known)[:, None], found.positions, recording.points)
     kept = ~moved | known
     shifted = rows_where(replace(recording, points=points), kept)
-    return _Shifted(shifted, np.nan_to_num(found.velocities[kept]))
-
-
-def _motion_of(fit: RigFit, shifted: _Shifted) -> FloatArray:
-    """The velocities in the order of the fit's pixels, (n, 2, c, 3)."""
-    recording, own = shifted.recording, fit.placings
-    frames, at = np.unique(recording.frame, return_inverse=True)
-    shape = len(frames), len(recording.object.names), len(recording.cameras)
-    motion = np.zeros((*shape, 3))
-    motion[at, recording.target, recording.camera, :2] = shifted.motion
-    of_unit = np.searchsorted(frames, own.frames[own.of_frame])
-    return np.ascontiguousarray(motion[of_unit[:, None], own.targets])
+    return shifted, np.nan_to_num(found.velocities[kept])
 
 
 def _why_unreached(name: str, pairs: Pairs) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stereocal.network.placings import placings_of
+from stereocal.network.placings import images_of, placings_of
 from stereocal.network.unknowns import RigSettings, baselines_of, unknowns_of
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.refine import RefinedResult
@@ -32,7 +32,14 @@ from stereocal.rig.recording import Recording
 class RigFit(RobustFit):
     """A fit from first poses."""
 
-    def __init__(self, recording: Recording, poses: Sequence[Pose], settings: RigSettings) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        poses: Sequence[Pose],
+        settings: RigSettings,
+        velocities: FloatArray | None = None,
+    ) -> None:
+        """Args: velocities: (n, 2): of the recording's points, in pixels per frame."""
         self.recording, self.rig_settings, self.settings = recording, settings, RefineSettings()
         self.placings = own = placings_of(recording)
         cameras, bars = list(recording.cameras.values()), own.bars
@@ -47,6 +54,10 @@ class RigFit(RobustFit):
             seen = own.seen[:, :, number]
             self.rays[:, :, number][seen] = camera.undistort(own.pixels[:, :, number][seen])
         self.motion = np.empty((0, 2, len(cameras), 3))
+        if velocities is not None:
+            frames, every = images_of(recording, np.pad(velocities, [(0, 0), (0, 1)]))
+            of_unit = np.searchsorted(frames, own.frames[own.of_frame])
+            self.motion = np.nan_to_num(every[of_unit[:, None], own.targets])
         self.pixel_freedom = own.pixel_freedom
         self.degrees_of_freedom = self.pixel_freedom + bars
         self.pixel_variance = np.ones(len(self.frames))

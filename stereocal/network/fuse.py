@@ -19,29 +19,15 @@ from scipy.spatial.transform import Rotation
 from stereocal.network.unknowns import lens_places, turned
 from stereocal.refined import views
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import (
-    BAR,
-    BASELINE,
-    DISTORTION,
-    PRIMARY,
-    SECONDARY,
-    TIME,
-    views_of,
-)
+from stereocal.refined.two_views import BAR, BASELINE, TIME, views_of
 from stereocal.refined.unknowns import Unknowns, pose_of, shared_unknowns
+from stereocal.refined.unknowns import lens_places as places_of_lens
 from stereocal.refined.views import EACH, LENS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
-PLACES = [
-    *range(PRIMARY, PRIMARY + 4),
-    *range(DISTORTION, DISTORTION + 4),
-    *range(SECONDARY, SECONDARY + 4),
-    *range(DISTORTION + 4, DISTORTION + 8),
-    BAR,
-    TIME,
-]
+PLACES = [*places_of_lens(0), *places_of_lens(1), BAR, TIME]
 """Of both lenses, the factor and the lateness among the pair's shared unknowns."""
 MOST_STEPS = 30
 CONVERGED = 1e-6
@@ -109,6 +95,11 @@ class Fused:
     misfits: dict[tuple[str, str], float]
     """By how much the chi-square of each pair grew by being fused."""
 
+    @property
+    def q(self) -> FloatArray:
+        """(Q,): as of `views`; the rotations are in the poses."""
+        return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
+
 
 def chained(cameras: Sequence[str], poses: Mapping[tuple[str, str], Pose]) -> dict[str, Pose]:
     """`camera_from_first` of the cameras that a chain of pairs reaches, the first one's included.
@@ -149,7 +140,7 @@ def fuse(cameras: Sequence[str], pairs: Sequence[PairFit], unknowns: Unknowns) -
     for _ in range(MOST_STEPS):
         q, H, g = unknowns.origin + M @ p, np.zeros((len(M), len(M))), np.zeros(len(M))
         for own in pairs:
-            d, J = _difference(own, at[own.first], at[own.second], q, R)
+            d, J = difference(own, at[own.first], at[own.second], q, R)
             _, A, b = own.local
             misfits[own.first, own.second] = float(d @ A @ d + 2 * b @ d)
             H += J.T @ A @ J
@@ -166,14 +157,6 @@ def fuse(cameras: Sequence[str], pairs: Sequence[PairFit], unknowns: Unknowns) -
 
 
 def difference(
-    pair: PairFit, first: int, second: int, fused: Fused
-) -> tuple[FloatArray, FloatArray]:
-    """As `_difference`, in a fused rig."""
-    R = np.array([pose.R for pose in fused.poses])
-    return _difference(pair, first, second, fused.unknowns.origin + fused.unknowns.M @ fused.p, R)
-
-
-def _difference(
     pair: PairFit, first: int, second: int, q: FloatArray, R: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The rig's values for a pair less the pair's own, (24,), and their derivatives (24, Q)."""
@@ -195,7 +178,7 @@ def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> F
     lens = [*lens_places(first), *lens_places(second), len(q) - 1]
     J[:3, b : b + 3], J[:3, a : a + 3] = np.eye(3), -R_pair
     # T turns with R_pair: dT = dT_b - R_pair dT_a - (w_b - R_pair w_a) x (R_pair T_a)
-    arm = _cross_matrix(R_pair @ q[a + 3 : a + 6])
+    arm = np.cross(R_pair @ q[a + 3 : a + 6], np.eye(3)).T
     J[3:6, b : b + 3], J[3:6, a : a + 3] = arm, -arm @ R_pair
     J[3:6, b + 3 : b + 6], J[3:6, a + 3 : a + 6] = np.eye(3), -R_pair
     J[range(6, LOCAL - 1), lens] = 1.0
@@ -209,8 +192,3 @@ def pair_covariance(
     """(25, 25): of a pair's shared unknowns, from that of the rig (Q, Q)."""
     J = local_derivatives(shared_unknowns(own)) @ pair_derivatives(first, second, q, R)
     return np.asarray(J @ covariance @ J.T)
-
-
-def _cross_matrix(v: FloatArray) -> FloatArray:
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

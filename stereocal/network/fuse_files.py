@@ -13,9 +13,9 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.network.fuse import LOCAL, Fused, PairFit, chained, difference, fuse
 from stereocal.network.pairs import reached
 from stereocal.network.rig_file import RigFile, fused_file
-from stereocal.network.unknowns import RigSettings, camera_at, lens_places, unknowns_of
+from stereocal.network.unknowns import RigSettings, unknowns_of
 from stereocal.refined.two_views import BAR, SHARED
-from stereocal.refined.unknowns import LensPrior, Unknowns, shared_unknowns
+from stereocal.refined.unknowns import LensPrior, Unknowns, shared_unknowns, with_lens
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
@@ -102,16 +102,10 @@ def _lenses(
                     "calibrate both pairs with the same camera file, or name the cameras apart."
                 )
             values[name] = lens
-            stated[name] = _with_lens(own.primary if which == "primary" else own.secondary, lens)
+            stated[name] = with_lens(getattr(own, which), np.array(lens))
             given = own.settings.get(which)
             priors[name] = LensPrior() if given is None else of_plain(given, LensPrior)
     return stated, priors
-
-
-def _with_lens(camera: Camera, values: Sequence[float]) -> Camera:
-    q = np.zeros(16)
-    q[lens_places(0)] = values
-    return camera_at(camera, q, 0)
 
 
 def _contradiction(
@@ -120,7 +114,10 @@ def _contradiction(
     """Which file contradicts the others: the one whose known length, left open, explains it."""
     total, length = [], []
     for k, own in enumerate(pairs):
-        others = [*pairs[:k], _without_length(own), *pairs[k + 1 :]]
+        H, g = own.information, own.gradient
+        along = H[:, BAR] / H[BAR, BAR]
+        alone = replace(own, information=H - np.outer(along, H[BAR]), gradient=g - along * g[BAR])
+        others = [*pairs[:k], alone, *pairs[k + 1 :]]
         fused = fuse(names, others, unknowns)
         total.append(sum(fused.misfits.values()))
         length.append(_length_of(own, names, fused))
@@ -141,18 +138,11 @@ def _contradiction(
     )
 
 
-def _without_length(own: PairFit) -> PairFit:
-    """A pair as if the length of its object had not been measured."""
-    H, g = own.information, own.gradient
-    along = H[:, BAR] / H[BAR, BAR]
-    return replace(own, information=H - np.outer(along, H[BAR]), gradient=g - along * g[BAR])
-
-
 def _length_of(own: PairFit, names: Sequence[str], fused: Fused) -> float:
     """The length of a pair's object over the stated one, as the others have it."""
-    d, _ = difference(own, names.index(own.first), names.index(own.second), fused)
+    R = np.array([pose.R for pose in fused.poses])
+    d, _ = difference(own, names.index(own.first), names.index(own.second), fused.q, R)
     _, A, b = own.local
     bar = LOCAL - 2
     rest = A[bar] @ d - A[bar, bar] * d[bar] + b[bar]
-    q = fused.unknowns.origin + fused.unknowns.M @ fused.p
-    return float((own.q[BAR] - rest / A[bar, bar]) / q[-1])
+    return float((own.q[BAR] - rest / A[bar, bar]) / fused.q[-1])

@@ -66,13 +66,20 @@ def rows_where(recording: Recording, kept: BoolArray) -> Recording:
     return replace(recording, **{name: getattr(recording, name)[kept] for name in columns})
 
 
-def images_of(recording: Recording) -> tuple[IntArray, FloatArray]:
-    """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen."""
+def images_of(
+    recording: Recording, values: FloatArray | None = None
+) -> tuple[IntArray, FloatArray]:
+    """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen.
+
+    Args:
+        values: (n, v): others of the recording's rows, instead of their pixels.
+    """
+    of_rows = recording.points if values is None else values
     frames, at = np.unique(recording.frame, return_inverse=True)
-    shape = len(frames), len(recording.object.names), len(recording.cameras), 2
-    pixels = np.full(shape, np.nan)
-    pixels[at, recording.target, recording.camera] = recording.points
-    return frames, pixels
+    shape = len(frames), len(recording.object.names), len(recording.cameras)
+    found = np.full((*shape, of_rows.shape[1]), np.nan)
+    found[at, recording.target, recording.camera] = of_rows
+    return frames, found
 
 
 def placings_of(recording: Recording) -> Placings:
@@ -89,9 +96,12 @@ def placings_of(recording: Recording) -> Placings:
     of_frame: list[int] = []
     targets: list[tuple[int, int]] = []
     for i, seen in enumerate(several):
-        own = units_of.setdefault(seen.tobytes(), [])
-        if not own:
-            own += _units(recording, np.flatnonzero(seen).tolist())
+        if (own := units_of.get(seen.tobytes())) is None:
+            known = np.flatnonzero(seen)
+            pairs = recording.object.pairs_among(known.tolist())
+            own = [(one, other) for one, other in pairs.tolist()]
+            own += [(target, -1) for target in np.setdiff1d(known, pairs).tolist()]
+            units_of[seen.tobytes()] = own
         of_frame += [i] * len(own)
         targets += own
     which, ends = np.array(of_frame, np.int64), np.array(targets, np.int64).reshape(-1, 2)
@@ -99,10 +109,3 @@ def placings_of(recording: Recording) -> Placings:
     images[ends[:, 1] < 0, 1] = np.nan
     distances = recording.object.distances[ends[:, 0], ends[:, 1]]
     return Placings(frames, which, ends, images, np.where(ends[:, 1] < 0, np.nan, distances))
-
-
-def _units(recording: Recording, seen: list[int]) -> list[tuple[int, int]]:
-    """The targets of each unit, of those seen in a frame; -1 for none."""
-    pairs = [(one, other) for one, other in recording.object.pairs_among(seen).tolist()]
-    paired = {target for pair in pairs for target in pair}
-    return pairs + [(target, -1) for target in seen if target not in paired]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.views import EACH, TIME, TRANSLATION, fit_points, jacobians_of
+from stereocal.refined.views import EACH, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -24,39 +25,6 @@ from stereocal.rig.recording import Pair, Recording
 
 IMAGE_POINTS = 80
 """Points by which a camera's image error is judged."""
-
-
-@dataclass(frozen=True)
-class CameraErrors:
-    """Standard errors of a camera."""
-
-    rotation_rad: tuple[float, float, float]
-    """About its own axes; 0 for the reference."""
-    translation_m: tuple[float, float, float]
-    lens: Mapping[str, float]
-    image_px: float
-    """Of its images of points that two other cameras see, from the errors of all cameras."""
-
-
-@dataclass(frozen=True)
-class Loop:
-    """How far three pairs are from closing, before they are one rig."""
-
-    cameras: tuple[str, str, str]
-    rotation_deg: float
-    translation_m: float
-
-
-@dataclass(frozen=True)
-class ThirdCamera:
-    """Median distance of points of two cameras from their images in a third, in px."""
-
-    cameras: tuple[str, str, str]
-    """The two, and the third."""
-    before_px: float
-    """With the three pairs each by itself."""
-    after_px: float
-    points: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +67,6 @@ class RigCalibration:
             for number, name in enumerate(self.names)
         }
 
-    @property
-    def object_factor(self) -> float:
-        """Estimated over stated lengths of the object."""
-        return float(self.fit.q[-1])
-
     @cached_property
     def point_fits(self) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2, 3) of the units of `fit.placings`, from their pixels alone, and residuals
@@ -142,25 +105,12 @@ class RigCalibration:
         return np.asarray(M @ found @ M.T)
 
     @cached_property
-    def errors(self) -> dict[str, CameraErrors]:
-        """The standard errors of each camera."""
-        sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        found = {}
-        for number, name in enumerate(self.names):
-            own = sigma[EACH * number : EACH * (number + 1)]
-            x, y, z = own[:TRANSLATION].tolist()
-            tx, ty, tz = own[TRANSLATION : 2 * TRANSLATION].tolist()
-            lens = dict(
-                zip(
-                    self.cameras[name].lens_names, own[2 * TRANSLATION : TIME].tolist(), strict=True
-                )
-            )
-            found[name] = CameraErrors((x, y, z), (tx, ty, tz), lens, self._image_px(number))
-        return found
+    def image_px(self) -> dict[str, float]:
+        """Root mean square error of each camera's images of points that two others see, from the
+        errors of all cameras; NaN without such points."""
+        return {name: self._image_px(number) for number, name in enumerate(self.names)}
 
     def _image_px(self, number: int) -> float:
-        """Root mean square error of a camera's images of points that two others see; NaN without
-        such points."""
         pixels, rays = (
             values.reshape(-1, *values.shape[2:]).copy()
             for values in (self.fit.placings.pixels, self.fit.rays)
@@ -184,9 +134,8 @@ class RigCalibration:
     def weakest(self) -> str:
         """The camera whose images are predicted worst; where no three cameras see the same points,
         the one that shares fewest bars."""
-        errors = {name: own.image_px for name, own in self.errors.items()}
-        if np.isfinite(list(errors.values())).all():
-            return max(errors, key=lambda name: errors[name])
+        if np.isfinite(list(self.image_px.values())).all():
+            return max(self.image_px, key=lambda name: self.image_px[name])
         bars = self.pairs.bars.items()
         return min(self.names, key=lambda name: max(n for pair, n in bars if name in pair))
 
@@ -207,18 +156,18 @@ class RigCalibration:
         return np.asarray(found[np.isfinite(found) & ~self.fit.outlying[own.of_frame]])
 
     @cached_property
-    def loops(self) -> list[Loop]:
-        """Of every three cameras whose three pairs were calibrated."""
+    def loops(self) -> list[dict[str, Any]]:
+        """How far every three cameras whose three pairs were calibrated are from closing, before
+        they are one rig, as in `rig.json`."""
         found = []
-        for a, b, c in combinations(self.names, 3):
-            poses = [self.pair_pose(*pair) for pair in ((a, b), (b, c), (c, a))]
-            if all(poses):
-                ab, bc, ca = (pose for pose in poses if pose is not None)
-                round_trip = ca @ bc @ ab
-                cosine = np.clip((np.trace(round_trip.R) - 1) / 2, -1, 1)
-                found.append(
-                    Loop((a, b, c), float(np.degrees(np.arccos(cosine))), round_trip.baseline)
-                )
+        for trio in combinations(self.names, 3):
+            ab, bc, ca = (self.pair_pose(trio[i], trio[(i + 1) % 3]) for i in range(3))
+            if ab is None or bc is None or ca is None:
+                continue
+            round_trip = ca @ bc @ ab
+            angle = np.degrees(np.arccos(np.clip((np.trace(round_trip.R) - 1) / 2, -1, 1)))
+            before = {"rotation_deg": float(angle), "translation_m": round_trip.baseline}
+            found.append({"cameras": list(trio), **dict.fromkeys(before, 0.0), "before": before})
         return found
 
     def pair_pose(self, one: str, other: str) -> Pose | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -256,9 +256,11 @@ def rig_file(rig: RigCalibration) -> RigFile:
     """The file of a calibrated rig."""
     points = rig.point_fits[0][~rig.fit.outlying[rig.fit.placings.of_frame]].reshape(-1, 3)
     points = points[np.isfinite(points[:, 0])]
+    own = rig.recording.object
+    places = dict(zip(own.names, own.points.tolist(), strict=True))
     late = dict(zip(rig.names, rig.time_offsets.tolist(), strict=True))
     about = {
-        "object": {**_object(rig.recording.object), "factor": rig.object_factor},
+        "object": {**places, "factor": float(rig.fit.q[-1])},
         "figures": {
             "reprojection_px": float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
             "length_error_p95": float(np.quantile(np.abs(rig.length_errors), 0.95))
@@ -271,29 +273,12 @@ def rig_file(rig: RigCalibration) -> RigFile:
             "weakest_camera": rig.weakest,
         },
         "image_errors_px": {
-            name: own.image_px if np.isfinite(own.image_px) else None
-            for name, own in rig.errors.items()
+            name: px if np.isfinite(px) else None for name, px in rig.image_px.items()
         },
         "frames_left_out": list(rig.left_out),
-        "wrong_images": [
-            {"frame": own.frame, "camera": own.camera, "target": own.target}
-            | {"exchanged": own.exchanged}
-            for own in rig.wrong
-        ],
-        "loops": [
-            {
-                "cameras": list(loop.cameras),
-                "rotation_deg": 0.0,
-                "translation_m": 0.0,
-                "before": {"rotation_deg": loop.rotation_deg, "translation_m": loop.translation_m},
-            }
-            for loop in rig.loops
-        ],
-        "third_camera_px": [
-            {"pair": list(own.cameras[:2]), "camera": own.cameras[2], "points": own.points}
-            | {"before": own.before_px, "after": own.after_px}
-            for own in third_cameras(rig)
-        ],
+        "wrong_images": [asdict(own) for own in rig.wrong],
+        "loops": rig.loops,
+        "third_camera_px": third_cameras(rig),
         "pairs": _pairs(rig),
         "not_connected": dict(rig.unreached),
         "warnings": list(rig.warnings),
@@ -312,7 +297,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
 
 def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused) -> RigFile:
     """The file of fused pairs, whose points are not known."""
-    q, M = fused.unknowns.origin + fused.unknowns.M @ fused.p, fused.unknowns.M
+    q, M = fused.q, fused.unknowns.M
     covariance = M @ fused.unknowns.covariance(fused.information) @ M.T
     noise = float(np.sqrt(np.mean([own.noise_px**2 for own in pairs])))
     cameras = {name: camera_at(own, q, number) for number, (name, own) in enumerate(stated.items())}
@@ -350,7 +335,3 @@ def _pairs(rig: RigCalibration) -> dict[str, Any]:
             **({"failed": rig.pairs.failed[pair]} if pair in rig.pairs.failed else {}),
         }
     return found
-
-
-def _object(own: RigidObject) -> dict[str, Any]:
-    return dict(zip(own.names, own.points.tolist(), strict=True))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from stereocal.network.result import RigCalibration, ThirdCamera
+from stereocal.network.result import RigCalibration
 from stereocal.refined.unknowns import camera_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -17,13 +18,14 @@ FEWEST_POINTS = 10
 MOST_TRIPLES = 120
 
 
-def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list[ThirdCamera]:
-    """Of every two calibrated pairs of three cameras that see enough points together.
+def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list[dict[str, Any]]:
+    """Median distances (px) of points of two cameras from their images in a third, as in
+    `rig.json`: before, with the three pairs by themselves, and after.
 
     Args:
         images: (n, c, 2): of points; None for those that the rig was fitted to.
     """
-    found: list[ThirdCamera] = []
+    found: list[dict[str, Any]] = []
     if images is None:
         used = rig.fit.pixels[~rig.fit.outlying[rig.fit.frame_of]]
         images = used.reshape(-1, len(rig.names), 2)
@@ -41,7 +43,8 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list
             before = _off(alone, _lens(rig, a, c, c), to_third, seen[:, order])
             pair = Rig(rig.cameras[a], rig.cameras[b], rig.pose_of((a, b)))
             after = _off(pair, rig.cameras[c], rig.pose_of((a, c)), seen[:, order])
-            found.append(ThirdCamera((a, b, c), before, after, len(seen)))
+            own = {"pair": [a, b], "camera": c, "points": len(seen)}
+            found.append({**own, "before": before, "after": after})
     return found
 
 

@@ -203,7 +203,9 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
 
 def _distortion_test(result: RefinedResult, key: str) -> float:
     """|z| of the F test whether a distortion that is held fixed differs from the stated one."""
-    noise = {"sigma_px": result.sigma_px.value, "scatter_m": result.scatter_m.value}
+    noise: dict[str, Any] = {
+        name: getattr(result, name).value for name in ("sigma_px", "scatter_m")
+    }
     settings = replace(_freed(result, key), **noise, loss="squares")
     try:
         freed = refine(result.dataset, settings, result.pose, result.used_rows)
@@ -277,18 +279,19 @@ def _sigma_stated(result: RefinedResult, key: str) -> bool:
 
 def _freed(result: RefinedResult, key: str) -> RefineSettings:
     """The settings of a result without the prior of one input."""
+    change: dict[str, Any] = {f"{key}_sigma_m": np.inf}
     if key in LENGTHS:
-        change: dict[str, Any] = {f"{key}_sigma_m": np.inf}
         return replace(result.settings, **change)
     which, part = key.split()
     camera = getattr(result.dataset, which)
-    prior: dict[str, Any] = {
+    priors: dict[str, dict[str, Any]] = {
         "focal": {"focal": np.inf},
         "centre": {"centre_px": np.inf},
         "distortion": {"distortion": free_distortion(camera)},
-    }[part]
-    lens = replace(lens_prior(camera, getattr(result.settings, which)), **prior)
-    return replace(result.settings, **{which: lens})
+    }
+    lens = replace(lens_prior(camera, getattr(result.settings, which)), **priors[part])
+    change = {which: lens}
+    return replace(result.settings, **change)
 
 
 def _accused(
