@@ -62,14 +62,11 @@ def _higher(values: FloatArray, some: BoolArray, others: BoolArray) -> bool:
 
 def _from_centre(fit: RefinedResult) -> FloatArray:
     """(f,): the largest distance of a frame's points from the image centre, in pixels."""
-    rows = fit.dataset.correspondences
-    half = [0.5 * (np.array(c.image_size) - 1.0) for c in (fit.primary, fit.secondary)]
-    radius = np.maximum(
-        np.linalg.norm(rows.primary - half[0], axis=1),
-        np.linalg.norm(rows.secondary - half[1], axis=1),
-    )
-    found = np.zeros(len(fit.frames))
-    np.maximum.at(found, np.searchsorted(fit.frames, rows.frame), radius)
+    rows, found = fit.dataset.correspondences, np.zeros(len(fit.frames))
+    at = np.searchsorted(fit.frames, rows.frame)
+    for points, camera in ((rows.primary, fit.primary), (rows.secondary, fit.secondary)):
+        middle = 0.5 * (np.array(camera.image_size) - 1.0)
+        np.maximum.at(found, at, np.linalg.norm(points - middle, axis=1))
     return found
 
 

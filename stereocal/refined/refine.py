@@ -12,6 +12,7 @@ squares over the other frames.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -189,16 +190,12 @@ class RefinedResult:
     @property
     def outlying_frames(self) -> dict[int, float]:
         """The frames left out with their share of the total chi-square, largest first."""
-        finite = np.where(
-            np.isfinite(self.chi_squares), self.chi_squares, np.nanmax(self._known) * 10
-        )
+        known = np.isfinite(self.chi_squares)
+        largest = self.chi_squares[known].max(initial=1.0)
+        finite = np.where(known, self.chi_squares, 10 * largest)
         share = finite / max(float(finite.sum()), 1e-300)
         order = np.argsort(-finite, kind="stable")
         return {int(self.frames[i]): float(share[i]) for i in order if self.outlying[i]}
-
-    @property
-    def _known(self) -> FloatArray:
-        return np.append(self.chi_squares[np.isfinite(self.chi_squares)], 1.0)
 
     @property
     def bar_factor(self) -> float:
@@ -278,20 +275,11 @@ def refine(
 def _check_lengths(result: RefinedResult) -> None:
     """Check that the fit has kept to the measured lengths."""
     settings, dataset = result.settings, result.dataset
-    for what, factor, sigma, stated in (
-        (
-            "baseline",
-            result.pose.baseline / dataset.baseline_m,
-            baseline_sigma_m(dataset, settings),
-            dataset.baseline_m,
-        ),
-        (
-            "distance between the targets",
-            result.bar_factor,
-            distance_sigma_m(dataset, settings),
-            dataset.target_distance_m,
-        ),
-    ):
+    baseline, bar = dataset.baseline_m, dataset.target_distance_m
+    factors = result.pose.baseline / baseline, result.bar_factor
+    sigmas = baseline_sigma_m(dataset, settings), distance_sigma_m(dataset, settings)
+    whats = "baseline", "distance between the targets"
+    for what, factor, sigma, stated in zip(whats, factors, sigmas, (baseline, bar), strict=True):
         most = max(LARGEST_FACTOR, 1.0 + MOST_SIGMAS * sigma / stated)
         if np.isinf(sigma) or 1.0 / most < factor < most:
             continue
@@ -309,7 +297,10 @@ def _solves(
     rows: BoolArray | None,
     near: RefinedResult | None,
 ) -> Iterator[Solve]:
-    """Solves from several initial values, to be tried until one has no outlying frame."""
+    """Solves from several initial values, to be tried until one has no outlying frame.
+
+    They are `start` or the essential pose, and a robust estimate, sorted by their residuals.
+    """
     if near is not None:
         solve = Solve(dataset, near.pose, settings, rows)
         if solve.start_near(near.unknowns, near.p, near.sigma_px.value, near.scatter_m.value):
@@ -318,30 +309,18 @@ def _solves(
         yield Solve(dataset, pose_of(np.array(settings.rest.values)), settings, rows)
         return
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
-    for pose in _starts(dataset, rays, start, settings):
+    if start is None:
+        with suppress(StereocalError):
+            start = calibrate_essential(rays, dataset.baseline_m).pose
+    robust = robust_start(dataset, rays) if settings.loss == "robust" else None
+    starts = [pose for pose in (start, robust) if pose is not None]
+    for pose in sorted(starts, key=lambda pose: median_residual(pose, rays)):
         yield Solve(dataset, pose, settings, rows)
 
 
-def _starts(
-    dataset: Dataset, rays: FloatArray, start: Pose | None, settings: RefineSettings
-) -> list[Pose]:
-    """Initial poses: `start` or the essential pose, and a robust estimate.
-
-    They are sorted by the median of the absolute residuals.
-    """
-    if start is None:
-        try:
-            start = calibrate_essential(rays, dataset.baseline_m).pose
-        except StereocalError:
-            start = None
-    robust = robust_start(dataset, rays) if settings.loss == "robust" else None
-    found = [pose for pose in (start, robust) if pose is not None]
-    return sorted(
-        found,
-        key=lambda pose: float(
-            np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T)))
-        ),
-    )
+def median_residual(pose: Pose, rays: FloatArray) -> float:
+    """Of the absolute residuals of pairs with rays (4, n)."""
+    return float(np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T))))
 
 
 def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:

@@ -18,7 +18,7 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
 from stereocal.rig.volume import Volume
 
@@ -72,11 +72,6 @@ class Calibration:
             return float(self.refined.sigma_px.value)
         return self.screening.noise_px
 
-    def _volume(self, pose: Pose) -> Volume:
-        """Where a set sees the bars that it was calibrated with."""
-        used = np.isin(self.dataset.correspondences.frame, self.frames)
-        return Volume.of_bars(triangulate_rays(pose.R, pose.T, self.dataset.rays[:, used]))
-
     def parameters(
         self,
         method: Literal["2d", "3d", "refined"],
@@ -95,7 +90,8 @@ class Calibration:
                 raise StereocalError("There is no refined set: `warnings` has the reason, if any.")
             inputs, left_out = what_disagrees(self.refined), self.screening.left_out
             return refined_parameters(self.refined, inputs, validation, left_out, forecast)
-        found = self.methods[method]
+        found, used = self.methods[method], np.isin(self.dataset.correspondences.frame, self.frames)
+        points = triangulate_rays(found.pose.R, found.pose.T, self.dataset.rays[:, used])
         return RigParameters(
             method=method,
             primary=self.dataset.primary,
@@ -110,7 +106,7 @@ class Calibration:
             uncertainties=forecast.uncertainties if forecast else None,
             frames_left_out=self.screening.left_out,
             noise_px=self.noise_px,
-            volume=self._volume(found.pose),
+            volume=Volume.of_bars(points),
             time_offset=self.screening.shift,
             camera_names=self.dataset.camera_names,
         )

@@ -9,18 +9,18 @@ covariance of the last fit is that of all unknowns together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.refine import RefinedResult, refine, robust_start
+from stereocal.refined.refine import RefinedResult, median_residual, refine, robust_start
 from stereocal.refined.solve import Solve
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, residuals
-from stereocal.rig.rig import Rig
+from stereocal.rig.geometry import Pose
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from stereocal.system.numbers import rounded
 
@@ -42,15 +42,15 @@ MINIMUM_ROWS = 16
 """Points with neighbours that a fit of the offset needs."""
 
 
-@dataclass(frozen=True, eq=False)
-class InStep:
-    """What was found about the time offset of a data set."""
+class InStep(NamedTuple):
+    """What was found about the time offset of a data set, with a note in words.
+
+    The fit has the offset as an unknown, of the frames that could be shifted; if the cameras are in
+    step, of all frames as recorded. None if the motion does not determine the offset.
+    """
 
     fit: RefinedResult | None
-    """The fit with the offset as an unknown, of the frames that could be shifted; if the cameras
-    are in step, of all frames as recorded. None if the motion does not determine the offset."""
     note: str
-    """The finding in words."""
 
 
 def usable_rows(dataset: Dataset) -> BoolArray:
@@ -79,14 +79,12 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
     reference = float(np.round(dataset.correspondences.time_frame.mean()))
     recorded = dataset.shifted(TimeOffset(reference=reference))
     if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
-        return InStep(
-            None,
-            (
-                "The time offset between the cameras cannot be determined: too few points have "
-                "neighbours in time. Record the moving bar in consecutive frames; their recorded "
-                "numbers belong in the column time_frame."
-            ),
+        note = (
+            "The time offset between the cameras cannot be determined: too few points have "
+            "neighbours in time. Record the moving bar in consecutive frames; their recorded "
+            "numbers belong in the column time_frame."
         )
+        return InStep(None, note)
     start, pose = _first_value(dataset, reference)
     fit = _fit(dataset, settings, start, pose)
     measured = fit.time_offset
@@ -116,9 +114,8 @@ def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
 def _effect(fit: RefinedResult) -> str:
     """How well the points fit as recorded and shifted, with the same pose."""
     rows, used = fit.dataset.correspondences, fit.used_rows
-    rig = Rig(fit.primary, fit.secondary, fit.pose)
     recorded, shifted = (
-        float(np.sqrt(np.mean(np.square(rig.epipolar_distances(rows.primary, points)[used]))))
+        float(np.sqrt(np.mean(np.square(fit.rig.epipolar_distances(rows.primary, points)[used]))))
         for points in (rows.recorded_secondary, rows.secondary)
     )
     return (
@@ -154,7 +151,7 @@ def _first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose |
         pose = robust_start(shifted, rays)
         if pose is None:
             continue
-        found = float(np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T))))
+        found = median_residual(pose, rays)
         if found < best[0]:
             best = found, offset, pose
     return best[1:]

@@ -61,19 +61,6 @@ def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatAr
     return np.asarray(own + jacobian @ result.covariance @ jacobian.transpose(0, 2, 1))
 
 
-def distance_sigmas(
-    result: RefinedResult, first_m: npt.ArrayLike, second_m: npt.ArrayLike
-) -> FloatArray:
-    """Standard errors of reconstructed distances, (n,) in metres; NaN behind a camera.
-
-    Args:
-        first_m, second_m: (n, 3) each, in the primary's frame.
-    """
-    return length_sigmas(
-        result.q, result.lenses, result.sigma_px.value, result.covariance, first_m, second_m
-    )
-
-
 def length_sigmas(
     q: FloatArray,
     lenses: FloatArray,
@@ -82,7 +69,12 @@ def length_sigmas(
     first_m: npt.ArrayLike,
     second_m: npt.ArrayLike,
 ) -> FloatArray:
-    """The same of any shared unknowns (25,) with a covariance (25, 25)."""
+    """Standard errors (n,) of reconstructed distances, in metres; NaN behind a camera.
+
+    Args:
+        covariance: (25, 25); the others as in `point_errors`.
+        first_m, second_m: (n, 3) each, in the primary's frame.
+    """
     own, jacobian = length_errors(q, lenses, sigma_px, first_m, second_m)
     return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
 
@@ -144,9 +136,10 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
     if seen.any():
         covariances = point_covariances(result, points[seen])
         point[seen] = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
-        length = result.dataset.target_distance_m
+        length, noise = result.dataset.target_distance_m, float(result.sigma_px.value)
+        known = result.q, result.lenses, noise, result.covariance
         sigmas = [
-            distance_sigmas(result, points[seen] - half_bar, points[seen] + half_bar)
+            length_sigmas(*known, points[seen] - half_bar, points[seen] + half_bar)
             for half_bar in 0.5 * length * np.eye(3)
         ]
         distance[seen] = np.mean(sigmas, axis=0) / length

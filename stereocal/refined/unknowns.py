@@ -203,11 +203,9 @@ def unknowns_of(
         ([(name, np.inf, [i]) for i, name in enumerate(ANGLES)], None),
         ([("baseline", baseline, [BASELINE]), ("bar", bar, [BAR])], None),
     ]
-    priors = (
-        lens_prior(dataset.primary, settings.primary),
-        lens_prior(dataset.secondary, settings.secondary),
-    )
-    for number, prior in enumerate(priors):
+    cameras = (dataset.primary, settings.primary), (dataset.secondary, settings.secondary)
+    for number, (camera, given) in enumerate(cameras):
+        prior = lens_prior(camera, given)
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
         blocks.append(lens_block(CAMERAS[number], prior, lens_places(number)))
@@ -235,13 +233,19 @@ def free_parameters(
     precision = np.zeros((len(origin), len(origin)))
     for columns, correlation in blocks:
         free = [i for i, (_, sigma, _) in enumerate(columns) if sigma > FIXED]
-        names += [columns[i][0] for i in free]
-        along += [_along(columns[i][2], unit) for i in free]
+        for name, _, places in (columns[i] for i in free):
+            names.append(name)
+            along.append(np.zeros(len(origin)))
+            along[-1][places] = unit[places]
         own = np.array([columns[i][1] for i in free])
         sigmas.append(own)
-        among = np.eye(len(free)) if correlation is None else correlation[np.ix_(free, free)]
-        block = slice(len(names) - len(free), len(names))
-        precision[block, block] = _precision(own, among)
+        known = np.flatnonzero(np.isfinite(own))
+        if len(known):
+            whole = np.eye(len(columns)) if correlation is None else correlation
+            among = whole[np.ix_(free, free)][np.ix_(known, known)]
+            at = len(names) - len(free) + known
+            spread = np.outer(own[known], own[known])
+            precision[np.ix_(at, at)] = np.linalg.inv(among * spread)
     return Unknowns(
         names=tuple(names),
         origin=origin,
@@ -271,15 +275,6 @@ def lens_block(name: str, prior: LensPrior, places: list[int]) -> Block:
     ]
     whole = prior.correlation if prior.apart else None
     return columns, None if whole is None else np.array(whole)
-
-
-def _precision(sigma: FloatArray, correlation: FloatArray) -> FloatArray:
-    """(k, k): the inverse of the covariance; 0 for those without a prior."""
-    known = np.flatnonzero(np.isfinite(sigma))
-    found = np.zeros((len(sigma), len(sigma)))
-    covariance = correlation[np.ix_(known, known)] * np.outer(sigma[known], sigma[known])
-    found[np.ix_(known, known)] = np.linalg.inv(covariance) if len(known) else covariance
-    return found
 
 
 def lens_places(number: int) -> list[int]:
@@ -314,13 +309,13 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
 
 def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettings:
     """The same settings with explicit priors of both lenses."""
-    primary = lens_prior(dataset.primary, settings.primary)
-    secondary = lens_prior(dataset.secondary, settings.secondary)
-    if "primary" in settings.free_distortion:
-        primary = replace(primary, distortion=free_distortion(dataset.primary))
-    if "secondary" in settings.free_distortion:
-        secondary = replace(secondary, distortion=free_distortion(dataset.secondary))
-    return replace(settings, primary=primary, secondary=secondary)
+    priors: dict[str, Any] = {}
+    for which in CAMERAS:
+        camera = getattr(dataset, which)
+        priors[which] = lens_prior(camera, getattr(settings, which))
+        if which in settings.free_distortion:
+            priors[which] = replace(priors[which], distortion=free_distortion(camera))
+    return replace(settings, **priors)
 
 
 def free_distortion(camera: Camera) -> tuple[float, float, float, float]:
@@ -412,13 +407,6 @@ def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray
 
     columns = [0.5 * (at(q + along) - at(q - along)) for along in spread.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
-
-
-def _along(places: list[int], unit: FloatArray) -> FloatArray:
-    """A column of M."""
-    found = np.zeros(len(unit))
-    found[places] = unit[places]
-    return found
 
 
 def _first(*values: float | None) -> float:

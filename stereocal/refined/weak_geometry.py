@@ -34,7 +34,10 @@ def geometry_warning(fit: RefinedResult) -> str:
     ends = fit.used_points_m
     points = ends.reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
-    flat = len(points) > 3 and _thickness(points) < FLATNESS
+    flat = False
+    if len(points) > 3:  # the RMS distance from the best plane
+        smallest = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]
+        flat = smallest / np.sqrt(len(points)) < FLATNESS * np.median(points[:, 2])
     if not (largest > MAXIMUM_SIGMA or flat):
         return ""
     known = f"the largest standard error of an angle is {np.degrees(largest):.1f} degrees"
@@ -63,12 +66,6 @@ def _field_of_view(points: FloatArray) -> float:
     mean = rays.mean(axis=0)
     cosines = rays @ (mean / np.linalg.norm(mean))
     return float(2.0 * np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
-
-
-def _thickness(points: FloatArray) -> float:
-    """RMS distance of points (n, 3) from their best plane, as a fraction of their depth."""
-    smallest = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]
-    return float(smallest / np.sqrt(len(points)) / np.median(points[:, 2]))
 
 
 def _direction_spread(directions: FloatArray) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.calibration.results import errors_of
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import distance_sigmas, length_errors
+from stereocal.refined.uncertainty import length_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -47,7 +47,8 @@ def deviations(rigs: int, off: Misjudged, settings: RefineSettings, seed: int) -
         found[k, :6] = errors / np.sqrt(np.diag(result.covariance)[:6])
         ends = scene.ends_m[-1]
         length = result.apply(test).reconstructed_lengths_m(result.pose)[0]
-        sigma = distance_sigmas(result, ends[:1], ends[1:])[0]
+        known = result.q, result.lenses, result.sigma_px.value, result.covariance
+        sigma = length_sigmas(*known, ends[:1], ends[1:])[0]
         found[k, 6] = (length - scene.bar_length_m) / sigma
     return found
 
