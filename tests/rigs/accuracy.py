@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.calibration.results import errors_of
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import length_errors
+from stereocal.refined.uncertainty import length_errors, length_sigmas
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -16,6 +16,9 @@ SAMPLES, LATTICE = 233, 144
 BLUR_REACH = 4.0
 """Half width of the blur kernel, in standard deviations."""
 
+Corners = tuple[float, float, float, float]
+"""A coordinate on the board at the corners of a pixel, or of a part of it."""
+
 
 def sample_offsets() -> FloatArray:
     """(SAMPLES, 2): a Fibonacci lattice in the unit square."""
@@ -64,9 +67,7 @@ def fill_parts(
 
 
 @inlined
-def one_cell(
-    s: tuple[float, float, float, float], t: tuple[float, float, float, float], cells: FloatArray
-) -> tuple[bool, float, float]:
+def one_cell(s: Corners, t: Corners, cells: FloatArray) -> tuple[bool, float, float]:
     """Whether an area sees a single grey level (or no board), its grey level and its coverage."""
     rows, columns = cells.shape
     first_column, last_column = np.floor(min(s)), np.floor(max(s))
@@ -84,7 +85,7 @@ def one_cell(
 
 
 @inlined
-def at(corners: tuple[float, float, float, float], a: float, b: float) -> float:
+def at(corners: Corners, a: float, b: float) -> float:
     """Bilinear interpolation at (a, b) in a unit square."""
     above = (1.0 - a) * corners[0] + a * corners[1]
     return (1.0 - b) * above + b * ((1.0 - a) * corners[2] + a * corners[3])
@@ -100,13 +101,7 @@ def cell_at(cells: FloatArray, row: float, column: float) -> tuple[float, float]
 
 @inlined
 def part_average(
-    s: tuple[float, float, float, float],
-    t: tuple[float, float, float, float],
-    cells: FloatArray,
-    offsets: FloatArray,
-    p: int,
-    q: int,
-    parts: int,
+    s: Corners, t: Corners, cells: FloatArray, offsets: FloatArray, p: int, q: int, parts: int
 ) -> tuple[float, float]:
     """Average grey level (times coverage) and coverage of the part (row p, column q) of a pixel.
 

@@ -22,6 +22,7 @@ from tools.photographs.rendering import (
     blurred,
     chessboard,
     paint,
+    pixel_ray,
     ray_splines,
     turned,
 )
@@ -78,15 +79,12 @@ def seen_wall(canvas: Canvas, camera: Camera, camera_from_primary: Pose) -> Pict
     x, y = _wall_points(
         camera, camera_from_primary, np.arange(float(width)), np.arange(float(height))
     )
-    columns = (x - canvas.left_m) * canvas.pixels_per_m
-    rows = (y - canvas.top_m) * canvas.pixels_per_m
-    seen = cv2.remap(
-        canvas.grey,
-        columns.astype(np.float32),
-        rows.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REFLECT_101,
+    columns, rows = (
+        ((at - first) * canvas.pixels_per_m).astype(np.float32)
+        for at, first in ((x, canvas.left_m), (y, canvas.top_m))
     )
+    edges = cv2.BORDER_REFLECT_101
+    seen = cv2.remap(canvas.grey, columns, rows, cv2.INTER_LINEAR, borderMode=edges)
     return np.asarray(seen, dtype=np.float32)
 
 
@@ -94,12 +92,13 @@ def lying_chessboard(camera: Camera, rng: np.random.Generator) -> Placed:
     """A chessboard of 6x4 squares on the ground, in the lower part of a camera's image."""
     width, height = camera.image_size
     pixel = rng.uniform([0.1, 0.8], [0.9, 0.92]) * [width, height]
-    ray = np.append(camera.undistort(pixel)[0], 1.0)
     spin = float(rng.uniform(-np.pi, np.pi))
     steep = float(rng.uniform(0.7, 1.1))
     R = turned((-steep, 0.0, 0.0)) @ turned((0.0, 0.0, spin))
     black, white = rng.uniform([30.0, 150.0], [60.0, 200.0])
-    return Placed(chessboard((6, 4), 0.15, black, white), Pose(R, CHESSBOARD_M * ray))
+    return Placed(
+        chessboard((6, 4), 0.15, black, white), Pose(R, CHESSBOARD_M * pixel_ray(camera, pixel))
+    )
 
 
 def _wall_points(

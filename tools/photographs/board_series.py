@@ -8,7 +8,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tools.photographs.rendering import chessboard_corners, turned
+from tools.photographs.rendering import chessboard_corners, outline_of, pixel_ray, pixels_of, turned
 
 LENS_SQUARES = (19, 13)
 """Columns and rows of squares (paper, Section 5: 18x12 inner corners)."""
@@ -38,7 +38,7 @@ def draw_board_poses(
     Size, tilt and rotation are random. The position is random too, more often near the edges and
     corners of the image than in its centre.
     """
-    outline = _outline(squares, square_m)
+    outline = outline_of(square_m * np.array(squares), 9)
     poses: list[Pose] = []
     for _ in range(MAXIMUM_TRIES):
         pose = _draw_pose(camera, rng, outline)
@@ -62,16 +62,6 @@ def true_corners(
     return camera.project(pose.apply(chessboard_corners(squares, square_m)))
 
 
-def _outline(squares: tuple[int, int], square_m: float) -> FloatArray:
-    """Points (n, 3) along the outer edge of the squares."""
-    half = 0.5 * square_m * np.array(squares)
-    sides = np.linspace(-1.0, 1.0, 9)
-    ends = np.ones_like(sides)
-    around = (sides, ends), (sides, -ends), (ends, sides), (-ends, sides)
-    points = np.concatenate([np.column_stack(side) for side in around])
-    return np.column_stack([points * half, np.zeros(len(points))])
-
-
 def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) -> Pose | None:
     """One random pose; None if the board does not fit into the image."""
     size = np.array(camera.image_size, dtype=np.float64)
@@ -92,24 +82,14 @@ def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) ->
     pixels = _pixels(camera, outline, R, position, depth)
     if pixels is None or not ((pixels >= EDGE_PX) & (pixels <= size - 1.0 - EDGE_PX)).all():
         return None
-    return Pose(R, depth * _ray(camera, position))
+    return Pose(R, depth * pixel_ray(camera, position))
 
 
 def _pixels(
     camera: Camera, outline: FloatArray, R: FloatArray, position: FloatArray, depth: float
 ) -> FloatArray | None:
     """Pixels of the outline with its centre at the pixel `position`; None if not all in view."""
-    ray = _ray(camera, position)
-    points = outline @ R.T + depth * ray
+    points = outline @ R.T + depth * pixel_ray(camera, position)
     if not np.isfinite(points).all() or (points[:, 2] <= 0.1 * depth).any():
         return None
-    pixels = camera.project(points)
-    back = camera.undistort(pixels)
-    if not (np.abs(back - points[:, :2] / points[:, 2:]) < 1e-6).all():
-        return None
-    return pixels
-
-
-def _ray(camera: Camera, pixel: FloatArray) -> FloatArray:
-    """The point (3,) at depth 1 that a raw pixel (2,) sees."""
-    return np.append(camera.undistort(pixel)[0], 1.0)
+    return pixels_of(camera, points)

@@ -232,22 +232,38 @@ def blurred(picture: Picture, blur_px: float) -> Picture:
 def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, int] | None:
     """Box (left, top, right, bottom) of the blurred board in the image; None if outside."""
     width, height = camera.image_size
-    along = np.linspace(-0.5, 0.5, 17)
-    ends = np.full_like(along, 0.5)
-    sides = (along, ends), (along, -ends), (ends, along), (-ends, along)
-    outline = np.concatenate([np.column_stack(side) for side in sides]) * placed.board.size_m
-    points = placed.camera_from_board.apply(np.column_stack([outline, np.zeros(len(outline))]))
+    points = placed.camera_from_board.apply(outline_of(np.array(placed.board.size_m), 17))
     if (points[:, 2] <= 0).any():
         raise StereocalError("A board is not completely in front of the camera.")
-    pixels = camera.project(points)
-    back = camera.undistort(pixels)
-    if not (np.abs(back - points[:, :2] / points[:, 2:]).max(axis=1) < 1e-6).all():
-        # Far outside the view the distortion polynomial folds back: the outline is not usable.
+    pixels = pixels_of(camera, points)
+    if pixels is None:
         return 0, 0, width, height
     low, high = pixels.min(axis=0) - reach, pixels.max(axis=0) + reach
     left, top = (int(v) for v in np.clip(np.floor(low), 0, [width, height]))
     right, bottom = (int(v) for v in np.clip(np.ceil(high) + 1, 0, [width, height]))
     return (left, top, right, bottom) if left < right and top < bottom else None
+
+
+def outline_of(size_m: FloatArray, points: int) -> FloatArray:
+    """(4 points, 3): on the edge of a board, in its frame."""
+    along = np.linspace(-0.5, 0.5, points)
+    ends = np.full_like(along, 0.5)
+    sides = (along, ends), (along, -ends), (ends, along), (-ends, along)
+    outline = np.concatenate([np.column_stack(side) for side in sides]) * size_m
+    return np.column_stack([outline, np.zeros(len(outline))])
+
+
+def pixels_of(camera: Camera, points: FloatArray) -> FloatArray | None:
+    """Pixels (n, 2) of points; None where one is so far outside the view that the distortion
+    polynomial folds back."""
+    pixels = camera.project(points)
+    back = np.abs(camera.undistort(pixels) - points[:, :2] / points[:, 2:])
+    return pixels if (back < 1e-6).all() else None
+
+
+def pixel_ray(camera: Camera, pixel: FloatArray) -> FloatArray:
+    """The point (3,) at depth 1 that a raw pixel (2,) sees."""
+    return np.append(camera.undistort(pixel)[0], 1.0)
 
 
 def ray_splines(

@@ -72,7 +72,7 @@ class PhotographedField:
     @property
     def cameras(self) -> dict[str, Camera]:
         """The two cameras by name."""
-        return {"primary": self.scene.rig.primary, "secondary": self.scene.rig.secondary}
+        return {which: getattr(self.scene.rig, which) for which in CAMERAS}
 
     def is_hidden(self, frame: int) -> bool:
         """Whether a leaf hides a target of a frame."""
@@ -107,10 +107,7 @@ def prepare_photographs(
     rig = drawn_rig(rng)
     bar, settings = BarSettings(), PhotographSettings()
     scene = place_visible_bars(rig, rng, frames, FIELD_BAR_M, bar.board_m)
-    poses = {
-        which: draw_board_poses(camera, rng, boards)
-        for which, camera in (("primary", rig.primary), ("secondary", rig.secondary))
-    }
+    poses = {which: draw_board_poses(getattr(rig, which), rng, boards) for which in CAMERAS}
     return PhotographedField(scene, poses, bar, settings, seed)
 
 
@@ -185,15 +182,15 @@ def write_photographs(
     done = 0
     for pair in field.pairs():
         quality = JPEG_QUALITY_HIDDEN if field.is_hidden(pair.frame) else JPEG_QUALITY
-        for which, image in (("primary", pair.primary), ("secondary", pair.secondary)):
-            name = f"{pair.frame:04d}.jpg"
-            write_atomically(folder / which / name, jpeg(image, quality))
+        for which in CAMERAS:
+            image = jpeg(getattr(pair, which), quality)
+            write_atomically(folder / which / f"{pair.frame:04d}.jpg", image)
         done += 2
         progress(done, total)
     for which in field.cameras:
         for number, image in enumerate(field.board_photographs(which), start=1):
-            name = f"{number:04d}.jpg"
-            write_atomically(folder / f"boards_{which}" / name, jpeg(image, JPEG_QUALITY))
+            name = f"boards_{which}/{number:04d}.jpg"
+            write_atomically(folder / name, jpeg(image, JPEG_QUALITY))
             done += 1
             progress(done, total)
 

@@ -43,15 +43,18 @@ class Canvas:
         row = round((y_m - self.top_m) * self.pixels_per_m)
         return int(np.clip(row, 0, self.grey.shape[0]))
 
-    def fill(self, outline_m: FloatArray, grey: float) -> None:
+    def fill(self, outline_m: npt.ArrayLike, grey: float) -> None:
         """Draw a polygon (n, 2), antialiased."""
-        pixels = (outline_m - [self.left_m, self.top_m]) * (self.pixels_per_m * 2**SHIFT)
-        points = np.round(pixels).astype(np.int32)
-        cv2.fillPoly(self.grey, [points], float(grey), cv2.LINE_AA, SHIFT)
+        pixels = (np.asarray(outline_m) - [self.left_m, self.top_m]) * (
+            self.pixels_per_m * 2**SHIFT
+        )
+        cv2.fillPoly(
+            self.grey, [np.round(pixels).astype(np.int32)], float(grey), cv2.LINE_AA, SHIFT
+        )
 
     def rectangle(self, left: float, top: float, right: float, bottom: float, grey: float) -> None:
         """Draw an upright rectangle."""
-        self.fill(np.array([[left, top], [right, top], [right, bottom], [left, bottom]]), grey)
+        self.fill([(left, top), (right, top), (right, bottom), (left, bottom)], grey)
 
     def leaves(
         self,
@@ -66,20 +69,21 @@ class Canvas:
             centres_m: (n, 2).
             sizes_m, greys: (n,).
         """
-        shape = np.array(
-            [[1.0, 0.0], [0.3, 0.35], [-0.5, 0.3], [-1.0, 0.0], [-0.5, -0.3], [0.3, -0.35]]
-        )
+        shape = [(1.0, 0.0), (0.3, 0.35), (-0.5, 0.3), (-1.0, 0.0), (-0.5, -0.3), (0.3, -0.35)]
         angles = rng.uniform(0.0, 2.0 * np.pi, len(centres_m))
         cos, sin = np.cos(angles), np.sin(angles)
         turns = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], axis=1)
-        outlines = centres_m[:, None] + sizes_m[:, None, None] * (shape @ turns)
+        outlines = centres_m[:, None] + sizes_m[:, None, None] * (np.array(shape) @ turns)
         for outline, grey in zip(outlines, greys, strict=True):
             self.fill(outline, grey)
 
 
 def paint_scenery(canvas: Canvas, rng: np.random.Generator) -> None:
     """Paint the whole scenery, from far to near."""
-    canvas.grey[:] = _sky(canvas, rng)
+    scale, shape = canvas.pixels_per_m, canvas.grey.shape[:2]
+    sky = np.linspace(rng.uniform(165.0, 185.0), rng.uniform(205.0, 225.0), shape[0])
+    clouds = clouded(shape, rng, 6.0 * scale, 0.5 * scale)
+    canvas.grey[:] = np.clip(sky[:, None] + 7.0 * clouds, 0, 255).astype(np.uint8)
     _treeline(canvas, rng)
     span = canvas.right_m - canvas.left_m
     start = canvas.left_m + float(rng.uniform(-0.05, 0.1)) * span
@@ -111,13 +115,6 @@ def clouded(
     return noise / np.float32(np.sqrt(max(power, 1e-9)))
 
 
-def _sky(canvas: Canvas, rng: np.random.Generator) -> Grey:
-    height, width = canvas.grey.shape
-    ramp = np.linspace(rng.uniform(165.0, 185.0), rng.uniform(205.0, 225.0), height)
-    clouds = clouded((height, width), rng, 6.0 * canvas.pixels_per_m, 0.5 * canvas.pixels_per_m)
-    return np.clip(ramp[:, None] + 7.0 * clouds, 0, 255).astype(np.uint8)
-
-
 def _treeline(canvas: Canvas, rng: np.random.Generator) -> None:
     """Distant woods: a dark ragged band above the ground."""
     height, width = canvas.grey.shape
@@ -133,17 +130,8 @@ def _treeline(canvas: Canvas, rng: np.random.Generator) -> None:
 def _house(canvas: Canvas, rng: np.random.Generator, left: float, right: float) -> None:
     """A wall with rows of windows, a roof and a door."""
     top, wall = float(rng.uniform(-3.8, -2.2)), float(rng.uniform(120.0, 185.0))
-    canvas.fill(
-        np.array(
-            [
-                [left - 0.4, top],
-                [right + 0.4, top],
-                [right - 1.2, top - 1.5],
-                [left + 1.2, top - 1.5],
-            ]
-        ),
-        float(rng.uniform(60.0, 100.0)),
-    )
+    eaves, ridge = [(left - 0.4, top), (right + 0.4, top)], [(right - 1.2, top - 1.5)]
+    canvas.fill([*eaves, *ridge, (left + 1.2, top - 1.5)], float(rng.uniform(60.0, 100.0)))
     canvas.rectangle(left, top, right, GROUND_M + 0.1, wall)
     for course in np.arange(top, GROUND_M, 0.3):
         canvas.rectangle(left, course, right, course + 0.02, wall - 9.0)
@@ -171,9 +159,8 @@ def _window(canvas: Canvas, rng: np.random.Generator, x: float, sill: float, wal
 def _tree(canvas: Canvas, rng: np.random.Generator, x: float) -> None:
     """A trunk and a crown of leaves."""
     foot, crown = GROUND_M + 0.1, float(rng.uniform(-2.6, -1.4))
-    canvas.fill(
-        np.array([[x - 0.09, crown], [x + 0.09, crown], [x + 0.16, foot], [x - 0.16, foot]]), 55.0
-    )
+    trunk = [(x - 0.09, crown), (x + 0.09, crown), (x + 0.16, foot), (x - 0.16, foot)]
+    canvas.fill(trunk, 55.0)
     _foliage(canvas, rng, (x, crown), (1.1, 1.0), 2600)
 
 
@@ -225,15 +212,5 @@ def _fence(canvas: Canvas, rng: np.random.Generator) -> None:
         canvas.rectangle(left, rail, right, rail + 0.08, grey - 30.0)
     for x in np.arange(left, right, 0.16):
         shade = grey + float(rng.normal(0.0, 6.0))
-        canvas.fill(
-            np.array(
-                [
-                    [x, top + 0.06],
-                    [x + 0.05, top],
-                    [x + 0.1, top + 0.06],
-                    [x + 0.1, bottom],
-                    [x, bottom],
-                ]
-            ),
-            shade,
-        )
+        picket = [(x, top + 0.06), (x + 0.05, top), (x + 0.1, top + 0.06), (x + 0.1, bottom)]
+        canvas.fill([*picket, (x, bottom)], shade)
