@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from stereocal.formats.dataset_files import TABLE, pack_dataset
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import (
@@ -61,7 +61,7 @@ class PhotographedField:
     """The ground truth and settings from which the photographs are rendered."""
 
     scene: Scene
-    boards: dict[str, list[Pose]]
+    boards: Mapping[CameraName, list[Pose]]
     """Poses (camera from board) of the chessboard, for `primary` and `secondary`."""
     bar: BarSettings
     settings: PhotographSettings
@@ -70,7 +70,7 @@ class PhotographedField:
     """What spoils some frames of the bar, by frame."""
 
     @property
-    def cameras(self) -> dict[str, Camera]:
+    def cameras(self) -> dict[CameraName, Camera]:
         """The two cameras by name."""
         return {which: getattr(self.scene.rig, which) for which in CAMERAS}
 
@@ -84,7 +84,7 @@ class PhotographedField:
         backgrounds = outdoors(self.scene.rig, rng)
         return photograph_bars(self.scene, backgrounds, self.bar, self.settings, rng, self.flaws)
 
-    def board_photographs(self, which: str) -> Iterator[Photograph]:
+    def board_photographs(self, which: CameraName) -> Iterator[Photograph]:
         """Render the photographs of the chessboard by one camera, one at a time."""
         rng = np.random.default_rng([self.seed, 2, CAMERAS.index(which)])
         camera = self.cameras[which]
@@ -183,11 +183,11 @@ def write_photographs(
     for pair in field.pairs():
         quality = JPEG_QUALITY_HIDDEN if field.is_hidden(pair.frame) else JPEG_QUALITY
         for which in CAMERAS:
-            image = jpeg(getattr(pair, which), quality)
-            write_atomically(folder / which / f"{pair.frame:04d}.jpg", image)
+            content = jpeg(getattr(pair, which), quality)
+            write_atomically(folder / which / f"{pair.frame:04d}.jpg", content)
         done += 2
         progress(done, total)
-    for which in field.cameras:
+    for which in CAMERAS:
         for number, image in enumerate(field.board_photographs(which), start=1):
             name = f"boards_{which}/{number:04d}.jpg"
             write_atomically(folder / name, jpeg(image, JPEG_QUALITY))
