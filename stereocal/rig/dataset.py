@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,8 +17,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
-from stereocal.rig.placing import placed
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import RigidObject, placed
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.system.numbers import rounded
 
@@ -31,6 +30,14 @@ LONGEST_PLAUSIBLE_M = 1000.0
 LARGEST_UNCERTAINTY, SMALLEST_UNCERTAINTY = 0.2, 1e-7
 """Of a measured length, as fractions of it. A larger one is taken for a number in another unit;
 with a smaller one the fit cannot be computed in double precision."""
+DIGESTED = ("frame", "target", "primary", "recorded_secondary", "distance_m", "known_points_m")
+SHAPES: Mapping[str, tuple[int, ...]] = {
+    **dict.fromkeys(("target", "distance_m", "sigma_primary_px", "sigma_secondary_px"), ()),
+    **dict.fromkeys(("source", "line", "time_frame"), ()),
+    **dict.fromkeys(("primary", "secondary", "recorded"), (2,)),
+    **dict.fromkeys(("known_points_m", "motion"), (3,)),
+}
+"""Of a row of each column of correspondences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,57 +77,47 @@ class Correspondences:
 
     def __post_init__(self) -> None:
         n = len(self.frame)
-        self._fill_in_times()
-        shapes = {
-            "target": (n,),
-            "primary": (n, 2),
-            "secondary": (n, 2),
-            "distance_m": (n,),
-            "known_points_m": (n, 3),
-            "sigma_primary_px": (n,),
-            "sigma_secondary_px": (n,),
-            "source": (n,),
-            "line": (n,),
-            "time_frame": (n,),
-            "recorded": (n, 2),
-            "motion": (n, 3),
-        }
-        for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise StereocalError(
-                    f"{name} has shape {getattr(self, name).shape}; it must be {shape}."
-                )
-        if not (np.isfinite(self.primary).all() and np.isfinite(self.secondary).all()):
-            raise StereocalError("An image point is not a finite number.")
-        if not np.isin(self.target, range(len(self.names))).all():
-            raise StereocalError(f"A target is none of {', '.join(self.names[:8])}.")
-        if not np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all():
-            raise StereocalError(f"A source is invalid: it must be {', '.join(SOURCES)} or empty.")
-        if (self.sigma_primary_px <= 0).any() or (self.sigma_secondary_px <= 0).any():
-            raise StereocalError("The standard error of an image point must be above 0.")
-        if len(np.unique(np.column_stack([self.frame, self.target]), axis=0)) < n:
-            raise StereocalError("A frame has the same target twice.")
-        self._check_times()
-        for name in ("frame", *shapes):
-            getattr(self, name).setflags(write=False)
-
-    def _fill_in_times(self) -> None:
-        """Fill in the columns that are not given."""
-        n = len(self.frame)
-        for name, value in (
-            ("time_frame", self.frame),
-            ("recorded", np.full((n, 2), np.nan)),
-            ("motion", np.full((n, 3), np.nan)),
+        if not len(self.time_frame):
+            object.__setattr__(self, "time_frame", self.frame)
+        for name, shape in SHAPES.items():
+            if name in ("recorded", "motion") and not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full((n, *shape), np.nan))
+            if (found := getattr(self, name).shape) != (n, *shape):
+                raise StereocalError(f"{name} has shape {found}; it must be {(n, *shape)}.")
+        points = self.primary, self.secondary
+        sigmas = self.sigma_primary_px, self.sigma_secondary_px
+        places, times = (
+            np.unique(np.column_stack([self.frame, other]), axis=0)
+            for other in (self.target, self.time_frame)
+        )
+        one_each = len(self.frames) == len(times) == len(np.unique(self.time_frame))
+        for sound, problem in (
+            (
+                all(np.isfinite(own).all() for own in points),
+                "An image point is not a finite number.",
+            ),
+            (
+                np.isin(self.target, range(len(self.names))).all(),
+                f"A target is none of {', '.join(self.names[:8])}.",
+            ),
+            (
+                np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all(),
+                f"A source is invalid: it must be {', '.join(SOURCES)} or empty.",
+            ),
+            (
+                not any((sigma <= 0).any() for sigma in sigmas),
+                "The standard error of an image point must be above 0.",
+            ),
+            (len(places) == n, "A frame has the same target twice."),
+            (
+                one_each,
+                "The column time_frame must give each frame one number, and each frame another.",
+            ),
         ):
-            if not len(getattr(self, name)):
-                object.__setattr__(self, name, value)
-
-    def _check_times(self) -> None:
-        pairs = len(np.unique(np.column_stack([self.frame, self.time_frame]), axis=0))
-        if not len(self.frames) == pairs == len(np.unique(self.time_frame)):
-            raise StereocalError(
-                "The column time_frame must give each frame one number, and each frame another."
-            )
+            if not sound:
+                raise StereocalError(problem)
+        for name in ("frame", *SHAPES):
+            getattr(self, name).setflags(write=False)
 
     @classmethod
     def from_arrays(
@@ -202,16 +199,10 @@ class Correspondences:
         These are A and B of each frame that has both; of an object the pairs of its targets with
         the longest distances (`RigidObject.pairs_among`).
         """
-        if self.rigid_object is not None:
-            pair = np.flatnonzero(np.bincount(self.parts[0]) == 2)
-            order = np.lexsort([self.parts[1], self.parts[0]])
-            first = np.searchsorted(self.parts[0][order], pair)
-            return np.column_stack([order[first], order[first + 1]])
-        rows = [
-            {int(f): i for i, f in enumerate(self.frame) if self.target[i] == t} for t in (0, 1)
-        ]
-        both = sorted(rows[0].keys() & rows[1].keys())
-        return np.array([(rows[0][f], rows[1][f]) for f in both], dtype=np.int64).reshape(-1, 2)
+        part, place = self.parts
+        pair, order = np.flatnonzero(np.bincount(part) == 2), np.lexsort([place, part])
+        first = np.searchsorted(part[order], pair)
+        return np.column_stack([order[first], order[first + 1]])
 
     @cached_property
     def parts(self) -> tuple[IntArray, IntArray]:
@@ -246,15 +237,11 @@ class Correspondences:
     @cached_property
     def half_copies(self) -> dict[CameraName, dict[int, int]]:
         """As `copies`, frames with exactly an earlier frame's points in one image alone."""
-        sides = zip(CAMERAS, (self.primary, self.recorded_secondary), strict=True)
-        return {
-            which: {
-                frame: earlier
-                for frame, earlier in self._same_as_earlier(points).items()
-                if frame not in self.copies
-            }
-            for which, points in sides
-        }
+        found: dict[CameraName, dict[int, int]] = {}
+        for which, points in zip(CAMERAS, (self.primary, self.recorded_secondary), strict=True):
+            same = self._same_as_earlier(points).items()
+            found[which] = {frame: first for frame, first in same if frame not in self.copies}
+        return found
 
     def _same_as_earlier(self, points: FloatArray) -> dict[int, int]:
         """The frames whose targets and points (n, k) are those of an earlier frame."""
@@ -271,8 +258,7 @@ class Correspondences:
 
     def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
         """The rows for which `keep` (n,) is true."""
-        columns = (field.name for field in fields(self) if field.name != "rigid_object")
-        return replace(self, **{name: getattr(self, name)[keep] for name in columns})
+        return replace(self, **{name: getattr(self, name)[keep] for name in ("frame", *SHAPES)})
 
     def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
         """The rows of the given frames."""
@@ -457,17 +443,7 @@ class Dataset:
             "cameras": [_numbers_of(camera) for camera in (self.primary, self.secondary)],
             "baseline_m": self.baseline_m,
             "target_distance_m": self.target_distance_m,
-            "rows": [
-                getattr(rows, name).tolist()
-                for name in (
-                    "frame",
-                    "target",
-                    "primary",
-                    "recorded_secondary",
-                    "distance_m",
-                    "known_points_m",
-                )
-            ],
+            "rows": [getattr(rows, name).tolist() for name in DIGESTED],
         }
         if rows.rigid_object is not None:
             # By name, and of the targets seen: whatever else the object has is of no effect.

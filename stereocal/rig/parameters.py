@@ -171,9 +171,9 @@ class RigParameters(Rig):
     def loads(cls, text: str | bytes, source: str = "parameters") -> RigParameters:
         """As `load`, from text."""
         if len(text) > LARGEST_TEXT:
+            most = f"at most {LARGEST_TEXT}"
             raise StereocalError(
-                f"{source}: {len(text)} bytes are too many for a parameter file (at most "
-                f"{LARGEST_TEXT})."
+                f"{source}: {len(text)} bytes are too many for a parameter file ({most})."
             )
         data = read_json(text, source)
         if not isinstance(data, dict) or data.get("format") != PARAMETERS_FORMAT:
@@ -213,6 +213,7 @@ class RigParameters(Rig):
             for name in ("validation", "uncertainties", "predicted", "recommendation")
         }
         volume, named = data.get("volume"), data.get("camera_names")
+        threshold, noise = data["matching_threshold_px"], data.get("noise_px")
         return cls(
             method=data["method"],
             primary=Camera.from_json(data["cameras"]["primary"], f"{source}, primary"),
@@ -221,10 +222,10 @@ class RigParameters(Rig):
             cost=None if data["method"] == "imported" else float(data["cost"]),
             settings=settings,
             inputs=inputs,
-            matching_threshold_px=_number_or_none(data["matching_threshold_px"]),
+            matching_threshold_px=threshold if threshold is None else float(threshold),
             triangulation=data["triangulation"],
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
-            noise_px=_number_or_none(data.get("noise_px")),
+            noise_px=noise if noise is None else float(noise),
             volume=None if volume is None else Volume.from_json(volume, source),
             time_offset=MeasuredOffset.from_json(data, source),
             camera_names=None if named is None else (str(named[0]), str(named[1])),
@@ -254,10 +255,6 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
         "target_distance_m": dataset.target_distance_m,
         "frames": [int(frame) for frame in frames],
     }
-
-
-def _number_or_none(value: Any) -> float | None:
-    return None if value is None else float(value)
 
 
 def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
@@ -22,6 +23,10 @@ disjoint ones they are true."""
 
 ALIKE = 1e-6
 """Of its size, by which an object that looks the same when turned may differ."""
+FEWEST_TO_PLACE = 4
+"""Points of an object in one image."""
+COLLINEAR = 0.05
+"""Points closer to a line than this share of their length do not tell how they are turned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,3 +113,28 @@ class RigidObject:
         """The two points that are farthest apart."""
         one, other = self.pairs_among(range(len(self.names)))[0].tolist()
         return one, other
+
+
+def placed(frame: IntArray, points: FloatArray, rays: FloatArray) -> FloatArray:
+    """An object's points (n, 3) in the frame of a camera, from its image alone, in metres.
+
+    NaN where too few are seen.
+
+    Args:
+        frame: (n,).
+        points: (n, 3), in the object's own frame, in metres.
+        rays: (2, n), undistorted and normalised.
+    """
+    found = np.full_like(points, np.nan)
+    for one in np.unique(frame):
+        rows = np.flatnonzero(frame == one)
+        own, seen = points[rows], np.ascontiguousarray(rays[:, rows].T)
+        spread = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
+        if len(rows) < FEWEST_TO_PLACE or spread[1] < COLLINEAR * spread[0]:
+            continue
+        # SQPnP takes four points, in a plane or not; ITERATIVE wants six that are not.
+        solved, turn, at = cv2.solvePnP(own, seen, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+        if solved:
+            turn, at = cv2.solvePnPRefineLM(own, seen, np.eye(3), None, turn, at)
+            found[rows] = own @ cv2.Rodrigues(turn)[0].T + at.T
+    return found
