@@ -137,11 +137,6 @@ def test_a_run_counts_the_papers_pairs(field: Dataset, missing: int) -> None:
         )
 
 
-def test_five_frames_give_10_and_90(field: Dataset) -> None:
-    run = evaluate_run(field, FEW, 0, 0)
-    assert run.counts.sum(axis=-1).tolist() == [[[90, 10], [90, 10]]] * 3
-
-
 def test_a_split_is_what_of_frames_gives(field: Dataset) -> None:
     own = np.where(np.arange(50) // 2 % 3 == 0, 0.8, np.nan)
     dataset = replace(field, correspondences=replace(field.correspondences, distance_m=own))
@@ -210,11 +205,6 @@ def by_hand(pair_of_sets: list[Dataset]) -> list[list[Run]]:
         [evaluate_run(dataset, FEW, number, run) for run in range(FEW.runs)]
         for number, dataset in enumerate(pair_of_sets)
     ]
-
-
-def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
-    with ThreadPoolExecutor(3) as threads:
-        assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
 
 
 def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:

@@ -187,23 +187,22 @@ def test_wand_score_does_not_see_the_scale_and_the_mean_error_does() -> None:
 def test_best_methods_are_the_least(study: list[list[Run]]) -> None:
     found = summarise(study)
 
-    def with_figures(method: Method, fcp: float, median: float) -> MethodSummary:
+    def changed(method: Method, fcp: float, median: float) -> MethodSummary:
         one = found[method]
+        errors = replace(one.reconstruction.median, value=median)
         return replace(
             one,
             residual=replace(one.residual, fcp=replace(one.residual.fcp, value=1 - fcp)),
             reprojection=replace(one.reprojection, fcp=replace(one.reprojection.fcp, value=fcp)),
-            reconstruction=replace(
-                one.reconstruction, median=replace(one.reconstruction.median, value=median)
-            ),
+            reconstruction=replace(one.reconstruction, median=errors),
         )
 
-    changed = {
-        "essential": with_figures("essential", 0.3, float("nan")),
-        "2d": with_figures("2d", 0.1, 0.02),
-        "3d": with_figures("3d", 0.5, 0.01),
+    figures: dict[Method, tuple[float, float]] = {
+        "essential": (0.3, np.nan),
+        "2d": (0.1, 0.02),
+        "3d": (0.5, 0.01),
     }
-    assert best_methods(changed) == {  # type: ignore[arg-type]
+    assert best_methods({name: changed(name, *own) for name, own in figures.items()}) == {
         "residual": "3d",
         "reprojection": "2d",
         "reconstruction": "3d",

@@ -17,9 +17,10 @@ from stereocal.matching.reconstruction_files import reconstruct
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate
-from tests.evaluation.test_recording import RECORDING, SEEDS, recordings
+from tests.evaluation.test_recording import RECORDING, recordings
 
 __all__ = ["recordings"]
+SEEDS = range(5)
 DISTANCES_M = {("A", "M"): 0.13, ("M", "B"): 0.26, ("A", "B"): 0.39}
 
 

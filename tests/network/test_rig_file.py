@@ -21,10 +21,11 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH, TRANSLATION
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import Pair, Recording
 from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
 
 STATED = LensPrior(*LENS_ERRORS)
+PAIR_SETTINGS = RefineSettings(STATED, STATED)
 
 
 @pytest.fixture(scope="module")
@@ -74,61 +75,57 @@ def test_a_pair_of_the_rig_is_nearer_to_the_truth_than_by_itself(
     error = np.array([*own.pose.angles, own.pose.baseline])
     error -= np.array([*true.angles, true.baseline])
     assert np.sqrt(np.mean(np.square(error / sigma))) < 2.0
-    alone = refine(with_baseline_found(truth.recording.pair(*pair)), RefineSettings(STATED, STATED))
+    alone = refine(with_baseline_found(truth.recording.pair(*pair)), PAIR_SETTINGS)
     assert (sigma < np.sqrt(np.diag(alone.covariance))[:6]).all()
 
 
-def files_of(
-    recording: Recording, folder: Path, lengths: dict[tuple[str, str], float] | None = None
-) -> list[Path]:
-    """Refined files of all pairs; with the wrong length of the object in some."""
-    files = []
-    for pair in recording.pairs:
-        factor = (lengths or {}).get(pair, 1.0)
-        wand = replace(recording.object, points=factor * recording.object.points)
-        own = of_cameras(replace(recording, object=wand), [*pair])
-        dataset = with_baseline_found(replace(own, name="").pair(*pair))
-        fit = refine(dataset, RefineSettings(STATED, STATED))
-        files.append(folder / f"{'-'.join(pair)}.json")
-        refined_parameters(fit).save(files[-1])
-    return files
+@pytest.fixture(scope="module")
+def files(truth: SimulatedRig, tmp_path_factory: pytest.TempPathFactory) -> dict[Pair, Path]:
+    folder = tmp_path_factory.mktemp("pairs")
+    return {pair: file_of(truth.recording, pair, folder) for pair in truth.recording.pairs}
 
 
-def test_files_of_pairs_are_fused(truth: SimulatedRig, tmp_path: Path) -> None:
-    fused = fuse_files(files_of(truth.recording, tmp_path))
+def file_of(recording: Recording, pair: Pair, folder: Path, length: float = 1.0) -> Path:
+    """The refined file of a pair, perhaps with a wrong length of the object."""
+    wand = replace(recording.object, points=length * recording.object.points)
+    own = of_cameras(replace(recording, object=wand), [*pair])
+    fit = refine(with_baseline_found(replace(own, name="").pair(*pair)), PAIR_SETTINGS)
+    refined_parameters(fit).save(folder / f"{'-'.join(pair)}.json")
+    return folder / f"{'-'.join(pair)}.json"
+
+
+def test_files_of_pairs_are_fused(truth: SimulatedRig, files: dict[Pair, Path]) -> None:
+    fused = fuse_files([*files.values()])
     assert "warnings" not in fused.about
-    for name, pose in truth.poses.items():
-        number = fused.names.index(name)
+    for number, name in enumerate(fused.names[1:], 1):
         at = EACH * number + TRANSLATION
         sigma = np.sqrt(np.diag(fused.covariance))[at : at + 3]
-        if number:
-            # the points of three pairs are counted twice, so that errors are stated too small
-            assert np.abs((fused.poses[name].T - pose.T) / sigma).max() < 5.0
+        # the points of three pairs are counted twice, so that errors are stated too small
+        assert np.abs((fused.poses[name].T - truth.poses[name].T) / sigma).max() < 5.0
 
 
-def test_a_wrong_length_in_one_file_is_named(truth: SimulatedRig, tmp_path: Path) -> None:
-    fused = fuse_files(files_of(truth.recording, tmp_path, {("c1", "c3"): 1.02}))
+def test_wrong_lengths_are_named_if_one_file_has_them(
+    truth: SimulatedRig, files: dict[Pair, Path], tmp_path: Path
+) -> None:
+    one = {("c1", "c3"): file_of(truth.recording, ("c1", "c3"), tmp_path, 1.02)}
+    fused = fuse_files([*(files | one).values()])
     (warning,) = fused.about["warnings"]
-    assert "c1-c3" in warning
-    assert "shorter" in warning
+    assert "c1-c3" in warning and "shorter" in warning
     assert warning in rig_notes(fused)
-
-
-def test_wrong_lengths_in_two_files_cannot_be_told(truth: SimulatedRig, tmp_path: Path) -> None:
-    wrong = {("c1", "c3"): 1.02, ("c1", "c2"): 0.97}
-    (warning,) = fuse_files(files_of(truth.recording, tmp_path, wrong)).about["warnings"]
+    two = one | {("c1", "c2"): file_of(truth.recording, ("c1", "c2"), tmp_path, 0.97)}
+    (warning,) = fuse_files([*(files | two).values()]).about["warnings"]
     assert "cannot be told which is wrong" in warning
 
 
-def test_files_that_do_not_connect(truth: SimulatedRig, tmp_path: Path) -> None:
-    other = simulated_rig(np.random.default_rng(21), 2, 60)
-    cameras = {f"d{number}": own for number, own in enumerate(other.recording.cameras.values())}
-    one = files_of(of_cameras(truth.recording, ["c1", "c2"]), tmp_path)
-    apart = files_of(replace(other.recording, cameras=cameras), tmp_path)
+def test_files_that_do_not_connect(files: dict[Pair, Path], tmp_path: Path) -> None:
+    other = simulated_rig(np.random.default_rng(21), 2, 60).recording
+    cameras = dict(zip(("d0", "d1"), other.cameras.values(), strict=True))
+    apart = file_of(replace(other, cameras=cameras), ("d0", "d1"), tmp_path)
+    one = files["c1", "c2"]
     with pytest.raises(StereocalError, match="No file connects d0, d1 with c1, c2"):
-        fuse_files([*one, *apart])
-    content = json.loads(one[0].read_text())
+        fuse_files([one, apart])
+    content = json.loads(one.read_text())
     del content["camera_names"]
-    one[0].write_text(json.dumps(content))
+    (tmp_path / "nameless.json").write_text(json.dumps(content))
     with pytest.raises(StereocalError, match="does not name its cameras"):
-        fuse_files(one)
+        fuse_files([tmp_path / "nameless.json"])

@@ -30,20 +30,20 @@ def wrong(baseline: float = 1.0, focal: float = 0.0) -> tuple[Dataset, float]:
     return data, scene.rig.pose.baseline
 
 
-@pytest.mark.parametrize(("what", "least"), [("baseline", 27), ("primary focal", 27)])
+@pytest.mark.parametrize(("what", "least"), [("baseline", 13), ("primary focal", 13)])
 def test_the_wrong_input_is_named(what: str, least: int) -> None:
-    """Baseline 3 % too long, focal length 2 % too long, 30 rigs. Measured: 30 and 29 of them,
+    """Baseline 3 % too long, focal length 2 % too long, 15 rigs. Measured of 300: 300 and 293,
 
-    with none and at most 1 sound input accused beside; of 300: 300 and 293, 3 and 4.
+    with 3 and 4 sound inputs accused beside.
     """
-    named, accused = accusations(30, what, seed=2)
+    named, accused = accusations(15, what, seed=2)
     assert named >= least
-    assert accused <= 3
+    assert accused <= 2
 
 
 def test_sound_rigs_are_not_accused() -> None:
     """Measured: 3 of 300 rigs."""
-    assert accusations(40, "", seed=2)[1] <= 3
+    assert accusations(25, "", seed=2)[1] <= 2
 
 
 def test_what_is_fixed_or_free_is_not_tested() -> None:
@@ -81,9 +81,9 @@ def test_what_nobody_stated_is_asked_for() -> None:
 
 
 def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
-    """Half of it is not noticed, twice as much is: of 20 rigs, in all but chance (3.2 +- 1)."""
+    """Half of it is not noticed, twice as much is: of 12 rigs, in all but chance (3.2 +- 1)."""
     seen = {0.5: 0, 2.0: 0}
-    for number in range(20):
+    for number in range(12):
         rng = np.random.default_rng([number, 3])
         scene = random_scene(rng)
         sound = stated(scene, rng, replace(KNOWN, baseline_m=0.0, bar_m=0.0))
@@ -93,8 +93,8 @@ def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
             wrong_one = replace(sound, baseline_m=sound.baseline_m + part * noticed)
             items = what_disagrees(refine(wrong_one, KNOWN.settings()))
             seen[part] += any(i.accused and "baseline" in (i.key, *i.rivals) for i in items)
-    assert seen[0.5] <= 3
-    assert seen[2.0] >= 18
+    assert seen[0.5] <= 2
+    assert seen[2.0] >= 11
 
 
 @pytest.mark.parametrize("camera", ["primary", "secondary"])
@@ -119,7 +119,7 @@ def test_a_wrong_distortion_is_named_and_estimated(camera: CameraName) -> None:
 def test_sound_rigs_keep_their_distortion() -> None:
     accused = [
         item.key
-        for seed in range(20)
+        for seed in range(12)
         for item in what_disagrees(refine(rig.dataset(25, 0.2, seed=seed)))
         if item.accused
     ]

@@ -37,31 +37,10 @@ PARAMETERS = RigParameters(
     settings={"delta": 1e-3, "seed": 0},
     inputs={"sha256": "0" * 64},
 )
-KEYS = [
-    "format",
-    "purpose",
-    "method",
-    "convention",
-    "units",
-    "pixel_origin",
-    "cameras",
-    "R",
-    "T",
-    "E",
-    "angles",
-    "baseline_m",
-    "triangulation",
-    "matching_threshold_px",
-    "cost",
-    "validation",
-    "settings",
-    "inputs",
-    "frames_left_out",
-    "noise_px",
-    "volume",
-    "software",
-    "created",
-]
+HEAD = ["format", "purpose", "method", "convention", "units", "pixel_origin", "cameras"]
+POSE = ["R", "T", "E", "angles", "baseline_m", "triangulation", "matching_threshold_px", "cost"]
+REST = ["validation", "settings", "inputs", "frames_left_out", "noise_px", "volume", "software"]
+KEYS = [*HEAD, *POSE, *REST, "created"]
 
 
 def damaged(change: Callable[[dict[str, Any]], object]) -> str:
