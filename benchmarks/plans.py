@@ -125,7 +125,7 @@ def all_plans(rigs: int, first: int, which: list[int]) -> None:
             except StereocalError as error:
                 failed += 1
                 print(f"  rig {seed}: {error}")
-        print(f"  {rigs} rigs, {failed} failed; {found.failed} of the drawn ones")
+        print(f"  {rigs} rigs, {failed} failed; {found.rigs.failed} of the drawn ones")
         compare(found, each)
 
 

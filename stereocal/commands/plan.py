@@ -10,8 +10,7 @@ from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import draw_rigs
-from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, forecast
-from stereocal.field.planning.in_words import answer
+from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, answer, forecast
 from stereocal.figures.plan_report import plan_report
 from stereocal.formats.plan_file import read_plan
 from stereocal.system.atomic_files import write_all

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.field.checking.residuals import Residuals
+from stereocal.field.checking.repair import Residuals
 from stereocal.field.checking.since import Since
 from stereocal.figures import style
 from stereocal.figures.frame_panels import LOG_BEYOND, median_and_largest

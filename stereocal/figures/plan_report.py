@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.field.planning.forecast import PlanForecast
-from stereocal.field.planning.in_words import answer
+from stereocal.field.planning.forecast import PlanForecast, answer
 from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.html import (
@@ -141,7 +140,7 @@ def plan_report(found: PlanForecast) -> str:
 def how_computed(found: PlanForecast) -> str:
     """What was drawn and simulated, in words."""
     own, rigs = found.plan.uncertainty, found.rigs.count
-    failed = f" {found.failed} of them could not be calibrated." if found.failed else ""
+    failed = f" {found.rigs.failed} of them could not be calibrated." if found.rigs.failed else ""
     return (
         f"{rigs} rigs were drawn, whose focal lengths, principal points, baseline and bar differ "
         f"from the plan as it says; on each a recording of {found.plan.frames} bars was simulated "

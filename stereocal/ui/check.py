@@ -16,8 +16,7 @@ from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.field.checking.repair import REPAIRED, repaired_parameters
-from stereocal.field.checking.residuals import Residuals, residuals_of
+from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
 from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.inputs import images_in
 from stereocal.matching.application import PAIRS, digest_of

@@ -11,8 +11,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.field.planning.forecast import PlanForecast, forecast
-from stereocal.field.planning.in_words import answer, points_per_frame
+from stereocal.field.planning.forecast import PlanForecast, answer, forecast, points_per_frame
 from stereocal.field.planning.plan import Plan
 from stereocal.figures import plan_report as figures
 from stereocal.figures.tables import plan_table
@@ -114,9 +113,9 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
     found = forecast_of(plan)
     st.success(f"**{escape_markdown(answer(found))}**")
-    if found.failed:
+    if found.rigs.failed:
         st.warning(
-            f"{found.failed} of {found.rigs.count} simulated recordings could not be "
+            f"{found.rigs.failed} of {found.rigs.count} simulated recordings could not be "
             "calibrated: plan more frames, or a larger common view."
         )
     st.markdown("**What would help most**")

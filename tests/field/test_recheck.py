@@ -15,8 +15,7 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.field.checking.repair import repaired_parameters
-from stereocal.field.checking.residuals import residuals_of
+from stereocal.field.checking.repair import repaired_parameters, residuals_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters

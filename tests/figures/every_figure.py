@@ -17,7 +17,7 @@ from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
-from stereocal.field.checking.residuals import Errors, Residuals
+from stereocal.field.checking.repair import Errors, Residuals
 from stereocal.field.planning.forecast import forecast
 from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story

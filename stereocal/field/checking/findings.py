@@ -16,14 +16,15 @@ from stereocal.field.checking.fits import (
     NOTHING,
     Change,
     Fit,
+    HeldOut,
+    Noise,
     focal_change,
     focal_changes,
+    measured_held_out,
     pose_change,
     turn_in_place,
 )
-from stereocal.field.checking.held_out import HeldOut, measured_held_out
 from stereocal.field.checking.new_images import NewImages
-from stereocal.field.checking.noise import Noise
 from stereocal.field.checking.power import Power, Smallest
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
@@ -31,6 +32,7 @@ from stereocal.refined.two_views import BASELINE
 from stereocal.refined.unknowns import pose_of, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
 Verdict = Literal["moved", "same", "cannot tell"]
@@ -111,10 +113,7 @@ class Recheck:
         changes = [] if self.baseline_change is None else [self.baseline_change]
         if self.refocused or self.ambiguous:
             sigmas = np.sqrt(np.diag(self.both.change_covariance))[-2:]
-            changes += [
-                Estimate(d, d - self._quantile * sigma, d + self._quantile * sigma)
-                for d, sigma in zip(self.both.d[-2:].tolist(), sigmas.tolist(), strict=True)
-            ]
+            changes += map(self._interval, self.both.d[-2:].tolist(), sigmas.tolist())
         largest = max((max(abs(each.low), abs(each.high)) for each in changes), default=0.0)
         return largest < self.smallest.baseline
 
@@ -128,20 +127,20 @@ class Recheck:
         """`moved` if the parameters no longer hold."""
         if self.changed:
             return "moved"
-        return "same" if self.negligible or self._would_be_seen else "cannot tell"
-
-    @property
-    def _would_be_seen(self) -> bool:
-        return self.usable and self.power.is_enough
+        would_be_seen = self.usable and self.power.is_enough
+        return "same" if self.negligible or would_be_seen else "cannot tell"
 
     @cached_property
     def same(self) -> Fit:
         """Of `after`: nothing has changed."""
         return self.fit(NOTHING)
 
-    def fit(self, change: Change) -> Fit:
+    def fit(self, change: Change, start: Pose | None = None) -> Fit:
         """The images since the movement, fitted with this change."""
-        return Fit(self.prior, self.after, change, self.noise.counted_px).minimise(self.outlying)
+        fit = Fit(self.prior, self.after, change, self.noise.counted_px)
+        if start is not None:
+            fit.start_at(start)
+        return fit.minimise(self.outlying)
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
@@ -153,7 +152,7 @@ class Recheck:
         for k, which in enumerate(CAMERAS):
             focal = focal_change(self.prior, k)
             found.append(Explanation(False, (which,), self.fit(focal)))
-            found.append(Explanation(True, (which,), self._from_pose(pose + focal)))
+            found.append(Explanation(True, (which,), self.fit(pose + focal, pose_of(self.pose.q))))
         found.append(Explanation(False, CAMERAS, self.fit(focal_changes(self.prior))))
         return tuple(sorted(found, key=lambda each: each.score))
 
@@ -168,30 +167,25 @@ class Recheck:
         return self.seen and self.explanations[0].moved
 
     @cached_property
+    def _rivals(self) -> list[Explanation]:
+        """The explanations that are nearly as likely as the first."""
+        first, *others = self.explanations
+        return [each for each in others if each.score - first.score < AS_LIKELY]
+
+    @cached_property
     def ambiguous(self) -> bool:
         """Whether a movement and a refocused lens explain the images about equally well."""
-        if not self.seen:
-            return False
-        first, *others = self.explanations
-        moved, refocused = first.moved, bool(first.refocused)
-        return any(
-            (each.moved, bool(each.refocused)) != (moved, refocused)
+        return self.seen and any(
+            (each.moved, bool(each.refocused)) != (self.pose_moved, bool(self.refocused))
             and not (each.moved and each.refocused)
-            and each.score - first.score < AS_LIKELY
-            for each in others
+            for each in self._rivals
         )
 
     @cached_property
     def either_lens(self) -> bool:
         """Whether one lens was refocused, and the images cannot tell which."""
-        if not self.seen or len(self.refocused) != 1:
-            return False
-        first, *others = self.explanations
-        return any(
-            each.moved == first.moved
-            and len(each.refocused) == 1
-            and each.score - first.score < AS_LIKELY
-            for each in others
+        return len(self.refocused) == 1 and any(
+            each.moved == self.pose_moved and len(each.refocused) == 1 for each in self._rivals
         )
 
     @cached_property
@@ -225,8 +219,7 @@ class Recheck:
     @property
     def repaired(self) -> Rig:
         """The rig of `best`."""
-        rig, q = self.prior.rig, self.best.q
-        return rig_of(rig.primary, rig.secondary, q)
+        return rig_of(self.prior.rig.primary, self.prior.rig.secondary, self.best.q)
 
     @property
     def _with_pose(self) -> Fit:
@@ -257,9 +250,7 @@ class Recheck:
         if not self.scale:
             return None
         fit = self._with_pose
-        value = float(fit.q[BASELINE])
-        reach = self._quantile * float(np.sqrt(fit.covariance[BASELINE, BASELINE]))
-        return Estimate(value, value - reach, value + reach)
+        return self._interval(fit.q[BASELINE], np.sqrt(fit.covariance[BASELINE, BASELINE]))
 
     @cached_property
     def baseline_change(self) -> Estimate | None:
@@ -267,39 +258,28 @@ class Recheck:
         if not self.scale:
             return None
         fit = self._with_pose
-        reach = self._quantile * float(np.sqrt(fit.change_covariance[BASELINE, BASELINE]))
-        old, d = float(fit.before[BASELINE]), float(fit.d[BASELINE])
-        return Estimate(d / old, (d - reach) / old, (d + reach) / old)
+        old, sigma = fit.before[BASELINE], np.sqrt(fit.change_covariance[BASELINE, BASELINE])
+        return self._interval(fit.d[BASELINE] / old, sigma / old)
 
     @cached_property
     def focal_changes(self) -> Mapping[CameraName, Estimate]:
         """Of each refocused camera the fraction by which its focal length has changed."""
         if not self.refocused:
             return {}
-        fit = self.explanations[0].fit
-        sigmas = np.sqrt(np.diag(fit.change_covariance))
-        found = {}
-        for at, which in enumerate(self.refocused, start=len(sigmas) - len(self.refocused)):
-            value, reach = float(fit.d[at]), self._quantile * float(sigmas[at])
-            found[which] = Estimate(value, value - reach, value + reach)
-        return found
+        fit, last = self.explanations[0].fit, slice(-len(self.refocused), None)
+        sigmas = np.sqrt(np.diag(fit.change_covariance))[last]
+        return dict(zip(self.refocused, map(self._interval, fit.d[last], sigmas), strict=True))
 
     @cached_property
     def possible_causes(self) -> tuple[CameraName, ...]:
         """The cameras whose turn in place alone explains the movement."""
-        pose = pose_of(self.prior.q)
+        pose, degrees = pose_of(self.prior.q), len(self._pose_change) - 3
         found = []
         for k, which in enumerate(CAMERAS):
-            alone = self.fit(turn_in_place(pose, k))
-            if self._p(alone.cost - self.pose.cost, len(self._pose_change) - 3) > CONSISTENT:
+            gain = self.fit(turn_in_place(pose, k)).cost - self.pose.cost
+            if self.noise.probability(gain, degrees) > CONSISTENT:
                 found.append(which)
         return tuple(found)
-
-    def _from_pose(self, change: Change) -> Fit:
-        """As `fit`, started at the pose that was found."""
-        fit = Fit(self.prior, self.after, change, self.noise.counted_px)
-        fit.start_at(pose_of(self.pose.q))
-        return fit.minimise(self.outlying)
 
     @property
     def _pose_change(self) -> Change:
@@ -309,8 +289,9 @@ class Recheck:
     def _quantile(self) -> float:
         return float(stdtrit(self.noise.degrees, 0.975))
 
-    def _p(self, gain: float, degrees: int) -> float:
-        return self.noise.probability(gain, degrees)
+    def _interval(self, value: float, sigma: float) -> Estimate:
+        reach = self._quantile * float(sigma)
+        return Estimate(float(value), float(value) - reach, float(value) + reach)
 
 
 def _of_rotation(fit: Fit) -> FloatArray:

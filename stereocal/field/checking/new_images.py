@@ -89,7 +89,14 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
         seen = seen.shifted(rig.time_offset)
         motion = seen.correspondences.motion
         left = int(np.isnan(motion[:, 0]).sum()) if rig.time_offset.is_shift else 0
-        notes = (_step_note(rig.time_offset.frames, left, len(rows)),)
+        rest = (
+            f" {left} of {len(rows)} points have no neighbours in time and are used as recorded: "
+            "the bar must have been at rest there."
+        )
+        notes = (
+            "The secondary points were shifted by the time offset of the parameters, "
+            f"{rig.time_offset.frames:.3f} frames.{rest * (left > 0)}",
+        )
     if len(rows.frames) > LARGEST:
         kept = np.linspace(0, len(rows.frames) - 1, LARGEST).astype(np.int64)
         notes += (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
@@ -98,22 +105,10 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     return NewImages(seen, rows.frames, len(rows.bars), notes, own=own)
 
 
-def _step_note(late: float, left: int, total: int) -> str:
-    rest = (
-        f" {left} of {total} points have no neighbours in time and are used as recorded: the bar "
-        "must have been at rest there."
-    )
-    return (
-        f"The secondary points were shifted by the time offset of the parameters, {late:.3f} "
-        f"frames.{rest * (left > 0)}"
-    )
-
-
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
     """New images of a table of matched points, without those marked as ambiguous."""
     table.check(lambda block: points_outside_images(rig, block))
-    frames, pixels, ambiguous, truncated = [], [], 0, THRESHOLDED in table.names
-    sigmas = [np.empty(0)]
+    frames, pixels, sigmas, ambiguous = [], [], [np.empty(0)], 0
     for frame, rows in table.frames():
         if AMBIGUOUS in rows:
             unsure = rows[AMBIGUOUS].astype(str).str.strip().str.lower().isin(("true", "1"))
@@ -126,7 +121,7 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
     notes = []
     if ambiguous:
         notes.append(f"{ambiguous} ambiguous pairs were not used.")
-    if truncated:
+    if THRESHOLDED in table.names:
         notes.append(
             "These pairs were matched by parameters. A large movement may have removed pairs: "
             "match again with a larger threshold."

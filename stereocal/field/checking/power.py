@@ -14,8 +14,8 @@ import numpy as np
 from scipy.special import chdtri, chndtr, chndtrinc
 
 from stereocal.field.checking.fits import Fit, pose_difference, turned
+from stereocal.refined.two_views import BASELINE
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose
 
 LEVEL = 0.01
 """False alarms."""
@@ -75,34 +75,25 @@ def power(fit: Fit, smallest: Smallest) -> Power:
         fit: of the pose; its change is the five angles and, with lengths, the baseline.
     """
     pose, information, m = fit.prior.rig.pose, information_of(fit), len(fit.change)
-    needed = _noncentrality_for(m)
-    turns = np.array(
-        [pose_difference(each, pose)[:m] for each in turns_of(pose, smallest.turn_rad)]
-    )
+    # The noncentrality that is found with a probability of 80 %.
+    needed = float(chndtrinc(chdtri(m, LEVEL), m, 1.0 - ENOUGH))
+
+    def factor(change: FloatArray) -> float:
+        """By which a small change must be larger, whose square the noncentrality is."""
+        return float(np.sqrt(needed / max(float(change @ information @ change), 1e-300)))
+
+    # One camera turned in place, about 13 axes each.
+    axes = smallest.turn_rad * AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
+    turns = [
+        pose_difference(turned(pose, camera, axis), pose)[:m] for camera in (0, 1) for axis in axes
+    ]
     powers = [power_of(information, turn) for turn in turns]
-    # Small turns are proportional to d, so that the noncentrality grows with their square.
-    least = float(np.einsum("ni,ij,nj->n", turns, information, turns).min())
-    detectable = smallest.turn_rad * float(np.sqrt(needed / max(least, 1e-300)))
-    if m <= 5:
-        return Power(min(powers), float(np.mean(powers)), None, min(detectable, np.pi), None)
-    longer = np.zeros(m)
-    longer[5] = smallest.baseline * pose.baseline
-    noncentrality = max(float(longer @ information @ longer), 1e-300)
+    longer = smallest.baseline * pose.baseline * np.eye(m)[-1]
+    lengths = m > BASELINE
     return Power(
         min(powers),
         float(np.mean(powers)),
-        power_of(information, longer),
-        min(detectable, float(np.pi)),
-        smallest.baseline * float(np.sqrt(needed / noncentrality)),
+        power_of(information, longer) if lengths else None,
+        min(smallest.turn_rad * max(map(factor, turns)), float(np.pi)),
+        smallest.baseline * factor(longer) if lengths else None,
     )
-
-
-def turns_of(pose: Pose, angle_rad: float) -> list[Pose]:
-    """The pose after turns of one camera in place, about 13 axes each."""
-    axes = angle_rad * AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
-    return [turned(pose, camera, axis) for camera in (0, 1) for axis in axes]
-
-
-def _noncentrality_for(degrees: int) -> float:
-    """The noncentrality that is found with a probability of 80 %."""
-    return float(chndtrinc(chdtri(degrees, LEVEL), degrees, 1.0 - ENOUGH))

@@ -119,10 +119,8 @@ def _root(covariance: FloatArray) -> FloatArray | None:
         return None
     scale = np.sqrt(np.where(variances > 0, variances, 1.0))
     correlation = covariance / np.outer(scale, scale)
-    if not np.allclose(correlation, correlation.T, atol=1e-6):
-        return None
     values, vectors = np.linalg.eigh(correlation)
-    if values[0] < -1e-6:
+    if not np.allclose(correlation, correlation.T, atol=1e-6) or values[0] < -1e-6:
         return None
     kept = values > SMALLEST_EIGENVALUE
     return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))

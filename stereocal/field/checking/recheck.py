@@ -7,26 +7,39 @@ tests. A lens that shifted sideways cannot be distinguished from a turn, and cou
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.findings import Recheck
-from stereocal.field.checking.fits import NOTHING, Change, Fit, focal_changes, pose_change
+from stereocal.field.checking.fits import NOTHING, Change, Fit, Noise, focal_changes, pose_change
 from stereocal.field.checking.new_images import NewImages
-from stereocal.field.checking.noise import Noise, noise_of, robust_fit, with_design_effect
 from stereocal.field.checking.power import Smallest, power
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since, since_when
+from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
-from stereocal.refined.unknowns import pose_of
+from stereocal.refined.unknowns import pose_of, rig_of
+from stereocal.rig.clusters import FEWEST, Clusters
 from stereocal.rig.compiled import BoolArray, IntArray
 
 BLOCK = {True: 8, False: 24}
 """Groups whose noise is estimated together: bars, and matched points alone."""
 MOST_BLOCKS = 40
 ROUNDS = 4
+MAXIMUM_OUTLYING = 1 / 3
+HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
+"""Probabilities of residuals by the file's noise below which the noise has changed."""
+NOISE_STEP, LARGEST_NOISE = 2.0, 30.0
+"""Where more groups than a third contradict the others, the noise is assumed larger by a factor,
+up to a limit, px."""
+EFFECT_DEGREES = 24.0
+"""Degrees of freedom of a design effect: of 300 simulated recordings of runs it scattered by a
+quarter."""
+Part = tuple[IntArray, Change]
+"""Groups, and what may have changed for them."""
 
 
 def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -> Recheck:
@@ -36,28 +49,28 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
         smallest: the smallest movement that matters; "same" is reported only if it would be seen.
     """
     prior = prior.with_bar_of(images.dataset) if images.bars else prior
-    moved, focal = pose_change(prior, images.bars > 0), focal_changes(prior)
-    blocks = _blocks(images)
-    noise = noise_of(prior, images, moved + focal, blocks)
+    smallest = smallest or Smallest()
+    check, focal = _Check(prior, images), focal_changes(prior)
+    blocks = check.blocks
+    noise = check.noise([(block, check.moved + focal) for block in blocks])
     if noise.outlying.all():
         raise StereocalError(
             f"{images.dataset.name}: no pose of these cameras fits the points. Are they of the "
             "same cameras, with primary and secondary not exchanged, and are the pairs right?"
         )
-    noise = replace(noise, design_effect=prior.design_effect)
     if len(blocks) == 1:
-        whole = _parts(prior, images, None)
-        noise, since = with_design_effect(prior, images, noise, whole), None
+        noise, since = check.with_design_effect(noise, check.parts(None)), None
     else:
-        noise, since = _settled(prior, images, noise)
+        noise, since = check.settled(replace(noise, design_effect=prior.design_effect))
     after, outlying = images, noise.outlying
-    p_whole = _p_of_movement(prior, images, noise)
-    if since is not None:
+    if since is None:
+        p_whole = check.p_of_movement(noise)
+    else:
         later = np.arange(since.at, len(images.numbers))
         after, outlying = images.of_groups(later), noise.outlying[later]
-        p_whole = since.candidates * noise.probability(since.gain, len(moved))
-    pose = _pose_fit(prior, after, noise, outlying)
-    both = Fit(prior, after, moved + focal, noise.counted_px)
+        p_whole = since.candidates * noise.probability(since.gain, len(check.moved))
+    pose = _Check(prior, after).pose_fit(noise.counted_px, outlying)
+    both = Fit(prior, after, check.moved + focal, noise.counted_px)
     both.start_at(pose_of(pose.q))
     both.minimise(outlying)
     return Recheck(
@@ -69,84 +82,165 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
         since=since,
         pose=pose,
         both=both,
-        power=power(pose, smallest or Smallest()),
-        smallest=smallest or Smallest(),
+        power=power(pose, smallest),
+        smallest=smallest,
         p_pose=min((2 if len(blocks) > 1 else 1) * p_whole, 1.0),
         p_focal=noise.probability(pose.cost - both.cost, len(focal)),
     )
 
 
-def _p_of_movement(prior: Prior, images: NewImages, noise: Noise) -> float:
-    """Probability that an unmoved rig prefers a movement by so much."""
-    pose = _pose_fit(prior, images, noise, noise.outlying)
-    same = Fit(prior, images, NOTHING, noise.counted_px).minimise(noise.outlying)
-    return noise.probability(same.cost - pose.cost, len(pose.change))
+@dataclass(frozen=True, eq=False)
+class _Check:
+    """New images under the prior of a parameter file."""
+
+    prior: Prior
+    images: NewImages
+
+    @property
+    def moved(self) -> Change:
+        return pose_change(self.prior, self.images.bars > 0)
+
+    @property
+    def blocks(self) -> list[IntArray]:
+        """The groups in blocks of neighbours; one block if there are few."""
+        numbers, size = self.images.numbers, BLOCK[self.images.bars > 0]
+        n = len(numbers)
+        few = n < 2 * size or numbers[0] == numbers[-1]
+        return list(np.array_split(np.arange(n), 1 if few else min(n // size, MOST_BLOCKS)))
+
+    def parts(self, since: Since | None) -> list[Part]:
+        """The groups before and after the change point."""
+        index = np.arange(len(self.images.numbers))
+        if since is None:
+            return [(index, self.moved)]
+        return [(index[: since.at], NOTHING), (index[since.at :], self.moved)]
+
+    def noise(self, parts: list[Part]) -> Noise:
+        """The noise by fits with everything free that may have changed, part by part.
+
+        A movement between parts then neither counts as noise nor makes groups outlying. The
+        residuals and the file's noise are pooled unless they differ. A few residuals that are small
+        by chance are no lower noise: taken for it, they gave 1.35 % false alarms instead of 1 %.
+        """
+        sigma, known = self.prior.sigma_px, self.prior.degrees
+        total, degrees, outlying = self._robust(parts, sigma)
+        while outlying.mean() > MAXIMUM_OUTLYING and sigma < LARGEST_NOISE:
+            sigma *= NOISE_STEP
+            total, degrees, outlying = self._robust(parts, sigma)
+        as_before = sigma == self.prior.sigma_px
+        if degrees < 1:
+            return Noise(sigma, known, as_before, outlying)
+        above = float(fdtrc(degrees, known, total / degrees))
+        if as_before and HIGHER_NOISE < above < 1 - LOWER_NOISE:
+            pooled = sigma * np.sqrt((known + total) / (known + degrees))
+            return Noise(float(pooled), known + degrees, True, outlying)
+        for _ in range(5):
+            sigma *= float(np.sqrt(max(total / degrees, 1e-4)))
+            total, degrees, outlying = self._robust(parts, sigma)
+            if degrees < 1 or abs(total / degrees - 1.0) < 0.02:
+                break
+        return Noise(sigma, max(float(degrees), 1.0), False, outlying)
+
+    def _robust(self, parts: list[Part], sigma_px: float) -> tuple[float, int, BoolArray]:
+        """Sum of the costs, degrees of freedom, and outlying groups, of robust fits of all parts.
+
+        Each from the old pose or, where it leaves groups out, from another estimate.
+        """
+        total, degrees = 0.0, 0
+        outlying = np.ones(len(self.images.numbers), dtype=np.bool_)
+        for groups, change in parts:
+            images, found = self.images.of_groups(groups), []
+            for start in (None, robust_start):
+                fit = Fit(self.prior, images, change, sigma_px)
+                if start is not None:
+                    pose = start(images.dataset, images.dataset.rays)
+                    if pose is None:
+                        break
+                    fit.start_at(pose)
+                found += [fit] * fit.run()
+                if found and not found[-1].outlying.any():
+                    break
+            if found:
+                best = min(found, key=lambda each: each.outlying.sum())
+                total, degrees = total + best.cost, degrees + best.degrees
+                outlying[groups] = best.outlying
+        return total, degrees, outlying
+
+    def with_design_effect(self, noise: Noise, parts: list[Part]) -> Noise:
+        """The noise with the design effect: the file's or, if larger, that of a part of the images.
+
+        Errors of a lens or of a detector are alike in bars that lie close together, so that many
+        frames know less than their number says.
+        """
+        of_file = self.prior.design_effect
+        found = replace(noise, design_effect=of_file)
+        for groups, change in parts:
+            fit = Fit(self.prior, self.images.of_groups(groups), change, noise.sigma_px)
+            fit.minimise(noise.outlying[groups])
+            effect, clusters = _design_effect(fit, of_file > 1)
+            if effect > found.design_effect:
+                degrees = min(noise.degrees, float(clusters * max(len(change), 1)))
+                found = replace(found, design_effect=effect, degrees=degrees)
+        if found.design_effect > 1:
+            found = replace(found, degrees=min(found.degrees, EFFECT_DEGREES))
+        return found
+
+    def settled(self, noise: Noise) -> tuple[Noise, Since | None]:
+        """The change point among many groups, if there is one, with the noise that goes with it.
+
+        A run of bad detections looks like a movement that is taken back. So the groups before and
+        after the change point are fitted again, each by a robust fit, until the outlying ones stay.
+        The parts are fitted by themselves for the design effect too, of which a movement is no
+        part.
+        """
+        for _ in range(ROUNDS):
+            parts = self.parts(self._since(noise))
+            outlying = self._robust(parts, noise.sigma_px)[2]
+            settled = bool((outlying == noise.outlying).all())
+            noise = self.with_design_effect(replace(noise, outlying=outlying), parts)
+            if settled:
+                break
+        return noise, self._since(noise)
+
+    def _since(self, noise: Noise) -> Since | None:
+        """The change point, if a lasting movement explains the images better than one before."""
+        pose = self.pose_fit(noise.counted_px, noise.outlying)
+        found = since_when(self.prior, self.images, pose, noise.outlying)
+        p_since = found.candidates * noise.probability(found.gain, len(pose.change))
+        among = found.lasts and found.low > self.images.numbers[0]
+        return found if among and p_since < self.p_of_movement(noise) else None
+
+    def p_of_movement(self, noise: Noise) -> float:
+        """Probability that an unmoved rig prefers a movement by so much."""
+        pose = self.pose_fit(noise.counted_px, noise.outlying)
+        same = Fit(self.prior, self.images, NOTHING, noise.counted_px).minimise(noise.outlying)
+        return noise.probability(same.cost - pose.cost, len(pose.change))
+
+    def pose_fit(self, sigma_px: float, outlying: BoolArray) -> Fit:
+        """The fit with the pose free, from the old pose and from an estimate without it."""
+        fits = [Fit(self.prior, self.images, self.moved, sigma_px).minimise(outlying)]
+        data = self.images.dataset
+        kept = np.isin(data.correspondences.frame, data.correspondences.frames[~outlying])
+        start = robust_start(data, np.ascontiguousarray(data.rays[:, kept]))
+        if start is not None:
+            other = Fit(self.prior, self.images, self.moved, sigma_px)
+            other.start_at(start)
+            fits.append(other.minimise(outlying))
+        return min(fits, key=lambda fit: fit.cost)
 
 
-def _settled(prior: Prior, images: NewImages, noise: Noise) -> tuple[Noise, Since | None]:
-    """The change point among many groups, if there is one, with the noise that goes with it.
+def _design_effect(fit: Fit, runs: bool) -> tuple[float, int]:
+    """The design effect of the groups of a fit, and the number of clusters.
 
-    A run of bad detections looks like a movement that is taken back. So the groups before and
-    after the change point are fitted again, each by a robust fit, until the outlying ones stay. The
-    parts are fitted by themselves for the design effect too, of which a movement is no part.
+    Args:
+        runs: count the groups in runs also where too few show that their errors are alike.
     """
-    for _ in range(ROUNDS):
-        parts = _parts(prior, images, _since(prior, images, noise))
-        outlying = _outlying(prior, images, parts, noise.sigma_px)
-        settled = bool((outlying == noise.outlying).all())
-        noise = with_design_effect(prior, images, replace(noise, outlying=outlying), parts)
-        if settled:
-            break
-    return noise, _since(prior, images, noise)
-
-
-def _since(prior: Prior, images: NewImages, noise: Noise) -> Since | None:
-    """The change point, if a lasting movement explains the images better than one before them."""
-    pose = _pose_fit(prior, images, noise, noise.outlying)
-    found = since_when(prior, images, pose, noise.outlying)
-    p_since = found.candidates * noise.probability(found.gain, len(pose.change))
-    p_whole = _p_of_movement(prior, images, noise)
-    among = found.lasts and found.low > images.numbers[0]
-    return found if among and p_since < p_whole else None
-
-
-def _parts(prior: Prior, images: NewImages, since: Since | None) -> list[tuple[IntArray, Change]]:
-    """The groups before and after the change point, and what may have changed for each."""
-    index, moved = np.arange(len(images.numbers)), pose_change(prior, images.bars > 0)
-    if since is None:
-        return [(index, moved)]
-    return [(index[: since.at], NOTHING), (index[since.at :], moved)]
-
-
-def _outlying(
-    prior: Prior, images: NewImages, parts: list[tuple[IntArray, Change]], sigma_px: float
-) -> BoolArray:
-    """(f,): the groups that contradict the others of their part."""
-    outlying = np.ones(len(images.numbers), dtype=np.bool_)
-    for groups, change in parts:
-        fit = robust_fit(prior, images.of_groups(groups), change, sigma_px)
-        if fit is not None:
-            outlying[groups] = fit.outlying
-    return outlying
-
-
-def _pose_fit(prior: Prior, images: NewImages, noise: Noise, outlying: BoolArray) -> Fit:
-    """The fit with the pose free, from the old pose and from an estimate without it."""
-    change = pose_change(prior, images.bars > 0)
-    fits = [Fit(prior, images, change, noise.counted_px).minimise(outlying)]
-    rows = images.dataset.correspondences
-    kept = np.isin(rows.frame, rows.frames[~outlying])
-    start = robust_start(images.dataset, np.ascontiguousarray(images.dataset.rays[:, kept]))
-    if start is not None:
-        other = Fit(prior, images, change, noise.counted_px)
-        other.start_at(start)
-        fits.append(other.minimise(outlying))
-    return min(fits, key=lambda fit: fit.cost)
-
-
-def _blocks(images: NewImages) -> list[IntArray]:
-    """The groups in blocks of neighbours; one block if there are few."""
-    n, size = len(images.numbers), BLOCK[images.bars > 0]
-    if n < 2 * size or images.numbers[0] == images.numbers[-1]:
-        return [np.arange(n)]
-    return list(np.array_split(np.arange(n), min(n // size, MOST_BLOCKS)))
+    used = np.flatnonzero(~fit.outlying)
+    if len(used) < 2 or not np.isfinite(fit.cost):
+        return 1.0, len(used)
+    data, q, frames = fit.dataset, fit.q, fit.frames[used]
+    rig = rig_of(data.primary, data.secondary, q)
+    clusters = clusters_in(data.correspondences.of_frames(frames), rig, frames)
+    if runs and not clusters.has_runs:
+        clusters = Clusters(np.arange(len(used)) * FEWEST // len(used), max(len(used) // FEWEST, 1))
+    return design_effect(fit, q, used, clusters), clusters.count

@@ -1,6 +1,8 @@
-"""Repaired parameters: the old ones as prior, the movement free, and new images."""
+"""Repaired parameters: the old ones as prior, the movement free, and new images; their errors."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +12,9 @@ from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
 from stereocal.refined.robust import ESTIMATED, GIVEN
 from stereocal.refined.two_views import BAR, BASELINE, DISTORTION
 from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 
 REPAIRED = "parameters_repaired.json"
 """Name of the file that is written."""
@@ -26,9 +30,9 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
     old, rig, fit = check.prior.rig, check.repaired, check.best
     images = check.after
     bar = images.dataset.target_distance_m if check.scale else old.inputs.get("target_distance_m")
-    sigmas = np.sqrt(np.diag(fit.covariance))
-    named = dict(zip(COVARIANCE_OF, sigmas.tolist(), strict=True))
-    kept = [name for i, name in enumerate(COVARIANCE_OF) if i < DISTORTION and i != BAR]
+    sigmas = np.sqrt(np.diag(fit.covariance)).tolist()
+    named = dict(zip(COVARIANCE_OF[:DISTORTION], sigmas, strict=False))
+    of_bar = named.pop(COVARIANCE_OF[BAR])
     uncertainties = {
         "sigma_px": {
             "value": check.noise.sigma_px,
@@ -36,7 +40,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
             "degrees_of_freedom": check.noise.degrees,
         },
         "bar_scatter_m": {"value": check.prior.scatter_m, "source": GIVEN},
-        "standard_errors": {name: named[name] for name in kept},
+        "standard_errors": named,
         "covariance": covariance_entry(fit.covariance, (rig.primary, rig.secondary)),
         "design_effect": check.noise.design_effect,
     }
@@ -44,7 +48,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
         uncertainties["bar_length_m"] = {
             "stated": bar,
             "estimate": bar * float(fit.q[BAR]),
-            "standard_error": bar * named["bar_factor"],
+            "standard_error": bar * of_bar,
         }
     return RigParameters(
         method="refined",
@@ -80,3 +84,39 @@ def length_error(fit: Fit, sigma_px: float) -> float | None:
     a, b = ends[0::2], ends[1::2]
     sigmas = length_sigmas(fit.q, fit.lenses, sigma_px, fit.covariance, a, b)
     return MEAN_OF_NORMAL * float(np.mean(sigmas / np.linalg.norm(a - b, axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Errors of one parameter set; NaN behind a camera."""
+
+    reprojection_px: FloatArray
+    """(n,): mean of all points of a frame, of both cameras."""
+    length: FloatArray | None
+    """(n,): |reconstructed - stated| / stated length of the bar, NaN without one; None if there
+    are no bars."""
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """The errors of all frames."""
+
+    frames: IntArray
+    """(n,): the frame numbers."""
+    before: Errors
+    """With the old parameters."""
+    after: Errors | None
+    """With the repaired ones; None if none are offered."""
+
+
+def residuals_of(check: Recheck) -> Residuals:
+    """The errors with the old and, if they are offered, the repaired parameters."""
+    images = check.images
+    numbers, at = np.unique(images.numbers, return_inverse=True)
+
+    def errors(rig: Rig) -> Errors:
+        px, length = images.errors_with(rig)  # bars are one group a frame
+        return Errors(np.bincount(at, px) / np.bincount(at), length if images.bars else None)
+
+    repaired = errors(check.repaired) if check.offers_repair else None
+    return Residuals(numbers, errors(check.prior.rig), repaired)

@@ -84,10 +84,9 @@ def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = No
     Args:
         recording: new images, of cameras with the same names; at least two of them.
     """
-    names = tuple(name for name in rig.names if name in recording.cameras)
     pairs: dict[Pair, Recheck] = {}
     unchecked: dict[Pair, str] = {}
-    for pair in combinations(names, 2):
+    for pair in combinations([name for name in rig.names if name in recording.cameras], 2):
         try:
             own = rig.pair(*pair)
             images = images_of_bars(recording.pair(*pair), own)
@@ -95,9 +94,8 @@ def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = No
         except StereocalError as error:
             unchecked[pair] = str(error)
     if not pairs:
-        why = next(
-            iter(unchecked.values()), f"It has the cameras {listed(list(recording.cameras))}."
-        )
+        cameras = f"It has the cameras {listed(list(recording.cameras))}."
+        why = next(iter(unchecked.values()), cameras)
         raise StereocalError(
             f"{recording.name}: no pair of the rig's cameras {listed(rig.names)} can be checked. "
             f"{why}"
@@ -111,10 +109,9 @@ def rig_sentence(check: RigCheck) -> str:
         return f"Same: no camera has moved, of {listed(check.cameras)}."
     if check.verdict == "cannot tell":
         return "Cannot tell: no movement is seen, but it would not be found in all cameras."
-    if len(check.moved) == 1:
-        return f"Moved or refocused: the camera {check.moved[0]}."
     if check.moved:
-        return f"Moved or refocused: the cameras {listed(check.moved)}."
+        several = "s" * (len(check.moved) > 1)
+        return f"Moved or refocused: the camera{several} {listed(check.moved)}."
     which = "; or ".join(listed(some) for some in check.explanations) or listed(check.cameras)
     return f"Moved or refocused, and it cannot be told which camera: {which}."
 

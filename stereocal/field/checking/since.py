@@ -45,40 +45,36 @@ def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray)
         moved: a fit of all groups with the pose free.
         outlying: (f,): groups that contradict their neighbours.
     """
-    change, sigma_px = moved.change, moved.sigma_px
+    change, sigma_px, numbers = moved.change, moved.sigma_px, images.numbers
     same = _equations(Fit(prior, images, NOTHING, sigma_px), prior.q, outlying)
-    starts = np.flatnonzero(np.diff(images.numbers, prepend=images.numbers[0] - 1))
-    best, index = -1, np.arange(len(images.numbers))
+    starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
+    first, index = -1, np.arange(len(numbers))
     for _ in range(ROUNDS):
         costs = _costs(prior, change, same, _equations(moved, moved.q, outlying), starts)
         found = int(starts[np.argmin(costs)])
-        if found == best:
+        if found == first:
             break
-        best = found
-        moved = Fit(prior, images, change, sigma_px).minimise(outlying | (index < best))
-    without = same.between(best, moved.before - prior.q)
-    lasts = without > _equations(moved, moved.q, outlying).between(best, moved.q - prior.q)
-    none = _cost_of_none(prior, same)
-    return _interval(images.numbers, starts, costs, none, bool(lasts.all()))
-
-
-def _interval(
-    numbers: IntArray, starts: IntArray, costs: FloatArray, none: float, lasts: bool
-) -> Since:
+        first = found
+        moved = Fit(prior, images, change, sigma_px).minimise(outlying | (index < first))
+    without = same.between(first, moved.before - prior.q)
+    with_it = _equations(moved, moved.q, outlying).between(first, moved.q - prior.q)
     best = int(np.argmin(costs))
     weights = np.exp(-0.5 * (costs - costs[best]))
-    weights /= weights.sum()
     order = np.argsort(-weights)
-    inside = order[: int(np.searchsorted(np.cumsum(weights[order]), INSIDE)) + 1]
+    shares = np.cumsum(weights[order]) / weights.sum()
+    inside = order[: int(np.searchsorted(shares, INSIDE)) + 1]
     low, high = int(inside.min()), int(inside.max())
+    root = prior.root
+    A, b = root.T @ same.H[0] @ root + np.eye(root.shape[1]), root.T @ same.g[0]
+    cost_of_none = float(same.c[0] - b @ np.linalg.solve(A, b))
     return Since(
         frame=int(numbers[starts[best]]),
         low=int(numbers[starts[low]]),
         high=int(numbers[starts[high]]),
-        gain=float(none - costs[best]),
+        gain=float(cost_of_none - costs[best]),
         candidates=len(starts),
         at=int(starts[high]),
-        lasts=lasts,
+        lasts=bool((without > with_it).all()),
     )
 
 
@@ -104,19 +100,16 @@ class _Equations:
 
 
 def _equations(fit: Fit, q: FloatArray, outlying: BoolArray) -> _Equations:
-    """The costs of the groups, quadratic about q."""
+    """The costs of the groups, quadratic about q, in sums from each group to the last."""
     groups = [np.flatnonzero(~outlying[f : f + 1]) + f for f in range(len(outlying))]
     H, g, c = fit.equations(q, groups)
     x = q - fit.prior.q
     at = np.einsum("fij,j->fi", H, x)
-    about_prior = c + at @ x - 2.0 * g @ x
-    return _Equations(*(_from_end(values) for values in (H, g - at, about_prior)))
-
-
-def _from_end(values: FloatArray) -> FloatArray:
-    """Sums over the groups from i to the last, with 0 after the last."""
-    sums = np.cumsum(values[::-1], axis=0)[::-1]
-    return np.concatenate([sums, np.zeros_like(values[:1])])
+    sums = (
+        np.cumsum(np.concatenate([each, np.zeros_like(each[:1])])[::-1], axis=0)[::-1]
+        for each in (H, g - at, c + at @ x - 2.0 * g @ x)
+    )
+    return _Equations(*sums)
 
 
 def _costs(
@@ -134,9 +127,3 @@ def _costs(
         constant = same.c[0] - same.c[start] + moved.c[start]
         costs[i] = constant - b @ np.linalg.solve(A, b)
     return costs
-
-
-def _cost_of_none(prior: Prior, same: _Equations) -> float:
-    A = prior.root.T @ same.H[0] @ prior.root + np.eye(prior.root.shape[1])
-    b = prior.root.T @ same.g[0]
-    return float(same.c[0] - b @ np.linalg.solve(A, b))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,17 +39,6 @@ class Variant:
     error: float
     of_positions: bool = False
 
-    def sentence(self, planned: float) -> str:
-        """The change for people, with the error as planned."""
-        if self.of_positions:
-            return (
-                f"{self.text}: positions to {distance(self.error)} instead of {distance(planned)}."
-            )
-        return (
-            f"{self.text}: a mean length error of {percent(self.error)} % instead of "
-            f"{percent(planned)} %."
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Advice:
@@ -79,28 +69,56 @@ class Advice:
                 "No single change would help much: neither another baseline, more bars, better "
                 "known lenses nor a longer bar.",
             )
-        return tuple(own.sentence(self._planned(own)) for own in self.variants)
-
-    def _planned(self, own: Variant) -> float:
-        return self.position_error_m if own.of_positions else self.length_error
+        return tuple(
+            f"{own.text}: positions to {distance(own.error)} instead of "
+            f"{distance(self.position_error_m)}."
+            if own.of_positions
+            else f"{own.text}: a mean length error of {percent(own.error)} % instead of "
+            f"{percent(self.length_error)} %."
+            for own in self.variants
+        )
 
 
 def advise(fit: ExpectedFit) -> Advice:
     """What limits a plan and what would help, by its expected refined set."""
+    plan, own = fit.plan, fit.plan.uncertainty
+    H, P = fit.result.information, fit.result.unknowns.precision
+
+    def known(better: dict[str, float]) -> float:
+        return fit.error_with(H, fit.precision_knowing(better))
+
     baselines, errors = baseline_scan(fit)
-    halves = twice_as_good(fit, baselines, errors)
+    half_noise, lenses = fit.error_with(4.0 * H, P, 0.5), known(LENSES_TWICE)
+    twice = errors[np.argmin(np.abs(baselines - 2 * plan.baseline_m))]
+    halves = {  # of LIMITS, with one of them twice as good
+        "image noise": half_noise,
+        "calibration": fit.error_with(MORE_FRAMES * H, P),
+        "lenses": lenses,
+        "baseline": float(np.nanmin([twice, known({"baseline": 0.5, "bar": 0.5})])),
+    }
     limit = min(halves, key=lambda name: halves[name])
     if limit == "image noise" and halves["baseline"] <= NEARLY_LEAST * halves[limit]:
         limit = "baseline"
+    better_lenses = (
+        f"Lenses calibrated twice as well (focal length to {percent(0.5 * own.focal)} %, centre to "
+        f"{digits(0.5 * own.centre_px, 2)} px)"
+    )
+    baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
+    noise = digits(0.5 * plan.noise_px, 2)
     found = [
-        *_another_baseline(fit.plan, baselines, errors),
+        *_another_baseline(plan, baselines, errors),
         _more_bars(fit),
-        *_known_better(fit),
+        Variant(better_lenses, lenses),
+        Variant(f"The baseline measured to {baseline} mm", known({"baseline": 0.5})),
+        Variant(f"The bar measured to {bar} mm", known({"bar": 0.5})),
+        Variant(
+            f"Half the noise in the images, {noise} px (larger targets, sharper images)", half_noise
+        ),
         *_longer_bar(fit),
     ]
-    positions = _position_error(fit)
+    positions = _position_error(fit, P)
     better = _position_error(fit, fit.precision_knowing(LENSES_TWICE))
-    found.append(Variant(_lenses_twice(fit.plan), better, of_positions=True))
+    found.append(Variant(better_lenses, better, of_positions=True))
 
     def share(own: Variant) -> float:
         return own.error / (positions if own.of_positions else fit.length_error)
@@ -109,35 +127,17 @@ def advise(fit: ExpectedFit) -> Advice:
     return Advice(fit.length_error, positions, limit, worth, baselines, errors)
 
 
-def twice_as_good(fit: ExpectedFit, baselines: FloatArray, errors: FloatArray) -> dict[str, float]:
-    """The length error if one of `LIMITS` is twice as good."""
-    H, P = fit.result.information, fit.result.unknowns.precision
-    twice = errors[np.argmin(np.abs(baselines - 2 * fit.plan.baseline_m))]
-    measured = fit.error_with(H, fit.precision_knowing({"baseline": 0.5, "bar": 0.5}))
-    return {
-        "image noise": fit.error_with(4.0 * H, P, 0.5),
-        "calibration": fit.error_with(MORE_FRAMES * H, P),
-        "lenses": fit.error_with(H, fit.precision_knowing(LENSES_TWICE)),
-        "baseline": float(np.nanmin([twice, measured])),
-    }
-
-
 def baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
     """Baselines in m, and the length error with each; NaN where the common view is lost."""
     plan = fit.plan
     seen = len(plan.common_points)
     baselines = plan.baseline_m * BASELINES
-    errors = np.full(len(baselines), np.nan)
-    for at, (factor, baseline) in enumerate(zip(BASELINES, baselines, strict=True)):
-        if factor == 1.0:
-            errors[at] = fit.length_error
-            continue
-        try:
-            other = with_baseline(plan, float(baseline))
+    errors = np.where(BASELINES == 1.0, fit.length_error, np.nan)
+    for at in np.flatnonzero(BASELINES != 1.0):
+        with suppress(StereocalError):
+            other = with_baseline(plan, float(baselines[at]))
             if len(other.common_points) >= KEPT_VIEW * seen:
                 errors[at] = expect(other).length_error
-        except StereocalError:
-            continue
     return baselines, errors
 
 
@@ -192,36 +192,9 @@ def _more_bars(fit: ExpectedFit) -> Variant:
     return Variant(f"{fit.plan.frames} more bars, {where}", errors[where])
 
 
-def _known_better(fit: ExpectedFit) -> list[Variant]:
-    """Lenses and lengths known twice as well, and half the noise."""
-    H, P, own = fit.result.information, fit.result.unknowns.precision, fit.plan.uncertainty
-
-    def known(better: dict[str, float]) -> float:
-        return fit.error_with(H, fit.precision_knowing(better))
-
-    baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
-    noise = digits(0.5 * fit.plan.noise_px, 2)
-    return [
-        Variant(_lenses_twice(fit.plan), known(LENSES_TWICE)),
-        Variant(f"The baseline measured to {baseline} mm", known({"baseline": 0.5})),
-        Variant(f"The bar measured to {bar} mm", known({"bar": 0.5})),
-        Variant(
-            f"Half the noise in the images, {noise} px (larger targets, sharper images)",
-            fit.error_with(4.0 * H, P, 0.5),
-        ),
-    ]
-
-
-def _lenses_twice(plan: Plan) -> str:
-    own = plan.uncertainty
-    focal, centre = percent(0.5 * own.focal), digits(0.5 * own.centre_px, 2)
-    return f"Lenses calibrated twice as well (focal length to {focal} %, centre to {centre} px)"
-
-
-def _position_error(fit: ExpectedFit, precision: FloatArray | None = None) -> float:
-    """Mean standard error of the ends of the bars in m, with another precision of the priors."""
-    unknowns = fit.result.unknowns
-    known = unknowns if precision is None else replace(unknowns, precision=precision)
+def _position_error(fit: ExpectedFit, precision: FloatArray) -> float:
+    """Mean standard error of the ends of the bars in m, with a precision of the priors."""
+    known = replace(fit.result.unknowns, precision=precision)
     covariances = point_covariances(replace(fit.result, unknowns=known), fit.ends_m.reshape(-1, 3))
     return float(np.mean(np.sqrt(np.trace(covariances, axis1=1, axis2=2))))
 

@@ -87,20 +87,25 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     """The figures of the rigs from `first` to before `end` of the sequence of a seed."""
     errors = standard_errors(seed, end)[first:]
     rng = np.random.default_rng([seed, first])
-    bars = place_planned_bars(
-        plan, int(SPARE * (plan.frames + TEST_BARS)) + (len(errors) - 1) * plan.frames, rng
-    )
+    needed = plan.frames + TEST_BARS
+    bars = place_planned_bars(plan, int(SPARE * needed) + (len(errors) - 1) * plan.frames, rng)
     figures = np.full((len(errors), len(FILES), len(FIGURES)), np.nan)
     position = np.full(len(errors), np.nan)
-    most = int(SPARE**2 * (plan.frames + TEST_BARS))
     partners = partners_in_groups(TEST_BARS, rng, WRONG_PARTNERS)
+    own, stated = plan.uncertainty, shared_unknowns(plan.rig)
     for at, error in enumerate(errors):
-        truth = true_unknowns(plan, error)
-        shuffled = bars[rng.permutation(len(bars))[:most]]
+        truth = stated.copy()
+        for camera, of_lens in enumerate((PRIMARY, SECONDARY)):
+            truth[of_lens : of_lens + 2] *= 1.0 + own.focal * error[camera]
+            off = error[2 + 2 * camera : 4 + 2 * camera]
+            truth[of_lens + 2 : of_lens + 4] += own.centre_px * off
+        truth[BASELINE] += own.baseline_m * error[6]
+        truth[BAR] += own.bar_m / plan.bar_m * error[7]
+        shuffled = bars[rng.permutation(len(bars))[: int(SPARE**2 * needed)]]
         try:
             refined = (first + at) % REFINED_EVERY == 0
-            own, position[at] = _one_rig(plan, truth, shuffled, partners, rng, refined)
-            figures[at, : len(own)] = own
+            found, position[at] = _one_rig(plan, truth, shuffled, partners, rng, refined)
+            figures[at, : len(found)] = found
         except StereocalError:
             continue
     return DrawnRigs(figures, position)
@@ -114,21 +119,6 @@ def standard_errors(seed: int, rigs: int) -> FloatArray:
     return np.asarray(ndtri(np.clip(uniform, 1e-6, 1 - 1e-6)))
 
 
-def true_unknowns(plan: Plan, errors: FloatArray) -> FloatArray:
-    """(25,): the shared unknowns of a true rig, with the true length of the bar over the stated.
-
-    Args:
-        errors: (8,), in standard deviations.
-    """
-    own, truth = plan.uncertainty, shared_unknowns(plan.rig)
-    for camera, at in enumerate((PRIMARY, SECONDARY)):
-        truth[at : at + 2] *= 1.0 + own.focal * errors[camera]
-        truth[at + 2 : at + 4] += own.centre_px * errors[2 + 2 * camera : 4 + 2 * camera]
-    truth[BASELINE] += own.baseline_m * errors[6]
-    truth[BAR] += own.bar_m / plan.bar_m * errors[7]
-    return truth
-
-
 def _one_rig(
     plan: Plan,
     truth: FloatArray,
@@ -139,6 +129,9 @@ def _one_rig(
 ) -> tuple[FloatArray, float]:
     """(files, figures), and the position error of the refined set in metres; without it, the
     figures of the other two files, and NaN.
+
+    Args:
+        truth: (25,): the shared unknowns, with the true length of the bar over the stated.
     """
     lenses = lenses_of_cameras(plan.primary, plan.secondary)
     middle = bars.mean(axis=1, keepdims=True)
@@ -151,28 +144,21 @@ def _one_rig(
     kept = np.flatnonzero(inside)
     if len(kept) < plan.frames + TEST_BARS:
         raise StereocalError("Too many bars are out of view.")
-    of_bars = pixels.reshape(-1, 2, 4)
     recorded, tested = kept[: plan.frames], kept[plan.frames :][:TEST_BARS]
-    sets = _calibrated(plan, of_bars[recorded].reshape(-1, 4), rng, refined)
-    return _judged(sets, truth, lenses, ends[tested], of_bars[tested].reshape(-1, 4), partners)
-
-
-def _calibrated(
-    plan: Plan, pixels: FloatArray, rng: np.random.Generator, refined: bool
-) -> FloatArray:
-    """(files, 25): the shared unknowns of the files of a recording, pixels (2 frames, 4)."""
-    dataset = planned_dataset(plan, pixels)
+    seen, tests = (pixels.reshape(-1, 2, 4)[some].reshape(-1, 4) for some in (recorded, tested))
+    dataset = planned_dataset(plan, seen)
     seeds = np.random.SeedSequence(int(rng.integers(2**63))).spawn(2)
-    everything = np.ones(len(pixels), dtype=np.bool_)
+    everything = np.ones(len(seen), dtype=np.bool_)
     angles = paper_angles(dataset, everything, CalibrationSettings(), *seeds)
-    start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
-    stated = shared_unknowns(plan.rig)
-    sets = np.array(
-        [stated, stated, *([refine(dataset, refine_settings(plan), start).q] if refined else [])]
-    )
-    sets[:2, : angles.shape[1]] = angles[1:]
-    sets[:, BAR] = 1.0
-    return sets
+    sets = [shared_unknowns(plan.rig), shared_unknowns(plan.rig)]
+    for own, found in zip(sets, angles[1:], strict=True):
+        own[: len(found)] = found
+    if refined:
+        start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
+        sets.append(refine(dataset, refine_settings(plan), start).q.copy())
+    for own in sets:
+        own[BAR] = 1.0
+    return _judged(np.array(sets), truth, lenses, ends[tested], tests, partners)
 
 
 def _judged(
@@ -206,7 +192,8 @@ def _judged(
     )
     of_px = counts[:, REPROJECTION].astype(np.int64)
     limits = crossing(of_px)
-    errors = np.abs(lengths - 1.0)
+    errors, wrong = np.abs(lengths - 1.0), of_px[:, 1 - CORRECT]
+    below = [own[UNDERFLOW] + own[:limit].sum() for own, limit in zip(wrong, limits, strict=True)]
     quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
     median, p95 = quantiles(errors, (50, 95), axis=1)
     figures = np.column_stack(
@@ -217,7 +204,7 @@ def _judged(
             overlap(merge_bins(of_px, MERGE)),
             10.0 ** (LOWEST + BIN_WIDTH * limits),
             correct_px,
-            _wrong_below(of_px, limits),
+            np.array(below) / wrong.sum(axis=1),
         ]
     )
     if len(sets) < len(FILES):
@@ -227,10 +214,3 @@ def _judged(
     pose = pose_of(refined)
     away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)
     return figures, float(np.nanmean(away))
-
-
-def _wrong_below(of_px: IntArray, limits: IntArray) -> FloatArray:
-    """(files,): the share of the wrong pairs below the threshold, a bin of counts."""
-    wrong = of_px[:, 1 - CORRECT]
-    below = [own[UNDERFLOW] + own[:limit].sum() for own, limit in zip(wrong, limits, strict=True)]
-    return np.asarray(np.array(below) / wrong.sum(axis=1))

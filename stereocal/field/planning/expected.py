@@ -67,16 +67,6 @@ class ExpectedFit:
         sigmas = self._relative_sigmas(noise**2 * own, jacobian, information, precision)
         return MEAN_OF_NORMAL * float(np.mean(sigmas))
 
-    def length_sigmas(self, first_m: FloatArray, second_m: FloatArray) -> FloatArray:
-        """(n,): standard deviations of lengths, a fraction; NaN behind a camera.
-
-        Args:
-            first_m, second_m: (n, 3) each, in the primary's frame.
-        """
-        result = self.result
-        own, jacobian = _relative_errors(result, first_m, second_m)
-        return self._relative_sigmas(own, jacobian, result.information, result.unknowns.precision)
-
     def _relative_sigmas(
         self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
     ) -> FloatArray:
@@ -126,7 +116,11 @@ class ExpectedFit:
         three directions.
         """
         halves = 0.5 * self.plan.bar_m * np.eye(3)
-        lengths = [self.length_sigmas(points_m - h, points_m + h) for h in halves]
+        H, P = self.result.information, self.result.unknowns.precision
+        lengths = [
+            self._relative_sigmas(*self._relative_errors(points_m - h, points_m + h), H, P)
+            for h in halves
+        ]
         covariances = point_covariances(self.result, points_m)
         away = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return np.asarray(away), np.asarray(np.mean(lengths, axis=0))
@@ -154,19 +148,18 @@ class ExpectedFit:
 
     @cached_property
     def _of_bars(self) -> tuple[FloatArray, FloatArray]:
-        return _relative_errors(self.result, self.ends_m[:, 0], self.ends_m[:, 1])
+        return self._relative_errors(self.ends_m[:, 0], self.ends_m[:, 1])
 
-
-def _relative_errors(
-    result: RefinedResult, first_m: FloatArray, second_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 25) of
-    length errors by the errors of the shared unknowns, all relative.
-    """
-    noise_px = result.sigma_px.value
-    own, jacobian = length_errors(result.q, result.lenses, noise_px, first_m, second_m)
-    lengths = np.linalg.norm(first_m - second_m, axis=1)
-    return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
+    def _relative_errors(
+        self, first_m: FloatArray, second_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 25)
+        of length errors by the errors of the shared unknowns, all relative.
+        """
+        q, lenses, noise_px = self.result.q, self.result.lenses, self.result.sigma_px.value
+        own, jacobian = length_errors(q, lenses, noise_px, first_m, second_m)
+        lengths = np.linalg.norm(first_m - second_m, axis=1)
+        return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
 
 
 def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:

@@ -23,8 +23,9 @@ from stereocal.field.planning.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import Plan
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.numbers import without_nan
+from stereocal.system.numbers import rounded, without_nan
 from stereocal.system.tasks import Progress, Task, run_tasks
+from stereocal.verdict.in_words import distance, percent
 
 FORECAST_FORMAT = "stereocal-forecast/1"
 RIGS, FEWEST_RIGS, MOST_RIGS = 128, 64, 10_000
@@ -32,6 +33,12 @@ FRAMES_OF_RIGS = 50
 """With more frames than this, fewer rigs are drawn; each then gives more information."""
 CHUNK = 16
 LEVEL = (2.5, 97.5)
+LIMITS = {
+    "image noise": "the noise of the image points",
+    "calibration": "the number of bars to calibrate with",
+    "lenses": "how well the lenses are known",
+    "baseline": "the baseline",
+}
 TOLD_APART = 0.05
 """Share of the points that may have a wrong partner within the threshold."""
 MOST_FAILED = 0.5
@@ -91,11 +98,6 @@ class PlanForecast:
             value, low, high = 1.0 + TOLD_APART / np.array([wrong.value, wrong.high, wrong.low])
         return Estimate(float(value), float(low), float(high))
 
-    @property
-    def failed(self) -> int:
-        """Drawn rigs whose recording could not be calibrated."""
-        return self.rigs.failed
-
     def to_json(self) -> dict[str, Any]:
         """The content of `forecast.json`; errors are fractions, missing values null."""
         content = {
@@ -114,7 +116,7 @@ class PlanForecast:
                 for z, error, away in np.stack(self.fit.by_depth, axis=1).tolist()
             ],
             "rigs": self.rigs.count,
-            "rigs_failed": self.failed,
+            "rigs_failed": self.rigs.failed,
             "seed": self.seed,
         }
         return {key: without_nan(value) for key, value in content.items()}
@@ -150,13 +152,9 @@ def forecast(
         Task(f"{first}-{end}", draw_rigs, (plan, seed, first, end), end - first)
         for first, end in ranges
     ]
-    found: list[DrawnRigs] = []
     with closing(run_tasks(tasks, executor, rigs, progress)) as finished:
-        found = [own for _, own in finished]
-    whole = DrawnRigs(
-        np.concatenate([own.figures for own in found]),
-        np.concatenate([own.position_m for own in found]),
-    )
+        parts = zip(*((own.figures, own.position_m) for _, own in finished), strict=True)
+        whole = DrawnRigs(*map(np.concatenate, parts))
     if whole.failed > MOST_FAILED * whole.count:
         raise StereocalError(
             "Most recordings simulated from this plan cannot be calibrated: plan more frames, a "
@@ -167,8 +165,28 @@ def forecast(
 
 def _over_rigs(values: FloatArray) -> Estimate:
     known = values[np.isfinite(values)]
-    if not len(known):
-        return Estimate(float("nan"), float("nan"), float("nan"))
-    low, high = (float(v) for v in np.percentile(known, LEVEL))
-    value = float(known.mean())
+    known = known if len(known) else np.full(1, np.nan)
+    value, (low, high) = float(known.mean()), np.percentile(known, LEVEL).tolist()
     return Estimate(value, min(low, value), max(high, value))
+
+
+def answer(found: PlanForecast) -> str:
+    """What the plan will measure, how well, and what limits it."""
+    depths, length, position = found.fit.by_depth
+    known = np.flatnonzero(np.isfinite(length))
+    middle, far = known[len(known) // 2], known[-1]
+    return (
+        f"Lengths to {percent(length[middle])} % at {rounded(depths[middle], 3)} m and "
+        f"{percent(length[far])} % at {rounded(depths[far], 3)} m, positions to "
+        f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
+        f"the refined set). About {points_per_frame(found)} points of a frame can be matched. "
+        f"Limited by {LIMITS[found.advice.limited_by]}."
+    )
+
+
+def points_per_frame(found: PlanForecast) -> str:
+    """How many points of a frame can be matched, with two digits at most."""
+    value = found.points_per_frame.value
+    if not value < 10_000:
+        return "more than 10,000"
+    return str(int(float(f"{value:.2g}"))) if value >= 10 else str(int(value))
