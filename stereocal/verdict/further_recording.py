@@ -93,16 +93,15 @@ def further_recordings(
         )
         errors = errors_of(seen, rig.pose)
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
-        lengths = errors.length[bars]
-        in_images = half_width(px, partial(np.mean, axis=-1), length, rng)
-        found[method] = Further(
-            in_images,
-            # Small overlaps show little of what changes the errors.
-            max(_half_width_of_fcp(seen, rig.pose, used, at, length, rng), in_images),
-            half_width(lengths, partial(np.mean, axis=-1), length, rng),
-            half_width(lengths, partial(np.median, axis=-1), length, rng),
-            half_width(lengths, partial(np.percentile, q=95, axis=-1), length, rng),
+        mean, median = partial(np.mean, axis=-1), partial(np.median, axis=-1)
+        p95 = partial(np.percentile, q=95, axis=-1)
+        in_images = half_width(px, mean, length, rng)
+        # Small overlaps show little of what changes the errors.
+        of_pairs = max(_half_width_of_fcp(seen, rig.pose, used, at, length, rng), in_images)
+        of_lengths = (
+            half_width(errors.length[bars], own, length, rng) for own in (mean, median, p95)
         )
+        found[method] = Further(in_images, of_pairs, *of_lengths)
     return found
 
 
@@ -117,12 +116,6 @@ def _length_of_places(model: RefinedResult) -> int:
     return clusters_of(times[order], (places - np.nanmean(places, axis=0))[order]).length
 
 
-def _runs(frames: int, length: int) -> int:
-    """Into how many runs frames are divided that are alike for a length; 0 if they are too few."""
-    runs = min(RUNS, max(frames // length, FEWEST))
-    return runs if frames >= FEWEST * runs else 0
-
-
 def half_width(
     errors: FloatArray, figure: Callable[..., Any], length: int, rng: np.random.Generator
 ) -> float:
@@ -132,18 +125,15 @@ def half_width(
         length: frames over which they are alike.
     """
     known = errors[np.isfinite(errors)]
-    runs = _runs(len(known), length)
-    if not runs:
-        return 0.0
-    known = known[: len(known) // runs * runs]
 
-    def between(values: FloatArray) -> FloatArray:
-        """(...): variance between the runs of (..., f)."""
-        parts = figure(values.reshape(*values.shape[:-1], runs, -1))
-        return np.asarray(np.log(np.maximum(parts, 1e-300)).var(axis=-1, ddof=1))
+    def spread(runs: int) -> tuple[float, float]:
+        own = known[: len(known) // runs * runs]
+        shuffled = rng.permuted(np.broadcast_to(own, (SHUFFLES, len(own))), axis=1)
+        parts = figure(np.vstack([own, shuffled]).reshape(1 + SHUFFLES, runs, -1))
+        between = np.log(np.maximum(parts, 1e-300)).var(axis=-1, ddof=1)
+        return float(between[0]), float(between[1:].mean())
 
-    shuffled = rng.permuted(np.broadcast_to(known, (SHUFFLES, len(known))), axis=1)
-    return _half_width(float(between(known)), float(between(shuffled).mean()), runs)
+    return _half_width(len(known), length, spread)
 
 
 def _half_width_of_fcp(
@@ -155,11 +145,8 @@ def _half_width_of_fcp(
         used: (n,): the rows to count, and `at` (n,) the places of their frames in time.
     """
     frames = int(at.max()) + 1
-    runs = _runs(frames, length)
-    if not runs:
-        return 0.0
 
-    def between(order: IntArray) -> float:
+    def between(order: IntArray, runs: int) -> float:
         """Variance between the runs of frames in an order (f,)."""
         odds = []
         for own in np.array_split(order, runs):
@@ -169,12 +156,24 @@ def _half_width_of_fcp(
             odds.append(np.log((fcp * pairs + 0.5) / ((1.0 - fcp) * pairs + 0.5)))
         return float(np.var(odds, ddof=1))
 
-    shuffled = [between(rng.permutation(frames)) for _ in range(SHUFFLES_OF_PAIRS)]
-    return _half_width(between(np.arange(frames)), float(np.mean(shuffled)), runs)
+    def spread(runs: int) -> tuple[float, float]:
+        shuffled = [between(rng.permutation(frames), runs) for _ in range(SHUFFLES_OF_PAIRS)]
+        return between(np.arange(frames), runs), float(np.mean(shuffled))
+
+    return _half_width(frames, length, spread)
 
 
-def _half_width(between: float, of_frames: float, runs: int) -> float:
-    """From the variance between runs, and between groups of frames drawn at random."""
+def _half_width(frames: int, length: int, spread: Callable[[int], tuple[float, float]]) -> float:
+    """0 if frames that are alike for a length are too few to be divided into runs.
+
+    Args:
+        spread: the variances between runs, and between groups of frames drawn at random, by the
+            number of runs.
+    """
+    runs = min(RUNS, max(frames // length, FEWEST))
+    if frames < FEWEST * runs:
+        return 0.0
+    between, of_frames = spread(runs)
     recordings = 1 / (runs * LENGTH)
     squares = stdtrit(runs - 1, 0.975) ** 2 * max(between - of_frames, 0.0)
     squares *= recordings + 1 / runs

@@ -16,27 +16,26 @@ from stereocal.system.numbers import digits as digits
 
 def left_out_line(screening: Screening) -> str:
     """Sentences on the frames left out, and on those whose targets look exchanged; or empty."""
-    others = [f"Left out by you: {_named(screening.by_user)}."] if screening.by_user else []
+    found = []
+    if frames := screening.contradicting:
+        verb = "contradicts" if len(frames) == 1 else "contradict"
+        found.append(f"Left out: {_named(frames)}, which {verb} the others.")
+        if which := screening.exchanged:
+            where = "there" if which == frames else f"in {_named(which)}"
+            found.append(f"A and B look exchanged in one camera {where}.")
+    if screening.by_user:
+        found.append(f"Left out by you: {_named(screening.by_user)}.")
     if copies := screening.copies:
-        others.append(
+        found.append(
             f"Left out as well: {_named([*copies])}, with exactly the points of "
             f"{_named(sorted({*copies.values()}))}; a copy adds no information."
         )
     if alone := screening.without_neighbours:
-        others.append(
+        found.append(
             f"{len(alone)} frames have no neighbours in time to shift their points by, and were "
             "left out too."
         )
-    frames = screening.contradicting
-    if not frames:
-        return " ".join(others)
-    verb = "contradicts" if len(frames) == 1 else "contradict"
-    line = f"Left out: {_named(frames)}, which {verb} the others."
-    if screening.exchanged:
-        which = screening.exchanged
-        where = "there" if which == frames else f"in frame{'s' * (len(which) > 1)} {listed(which)}"
-        line += f" A and B look exchanged in one camera {where}."
-    return " ".join([line, *others])
+    return " ".join(found)
 
 
 def _named(frames: Sequence[int]) -> str:
@@ -47,7 +46,7 @@ def why_not_trusted(calibration: Calibration) -> str:
     """Why a calibration is not reliable; empty if there is no reason."""
     dataset = calibration.dataset.of_frames(tested_frames(calibration))
     error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
-    return _not_trusted([calibration.screening], error)
+    return why_held_out_not_trusted([calibration.screening], [error])
 
 
 def why_validation_not_trusted(
@@ -63,18 +62,15 @@ def why_held_out_not_trusted(
 ) -> str:
     """As `why_validation_not_trusted`, from 95 % of the length errors of each set."""
     known = [error for error in p95_lengths if error is not None and math.isfinite(error)]
-    return _not_trusted(screenings, min(known, default=math.nan))
-
-
-def _not_trusted(screenings: Sequence[Screening], p95_length: float) -> str:
+    best = min(known, default=0.0)
     found = [
         f"{percent(each.share)} % of the frames of {each.full_dataset.name} contradict the others "
         "and were left out."
         for each in screenings
         if each.share > MAXIMUM_LEFT_OUT
     ]
-    if p95_length > POOR_LENGTH:
-        found.append(f"5 % of the bars have length errors above {percent(p95_length)} %.")
+    if best > POOR_LENGTH:
+        found.append(f"5 % of the bars have length errors above {percent(best)} %.")
     return " ".join(found)
 
 

@@ -19,7 +19,6 @@ import numpy as np
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import digits
 from stereocal.verdict.intervals import TAILS
 from stereocal.verdict.model_check import ModelCheck
@@ -71,23 +70,20 @@ def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None
     in_images = predictive.ratio(predictive.correct_px, "refined", "2d")
     in_length = predictive.ratio(predictive.mean_errors_3d, "refined", "3d")
     limit = 1.0 + TOLERANCE
-    matching, measuring = _ratio(in_images), _ratio(in_length)
+    matching, measuring = (
+        Estimate(float(value), float(low), float(high))
+        for low, value, high in (
+            np.nanpercentile(draws, (TAILS[0], 50, TAILS[1])) for draws in (in_images, in_length)
+        )
+    )
     chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
-    kind: Kind = "level"
-    if chance <= 1.0 - SURE:
-        kind = "two"
-    elif chance >= SURE and (check is None or check.holds):
-        kind = "one"
+    surely_one = chance >= SURE and (check is None or check.holds)
+    kind: Kind = "two" if chance <= 1.0 - SURE else "one" if surely_one else "level"
     match_with: Method = "2d" if matching.value > limit else "refined"
     measure_with: Method = "3d" if measuring.value > limit else "refined"
     add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
     figures = _figures(predictive, matching, measuring)
     return Verdict(kind, figures, matching, measuring, chance, match_with, measure_with, add, check)
-
-
-def _ratio(draws: FloatArray) -> Estimate:
-    low, value, high = np.nanpercentile(draws, (TAILS[0], 50, TAILS[1]))
-    return Estimate(float(value), float(low), float(high))
 
 
 def sure(chance: float) -> str:
@@ -97,13 +93,16 @@ def sure(chance: float) -> str:
 
 def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) -> str:
     of = predictive.forecasts
-    px = {name: of[name].mean_reprojection_px.value for name in SETS}
-    length = {name: of[name].mean_error_3d.value for name in SETS}
+    px = {name: f"{digits(of[name].mean_reprojection_px.value, 2)} px" for name in SETS}
+    length = {name: f"{digits(100 * of[name].mean_error_3d.value, 2)} %" for name in SETS}
+    times = [
+        f"{ratio.value:.2f} times, {ratio.low:.2f} to {ratio.high:.2f}"
+        for ratio in (matching, measuring)
+    ]
     return (
-        f"On similar bars, the refined set matches with an error of {digits(px['refined'], 2)} px, "
-        f"the 2D set with {digits(px['2d'], 2)} px ({_in_words(matching)}); it measures with an "
-        f"error of {_percent(length['refined'])}, the 3D set with {_percent(length['3d'])} "
-        f"({_in_words(measuring)})."
+        f"On similar bars, the refined set matches with an error of {px['refined']}, the 2D set "
+        f"with {px['2d']} ({times[0]}); it measures with an error of {length['refined']}, the 3D "
+        f"set with {length['3d']} ({times[1]})."
     )
 
 
@@ -123,11 +122,3 @@ def _frames_to_add(ratios: Sequence[Estimate], frames: int) -> int | None:
     if needed > MAXIMUM_TO_ADD:
         return None
     return max(5 * int(np.ceil((needed - 1.0) * frames / 5)), 5)
-
-
-def _in_words(ratio: Estimate) -> str:
-    return f"{ratio.value:.2f} times, {ratio.low:.2f} to {ratio.high:.2f}"
-
-
-def _percent(fraction: float) -> str:
-    return f"{digits(100 * fraction, 2)} %"

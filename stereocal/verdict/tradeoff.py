@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -112,11 +113,17 @@ def trade_off(
     if start is None:
         start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
     as_stated = replace(settings, primary=FIXED_LENS, secondary=FIXED_LENS, baseline_sigma_m=0.0)
+    steps = count(1)
+
+    def goes_on() -> bool:
+        if progress:
+            progress(next(steps), 4 * points)
+        return not (cancelled and cancelled())
+
     curves = []
-    for number, (lenses, own) in enumerate((("fixed", as_stated), ("freed", settings))):
+    for lenses, own in (("fixed", as_stated), ("freed", settings)):
         unknowns = unknowns_of(dataset, start, replace(own, distance_sigma_m=0.0), distortion=False)
-        curve = _Curve(dataset, unknowns, lenses)
-        done = curve.trace(points, number, progress, cancelled)
+        done = _Curve(dataset, unknowns, lenses).trace(points, goes_on)
         if done is None:
             return None
         curves.append(done)
@@ -140,41 +147,34 @@ class _Curve:
         self.J = np.empty((len(unknowns.names), 4 * n + m))
         self.steps = np.where(np.isfinite(unknowns.sigma), 1e-4 * unknowns.sigma, 1e-6)
         p = np.zeros(len(unknowns.names))
-        self._errors_at(p)
-        _, cost_2d, cost_3d = weigh(self.errors, n, 1.0, 1.0, 0.0, 0.0, self.weights)
+        cost_2d, cost_3d = self._costs_at(p)
         if not np.isfinite(cost_2d + cost_3d):
             raise StereocalError("The trade-off cannot start: a point is behind a camera.")
         self.mean_px, self.mean_m = max(cost_2d / (2 * n), 1e-9), max(cost_3d / m, 1e-12)
         # The 3D cost is scaled by the errors at its own end of the curve, not at this end.
         end = self._minimise(p, 1.0 - 1e-3)
-        reached = weigh(self.errors, n, 1.0, 1.0, 0.0, 0.0, self.weights)[2]
-        self.mean_m = max(reached / m, 1e-12)
+        self.mean_m = max(self._costs_at(end)[1] / m, 1e-12)
         self.ends = (p, end)
 
-    def trace(
-        self,
-        points: int,
-        number: int,
-        progress: Callable[[int, int], None] | None,
-        cancelled: Callable[[], bool] | None,
-    ) -> tuple[TradeOffPoint, ...] | None:
+    def trace(self, points: int, goes_on: Callable[[], bool]) -> tuple[TradeOffPoint, ...] | None:
         """All points, each the better result of both directions; None if cancelled."""
         shares = 1.0 / (1.0 + 10.0 ** np.linspace(MAXIMUM_LOG_WEIGHT, -MAXIMUM_LOG_WEIGHT, points))
         best: dict[float, tuple[float, FloatArray]] = {}
-        done = 2 * number * points
-        for start, order in zip(self.ends, (shares, shares[::-1]), strict=True):
-            p = start
-            for share in order:
-                p = self._minimise(p, float(share))
-                value = self._objective(p, float(share))
+        for p, order in zip(self.ends, (shares, shares[::-1]), strict=True):
+            for share in order.tolist():
+                p = self._minimise(p, share)
+                value = self._objective(p, share)
                 if share not in best or value < best[share][0]:
                     best[share] = (value, p)
-                done += 1
-                if progress:
-                    progress(done, 4 * points)
-                if cancelled and cancelled():
+                if not goes_on():
                     return None
-        return tuple(self._point(float(share), best[share][1]) for share in shares)
+        return tuple(self._point(share, best[share][1]) for share in shares.tolist())
+
+    def _costs_at(self, p: FloatArray) -> tuple[float, float]:
+        """The 2D cost in pixels and the 3D cost in metres."""
+        self._errors_at(p)
+        _, *costs = weigh(self.errors, self.pairs, 1.0, 1.0, 0.0, 0.0, self.weights)
+        return costs[0], costs[1]
 
     def _errors_at(self, p: FloatArray) -> None:
         q = self._q(p)
@@ -203,8 +203,7 @@ class _Curve:
 
     def _minimise(self, p: FloatArray, share: float) -> FloatArray:
         """Iteratively reweighted least squares with Levenberg-Marquardt steps, from p."""
-        best, damping = self._objective(p, share), 1e-6
-        fresh = True
+        best, damping, fresh = self._objective(p, share), 1e-6, True
         for _ in range(MAXIMUM_STEPS):
             if fresh:
                 q = self._q(p)
@@ -228,22 +227,17 @@ class _Curve:
             trial = p - scale * np.linalg.solve(lifted, scale * b)
             value = self._objective(trial, share)
             fresh = value <= best
+            damping = max(0.1 * damping, 1e-12) if fresh else 10.0 * damping
+            ended = best - value < TOLERANCE * value if fresh else damping > 1e6
             if fresh:
-                gain, best, p = best - value, value, trial
-                damping = max(0.1 * damping, 1e-12)
-                if gain < TOLERANCE * best:
-                    break
-            else:
-                damping *= 10.0
-                if damping > 1e6:
-                    break
+                best, p = value, trial
+            if ended:
+                break
         self._errors_at(p)
         return p
 
     def _point(self, share: float, p: FloatArray) -> TradeOffPoint:
-        self._errors_at(p)
-        _, cost_2d, cost_3d = weigh(self.errors, self.pairs, 1.0, 1.0, 0.0, 0.0, self.weights)
-        q = self._q(p)
+        (cost_2d, cost_3d), q = self._costs_at(p), self._q(p)
         return TradeOffPoint(
             share=share,
             cost_2d_px=cost_2d,

@@ -12,8 +12,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, observe
-from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.improvements import advice_on_improvements, improvements
+from stereocal.verdict.forecast import advice_on_improvements, forecast_files, improvements
 from stereocal.verdict.model_check import ALONG, BENDS, ModelCheck, cause_of_scatter
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
@@ -105,7 +104,7 @@ def test_improvements_go_the_right_way() -> None:
     model = refine(rig(4, 8, off), off.settings())
     found = improvements(model)
     now, noise = found.pop(""), found.pop("everything known exactly")
-    assert all(noise.length < each.length < 1.05 * now.length for each in found.values())
+    assert all(noise < each < 1.05 * now for each in found.values())
     lenses, baseline = found["exactly known lenses"], found["an exactly known baseline"]
-    assert lenses.length < baseline.length
+    assert lenses < baseline
     assert "exactly known lenses" in advice_on_improvements(model)
