@@ -45,6 +45,8 @@ BENDS = "alike near and far, as of a bar that bends or of targets that move on i
 ALONG = "most where they are least certain, as of blur by motion or of cameras out of step"
 UNCLEAR = "these bars cannot tell whether the bar bends or the points are less exact"
 PLACES = ("in the near half", "in the far half", "near the image centres", "near the image edges")
+_Ratio = tuple[float, float]
+"""A mean error over the forecast one, and the standard error of its logarithm; NaN if few."""
 
 
 @dataclass(frozen=True)
@@ -77,29 +79,31 @@ class ModelCheck:
     """What else is known of the noise, for the user."""
 
     @property
+    def _all(self) -> tuple[HeldOutRatio, ...]:
+        return self.matching, self.measuring, *self.places
+
+    @property
+    def _failed(self) -> list[HeldOutRatio]:
+        return [each for each in self._all if not each.holds]
+
+    @property
     def worst(self) -> HeldOutRatio:
         """The comparison with the clearest excess."""
-        failed = [each for each in self._all if not each.holds]
-        return max(failed or self._all, key=lambda each: each.standard_errors)
+        return max(self._failed or self._all, key=lambda each: each.standard_errors)
 
     @property
     def holds(self) -> bool:
         """Whether no error is larger than the forecast beyond chance."""
-        return self.worst.holds
+        return not self._failed
 
     @property
     def excess(self) -> tuple[float, float]:
         """The largest significant excess in the images and in length, each at least 1."""
-        failed = [each for each in self._all if not each.holds]
         images, length = (
-            max([1.0, *(each.ratio for each in failed if each.what == what)])
+            max([1.0, *(each.ratio for each in self._failed if each.what == what)])
             for what in (IN_IMAGES, IN_LENGTH)
         )
         return images, length
-
-    @property
-    def _all(self) -> tuple[HeldOutRatio, ...]:
-        return self.matching, self.measuring, *self.places
 
     @property
     def text(self) -> str:
@@ -109,18 +113,17 @@ class ModelCheck:
             f"images and {self.measuring.ratio:.2f} times in length"
         )
         if self.holds:
-            parts = [f"Checked: {overall}."]
-            if self.measuring.ratio < CAUTIOUS_BELOW:
-                parts.append("The forecast of lengths is cautious here.")
+            cautious = " The forecast of lengths is cautious here."
+            found = f"Checked: {overall}.{cautious * (self.measuring.ratio < CAUTIOUS_BELOW)}"
         else:
             at = self.worst
             place = f" ({at.ratio:.2f} times {at.where}, {at.what})" if at.where else ""
-            parts = [
-                f"The model does not explain these images: {overall}{place}.",
-                "Likely causes: a wrong distortion, a lens file too sure of itself, cameras out of "
-                "step. The upper ends of the intervals are raised by these factors.",
-            ]
-        return " ".join([*parts, *self.notes])
+            found = (
+                f"The model does not explain these images: {overall}{place}. Likely causes: a "
+                "wrong distortion, a lens file too sure of itself, cameras out of step. The upper "
+                "ends of the intervals are raised by these factors."
+            )
+        return " ".join([found, *self.notes])
 
 
 def check_model(
@@ -151,17 +154,21 @@ def check_model(
     def errors_over_forecast(pairs: BoolArray, bars: BoolArray, drawn: BoolArray) -> list[_Ratio]:
         length = float(np.hypot(predictive.mean_length_error("refined", drawn), of_bar))
         return [
-            _Ratio.of(px[pairs], forecast.mean_reprojection_px.value, of_pairs[pairs]),
-            _Ratio.of(lengths[bars], length, of_pairs[table.bars[:, 0]][bars]),
+            _ratio(px[pairs], forecast.mean_reprojection_px.value, of_pairs[pairs]),
+            _ratio(lengths[bars], length, of_pairs[table.bars[:, 0]][bars]),
         ]
 
     everywhere = errors_over_forecast(
         np.isfinite(px), np.isfinite(lengths), np.isfinite(predictive.depths)
     )
-    spreads = [_log_sigma(forecast.mean_reprojection_px), _log_sigma(forecast.mean_error_3d)]
     matching, measuring = (
-        HeldOutRatio("", what, own.ratio, float(np.log(own.ratio) / np.hypot(own.spread, spread)))
-        for what, own, spread in zip((IN_IMAGES, IN_LENGTH), everywhere, spreads, strict=True)
+        HeldOutRatio("", what, ratio, float(np.log(ratio) / np.hypot(spread, _log_sigma(own))))
+        for what, (ratio, spread), own in zip(
+            (IN_IMAGES, IN_LENGTH),
+            everywhere,
+            (forecast.mean_reprojection_px, forecast.mean_error_3d),
+            strict=True,
+        )
     )
     places: list[HeldOutRatio] = []
     depths = refined.points_m[refined.dataset.correspondences.parts][refined.used_rows, 2]
@@ -171,12 +178,16 @@ def check_model(
         (PLACES[2:], radii, predictive.radii),
     ):
         at_bars, middle = own[table.bars].mean(axis=1), np.median(own)
-        inner = errors_over_forecast(own <= middle, at_bars <= middle, drawn <= middle)
-        outer = errors_over_forecast(own > middle, at_bars > middle, drawn > middle)
-        for what, a, b in zip((IN_IMAGES, IN_LENGTH), inner, outer, strict=True):
-            more = float(np.log(b.ratio / a.ratio) / np.hypot(a.spread, b.spread))
-            places.append(HeldOutRatio(names[0], what, a.ratio, -more))
-            places.append(HeldOutRatio(names[1], what, b.ratio, more))
+        halves = (
+            errors_over_forecast(*((each <= middle) == inner for each in (own, at_bars, drawn)))
+            for inner in (True, False)
+        )
+        for what, (inner, of_inner), (outer, of_outer) in zip(
+            (IN_IMAGES, IN_LENGTH), *halves, strict=True
+        ):
+            more = float(np.log(outer / inner) / np.hypot(of_inner, of_outer))
+            places.append(HeldOutRatio(names[0], what, inner, -more))
+            places.append(HeldOutRatio(names[1], what, outer, more))
     return ModelCheck(matching, measuring, tuple(places), tuple(notes_on_noise(model, innovations)))
 
 
@@ -206,25 +217,16 @@ def _held_out_errors(
     return px, lengths
 
 
-@dataclass(frozen=True)
-class _Ratio:
-    """A mean error over the forecast one, and the standard error of its logarithm; NaN if few."""
-
-    ratio: float
-    spread: float
-
-    @classmethod
-    def of(cls, errors: FloatArray, forecast: float, clusters: IntArray) -> _Ratio:
-        """Errors (n,) with the numbers (n,) of their clusters, whose sums are independent."""
-        finite = np.isfinite(errors)
-        known, at = errors[finite], np.unique(clusters[finite], return_inverse=True)[1]
-        count = int(at.max(initial=-1)) + 1
-        if count < MINIMUM_ERRORS:
-            return cls(float("nan"), float("nan"))
-        mean = float(known.mean())
-        sums = np.bincount(at, known - mean)
-        variance = float(np.sum(np.square(sums))) * count / (count - 1)
-        return cls(mean / forecast, variance**0.5 / mean / len(known))
+def _ratio(errors: FloatArray, forecast: float, clusters: IntArray) -> _Ratio:
+    """Of errors (n,) with the numbers (n,) of their clusters, whose sums are independent."""
+    finite = np.isfinite(errors)
+    known, at = errors[finite], np.unique(clusters[finite], return_inverse=True)[1]
+    count = int(at.max(initial=-1)) + 1
+    if count < MINIMUM_ERRORS:
+        return float("nan"), float("nan")
+    mean = float(known.mean())
+    variance = float(np.sum(np.square(np.bincount(at, known - mean)))) * count / (count - 1)
+    return mean / forecast, variance**0.5 / mean / len(known)
 
 
 def _log_sigma(interval: Estimate) -> float:

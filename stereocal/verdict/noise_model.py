@@ -44,16 +44,15 @@ class NoiseDraws:
 def draw_noise(model: RefinedResult, draws: int, rng: np.random.Generator) -> NoiseDraws:
     """Draw the noise of the images of a model."""
     residuals = model.standardised_residuals[model.used_rows]
+    M, used = model.unknowns.M, ~model.outlying
+    spent = float(np.sum(model.p_covariance_by_model * (M.T @ model.information @ M)))
+    freedom = float(model.degrees_of_freedom[used].sum())
+    pairs = float(np.isfinite(model.used_points_m[:, :, 0]).sum())
+    left = max(pairs * (1.0 - spent / freedom), 1.0)
     bars = bar_innovations(model, model.used_rows)
     lengths = bars.errors_m / np.sqrt(bars.variances_m2 + model.scatter_m.value**2)
-    return noise_given(
-        residuals,
-        len(residuals) - _freedom(model),
-        lengths[np.isfinite(lengths)],
-        length_freedom(model, bars),
-        draws,
-        rng,
-    )
+    lengths, absorbed = lengths[np.isfinite(lengths)], length_freedom(model, bars)
+    return noise_given(residuals, len(residuals) - left, lengths, absorbed, draws, rng)
 
 
 def noise_given(
@@ -102,16 +101,6 @@ def _log_density(residuals: FloatArray, absorbed: float) -> FloatArray:
             shape = constant - 0.5 * (nu + 1) * np.log1p(ratio / nu)
         density[i] = left * (shape - np.log(SCALES)).sum(axis=0)
     return density
-
-
-def _freedom(model: RefinedResult) -> float:
-    """Degrees of freedom that the fit has left to the residuals of the pairs, at least 1."""
-    used = ~model.outlying
-    M = model.unknowns.M
-    spent = float(np.sum(model.p_covariance_by_model * (M.T @ model.information @ M)))
-    freedom = float(model.degrees_of_freedom[used].sum())
-    pairs = float(np.isfinite(model.used_points_m[:, :, 0]).sum())
-    return max(pairs * (1.0 - spent / freedom), 1.0)
 
 
 def noise_of_points(degrees: FloatArray, points: int, rng: np.random.Generator) -> FloatArray:

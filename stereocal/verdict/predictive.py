@@ -81,22 +81,26 @@ class Forecast:
 
     def further(self, spread: Further) -> Forecast:
         """With the intervals widened to what a further recording may show."""
-        found = {name: widened(estimate, spread.of(name)) for name, estimate in vars(self).items()}
-        shares = {
-            name: replace(estimate, high=min(estimate.high, 1.0))
-            for name, estimate in found.items()
-            if not name.endswith(("_3d", "_px"))
-        }
-        return Forecast(**{**found, **shares})
+        return Forecast(
+            **{
+                name: _limited(name, widened(estimate, spread.of(name)))
+                for name, estimate in vars(self).items()
+            }
+        )
 
     def raised(self, in_images: float, in_length: float) -> Forecast:
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""
         raised = {}
         for name, estimate in vars(self).items():
-            length, px = name.endswith("_3d"), name.endswith("_px")
-            high = estimate.high * (in_length if length else in_images)
-            raised[name] = replace(estimate, high=high if length or px else min(high, 1.0))
+            high = estimate.high * (in_length if name.endswith("_3d") else in_images)
+            raised[name] = _limited(name, replace(estimate, high=high))
         return Forecast(**raised)
+
+
+def _limited(name: str, estimate: Estimate) -> Estimate:
+    """A figure; no share is above 1."""
+    of_share = not name.endswith(("_3d", "_px"))
+    return replace(estimate, high=min(estimate.high, 1.0)) if of_share else estimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,41 +173,32 @@ class Predictive:
 
     def _forecast(self, method: Method, threshold_px: float | None) -> Forecast:
         at = self.methods.index(method)
-        counts = self.counts[:, :, at].astype(np.int64)
-        errors = self.errors_3d[:, :, at]
-        pooled = counts.sum(axis=(0, 1))
-        recommended = threshold_bin = int(crossing(pooled[REPROJECTION]))
+        counts, errors = self.counts[:, :, at].astype(np.int64), self.errors_3d[:, :, at]
+        of_px, px = counts[:, :, REPROJECTION], self.correct_px[:, :, at]
+        recommended = int(crossing(of_px.sum(axis=(0, 1))))
+        limit = recommended
         if threshold_px is not None:
-            threshold_bin = int(np.clip(bin_edge(threshold_px), 0, BINS))
-        below = counts[..., REPROJECTION, :, UNDERFLOW] + counts[
-            ..., REPROJECTION, :, :threshold_bin
-        ].sum(axis=-1)
-        total = counts[..., REPROJECTION, :, :].sum(axis=-1)
+            limit = int(np.clip(bin_edge(threshold_px), 0, BINS))
+        below = of_px[..., UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
+        total = of_px.sum(axis=-1)
         lost, let_in = (total - below)[..., CORRECT], below[..., 1 - CORRECT]
-        both = np.concatenate(
-            [counts[:, :, REPROJECTION], counts[:, :, REPROJECTION].sum(axis=1, keepdims=True)],
-            axis=1,
-        )
-        crossings = crossing(both)
-        thresholds = np.power(10.0, LOWEST + crossings * BIN_WIDTH)
+        both = np.concatenate([of_px, of_px.sum(axis=1, keepdims=True)], axis=1)
+        thresholds = np.power(10.0, LOWEST + crossing(both) * BIN_WIDTH)
         value = float(10 ** (LOWEST + recommended * BIN_WIDTH))
         middle = interval_of(thresholds[:, 2], thresholds[:, :2], LOG)
+        whole = mean_of(errors.reshape(len(errors), -1))
         found = Forecast(
-            fcp_residual=fcp_interval(counts[..., RESIDUAL, :, :]),
-            fcp_reprojection=fcp_interval(counts[..., REPROJECTION, :, :]),
+            fcp_residual=fcp_interval(counts[:, :, RESIDUAL]),
+            fcp_reprojection=fcp_interval(of_px),
             threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
             correct_lost_at_threshold=tail_of_few(
                 share_interval(lost, total[..., CORRECT]), self.recorded
             ),
             wrong_let_in_at_threshold=share_interval(let_in, total[..., 1 - CORRECT]),
-            mean_reprojection_px=interval_of(
-                mean_of(self.correct_px[:, :, at]), self.correct_px[:, :, at], LOG
-            ),
+            mean_reprojection_px=interval_of(mean_of(px), px, LOG),
             median_error_3d=quantile_interval(errors, 0.5),
             p95_error_3d=quantile_interval(errors, 0.95),
-            mean_error_3d=interval_of(
-                mean_of(errors.reshape(len(errors), -1)), mean_of(errors), LENGTH
-            ),
+            mean_error_3d=interval_of(whole, mean_of(errors), LENGTH),
         )
         return found.further(self.further.get(method, Further())).raised(*self.excess)
 
@@ -281,10 +276,9 @@ def predict(
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(judge_draw, range(draws)))
-    halves = (draws, 2, bars)
-    radii = image_radii(model, pixels.reshape(-1, 4)).reshape(*halves, 2)
-    radii = 0.5 * (radii[..., 0] + radii[..., 1])
-    depths = 0.5 * (ends[..., 0, 2] + ends[..., 1, 2]).reshape(halves)
+    halves = (draws, 2, bars, 2)
+    radii = image_radii(model, pixels.reshape(-1, 4)).reshape(halves).mean(axis=-1)
+    depths = ends[..., 2].reshape(halves).mean(axis=-1)
     recorded = int(np.isfinite(model.used_points_m).all(axis=(1, 2)).sum())
     further = further_recordings(model, files, seed)
     narrow = counts.astype(np.uint16)

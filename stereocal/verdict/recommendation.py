@@ -132,32 +132,26 @@ def recommend(
     found = None if outlook is None else outlook.verdict
     match = figures_of(found.match_with if found else "2d", outlook, validation)
     measure = figures_of(found.measure_with if found else "3d", outlook, validation)
-    no_forecast = NO_REFINED if calibration.refined is None else NO_FORECAST
-    sentences = (
-        _use(match, measure, _holds(found)),
-        _how_sure(found, outlook, validation) if found else no_forecast,
-        left_out_line(calibration.screening),
-        _frames_in_runs(outlook),
-    )
+    certainty = NO_REFINED if calibration.refined is None else NO_FORECAST
+    in_runs = ""
+    if outlook is not None and found is not None:
+        certainty = _how_sure(found, outlook, validation)
+        if outlook.predictive.further:
+            text = outlook.refined.clusters.text
+            alike = f", and neighbours have alike errors ({text})" if text else ""
+            in_runs = (
+                f"The frames follow each other{alike}: the intervals are for a further recording "
+                "in the same volume, at least a third as long."
+            )
+    use, left_out = _use(match, measure, _holds(found)), left_out_line(calibration.screening)
     errors = [own["p95_error_3d"] for own in validation.values()]
     caution = (
         why_held_out_not_trusted([calibration.screening], errors)
         if errors
         else why_not_trusted(calibration)
     )
-    return Recommendation(match, measure, found, tuple(filter(None, sentences)), caution)
-
-
-def _frames_in_runs(outlook: Outlook | None) -> str:
-    """What the figures are of, if frames follow each other."""
-    if outlook is None or not outlook.predictive.further:
-        return ""
-    text = outlook.refined.clusters.text
-    alike = f", and neighbours have alike errors ({text})" if text else ""
-    return (
-        f"The frames follow each other{alike}: the intervals are for a further recording in the "
-        "same volume, at least a third as long."
-    )
+    sentences = tuple(filter(None, (use, certainty, left_out, in_runs)))
+    return Recommendation(match, measure, found, sentences, caution)
 
 
 def figures_of(
@@ -204,17 +198,14 @@ def _use(match: FileFigures, measure: FileFigures, holds: bool) -> str:
     let_in = f", where {wrong} of wrong pairs are accepted" if wrong else ""
     lengths = f": 95 % of lengths are within {within}" if within else ""
     held_out = " (on held-out frames)" if (wrong or within) and not holds else ""
-    if match.method == measure.method:
-        first = f"Use {NAMES[match.method]} for both: match{match.below}{let_in}, and measure"
-    else:
-        first = (
-            f"Match with {NAMES[match.method]}{match.below}{let_in}, and measure with "
-            f"{NAMES[measure.method]}"
-        )
-    return f"{first}{lengths}{held_out}."
+    first, second = NAMES[match.method], NAMES[measure.method]
+    one = first == second
+    how = f"Use {first} for both: match" if one else f"Match with {first}"
+    measured = "measure" if one else f"measure with {second}"
+    return f"{how}{match.below}{let_in}, and {measured}{lengths}{held_out}."
 
 
-def _how_sure(found: Verdict, outlook: Outlook | None, validation: Mapping[Any, Validated]) -> str:
+def _how_sure(found: Verdict, outlook: Outlook, validation: Mapping[Any, Validated]) -> str:
     """How sure the verdict is, and what the alternative does."""
     two = f"Two sets are worth it here ({sure(1 - found.chance_of_one)} sure). "
     if found.check is not None and not found.check.holds:

@@ -13,7 +13,7 @@ from stereocal.evaluation.evaluate import (
     clusters_to_split,
     evaluate_runs,
 )
-from stereocal.evaluation.summary import Estimate, MethodSummary, summarise
+from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.rig.dataset import Dataset
 from stereocal.verdict.in_words import interval, percent
 
@@ -46,7 +46,10 @@ def note_on_splits(
     by_kind = {settings.splits: summaries, other.splits: tried}
     found = []
     for method in ("2d", "3d"):
-        single, whole = (_figures(by_kind[kind][method]) for kind in ("frames", "runs"))
+        single, whole = (
+            (own.reprojection.fcp, own.reconstruction.median)
+            for own in (by_kind[kind][method] for kind in ("frames", "runs"))
+        )
         found += [
             f"{METHOD_NAMES[method]} {what} {percent(a.value)} % ({interval(a)}) instead of "
             f"{percent(b.value)} % ({interval(b)})"
@@ -60,7 +63,3 @@ def note_on_splits(
         "Frames that follow each other are alike. With single frames left out, figures differ from "
         f"those with whole runs left out: {'; '.join(found)}. Rely on the figures of whole runs."
     )
-
-
-def _figures(summary: MethodSummary) -> tuple[Estimate, Estimate]:
-    return summary.reprojection.fcp, summary.reconstruction.median
