@@ -19,15 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.calibration.methods import ALL_METHODS, Method
-from stereocal.evaluation.compiled_run import (
-    BIN_WIDTH,
-    BINS,
-    CORRECT,
-    LOWEST,
-    REPROJECTION,
-    RESIDUAL,
-    UNDERFLOW,
-)
+from stereocal.evaluation import compiled_run
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import RefinedResult
@@ -37,18 +29,9 @@ from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
+from stereocal.verdict import intervals
 from stereocal.verdict.fresh_bars import GROUP, fresh_bars
 from stereocal.verdict.further_recording import Further, further_recordings, widened
-from stereocal.verdict.intervals import (
-    LENGTH,
-    LOG,
-    fcp_interval,
-    interval_of,
-    mean_of,
-    quantile_interval,
-    share_interval,
-    tail_of_few,
-)
 from stereocal.verdict.judging import add_noise, judge, photograph
 from stereocal.verdict.noise_model import draw_noise, noise_of_points
 
@@ -174,31 +157,36 @@ class Predictive:
     def _forecast(self, method: Method, threshold_px: float | None) -> Forecast:
         at = self.methods.index(method)
         counts, errors = self.counts[:, :, at].astype(np.int64), self.errors_3d[:, :, at]
-        of_px, px = counts[:, :, REPROJECTION], self.correct_px[:, :, at]
+        of_px, px = counts[:, :, compiled_run.REPROJECTION], self.correct_px[:, :, at]
         recommended = int(crossing(of_px.sum(axis=(0, 1))))
         limit = recommended
         if threshold_px is not None:
-            limit = int(np.clip(bin_edge(threshold_px), 0, BINS))
-        below = of_px[..., UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
+            limit = int(np.clip(bin_edge(threshold_px), 0, compiled_run.BINS))
+        below = of_px[..., compiled_run.UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
         total = of_px.sum(axis=-1)
-        lost, let_in = (total - below)[..., CORRECT], below[..., 1 - CORRECT]
+        lost, let_in = (
+            (total - below)[..., compiled_run.CORRECT],
+            below[..., 1 - compiled_run.CORRECT],
+        )
         both = np.concatenate([of_px, of_px.sum(axis=1, keepdims=True)], axis=1)
-        thresholds = np.power(10.0, LOWEST + crossing(both) * BIN_WIDTH)
-        value = float(10 ** (LOWEST + recommended * BIN_WIDTH))
-        middle = interval_of(thresholds[:, 2], thresholds[:, :2], LOG)
-        whole = mean_of(errors.reshape(len(errors), -1))
+        thresholds = np.power(10.0, compiled_run.LOWEST + crossing(both) * compiled_run.BIN_WIDTH)
+        value = float(10 ** (compiled_run.LOWEST + recommended * compiled_run.BIN_WIDTH))
+        middle = intervals.interval_of(thresholds[:, 2], thresholds[:, :2], intervals.LOG)
+        whole = intervals.mean_of(errors.reshape(len(errors), -1))
         found = Forecast(
-            fcp_residual=fcp_interval(counts[:, :, RESIDUAL]),
-            fcp_reprojection=fcp_interval(of_px),
+            fcp_residual=intervals.fcp_interval(counts[:, :, compiled_run.RESIDUAL]),
+            fcp_reprojection=intervals.fcp_interval(of_px),
             threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
-            correct_lost_at_threshold=tail_of_few(
-                share_interval(lost, total[..., CORRECT]), self.recorded
+            correct_lost_at_threshold=intervals.tail_of_few(
+                intervals.share_interval(lost, total[..., compiled_run.CORRECT]), self.recorded
             ),
-            wrong_let_in_at_threshold=share_interval(let_in, total[..., 1 - CORRECT]),
-            mean_reprojection_px=interval_of(mean_of(px), px, LOG),
-            median_error_3d=quantile_interval(errors, 0.5),
-            p95_error_3d=quantile_interval(errors, 0.95),
-            mean_error_3d=interval_of(whole, mean_of(errors), LENGTH),
+            wrong_let_in_at_threshold=intervals.share_interval(
+                let_in, total[..., 1 - compiled_run.CORRECT]
+            ),
+            mean_reprojection_px=intervals.interval_of(intervals.mean_of(px), px, intervals.LOG),
+            median_error_3d=intervals.quantile_interval(errors, 0.5),
+            p95_error_3d=intervals.quantile_interval(errors, 0.95),
+            mean_error_3d=intervals.interval_of(whole, intervals.mean_of(errors), intervals.LENGTH),
         )
         return found.further(self.further.get(method, Further())).raised(*self.excess)
 
@@ -245,7 +233,7 @@ def predict(
     noise *= (model.sigma_px.value * of_noise.across)[:, None, None]
     partners = partners_in_groups(bars, rng)
     size = (draws, 2, len(methods))
-    counts = np.zeros((*size, 2, 2, BINS + 2), dtype=np.int32)
+    counts = np.zeros((*size, 2, 2, compiled_run.BINS + 2), dtype=np.int32)
     nans = np.zeros((*size, 2), dtype=np.int64)
     correct_px, lengths = np.empty(size), np.empty((*size, bars))
 
@@ -287,7 +275,9 @@ def predict(
 
 def bin_edge(threshold_px: float) -> int:
     """The bin at whose lower edge a threshold lies."""
-    return round((math.log10(max(threshold_px, 1e-300)) - LOWEST) / BIN_WIDTH)
+    return round(
+        (math.log10(max(threshold_px, 1e-300)) - compiled_run.LOWEST) / compiled_run.BIN_WIDTH
+    )
 
 
 def _truths(

@@ -7,12 +7,7 @@ from dataclasses import replace
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import (
-    EvaluationSettings,
-    Splits,
-    clusters_to_split,
-    evaluate_runs,
-)
+from stereocal.evaluation import evaluate
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.rig.dataset import Dataset
 from stereocal.verdict.in_words import interval, percent
@@ -26,7 +21,9 @@ SMALLEST_RATIO = 1.1
 
 
 def note_on_splits(
-    dataset: Dataset, settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
+    dataset: Dataset,
+    settings: evaluate.EvaluationSettings,
+    summaries: Mapping[Method, MethodSummary],
 ) -> str:
     """Where the other kind of splits differs beyond both intervals and by a tenth; else empty.
 
@@ -35,12 +32,12 @@ def note_on_splits(
         summaries: what was found.
     """
     runs = min(settings.runs, RUNS, MOST_FRAMES // len(dataset.correspondences.frames))
-    if runs < FEWEST or clusters_to_split(dataset) is None:
+    if runs < FEWEST or evaluate.clusters_to_split(dataset) is None:
         return ""
-    splits: Splits = "frames" if settings.splits == "runs" else "runs"
+    splits: evaluate.Splits = "frames" if settings.splits == "runs" else "runs"
     other = replace(settings, runs=runs, refined=None, splits=splits)
     try:
-        tried = summarise([evaluate_runs(dataset, other, 0, range(runs))])
+        tried = summarise([evaluate.evaluate_runs(dataset, other, 0, range(runs))])
     except StereocalError:  # a single run does not determine the pose
         return ""
     by_kind = {settings.splits: summaries, other.splits: tried}

@@ -12,18 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc, stdtrit
 
 from stereocal.evaluation.summary import Estimate
-from stereocal.field.checking.fits import (
-    NOTHING,
-    Change,
-    Fit,
-    HeldOut,
-    Noise,
-    focal_change,
-    focal_changes,
-    measured_held_out,
-    pose_change,
-    turn_in_place,
-)
+from stereocal.field.checking import fits
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.power import Power, Smallest
 from stereocal.field.checking.prior import Prior
@@ -52,7 +41,7 @@ class Explanation:
 
     moved: bool
     refocused: tuple[CameraName, ...]
-    fit: Fit
+    fit: fits.Fit
 
     @property
     def score(self) -> float:
@@ -72,12 +61,12 @@ class Recheck:
     """Those since the movement; all of them unless it was among them."""
     outlying: BoolArray
     """(f,): the groups of `after` that contradict the others."""
-    noise: Noise
+    noise: fits.Noise
     since: Since | None
     """Since when, if it was among these images."""
-    pose: Fit
+    pose: fits.Fit
     """Of `after`: the pose has changed."""
-    both: Fit
+    both: fits.Fit
     """Of `after`: pose and focal lengths have changed."""
     power: Power
     smallest: Smallest
@@ -131,13 +120,13 @@ class Recheck:
         return "same" if self.negligible or would_be_seen else "cannot tell"
 
     @cached_property
-    def same(self) -> Fit:
+    def same(self) -> fits.Fit:
         """Of `after`: nothing has changed."""
-        return self.fit(NOTHING)
+        return self.fit(fits.NOTHING)
 
-    def fit(self, change: Change, start: Pose | None = None) -> Fit:
+    def fit(self, change: fits.Change, start: Pose | None = None) -> fits.Fit:
         """The images since the movement, fitted with this change."""
-        fit = Fit(self.prior, self.after, change, self.noise.counted_px)
+        fit = fits.Fit(self.prior, self.after, change, self.noise.counted_px)
         if start is not None:
             fit.start_at(start)
         return fit.minimise(self.outlying)
@@ -146,14 +135,14 @@ class Recheck:
     def explanations(self) -> tuple[Explanation, ...]:
         """What may have changed, the likeliest first."""
         pose = self._pose_change
-        turns = [turn_in_place(pose_of(self.prior.q), k) for k in (0, 1)]
+        turns = [fits.turn_in_place(pose_of(self.prior.q), k) for k in (0, 1)]
         found = [Explanation(True, (), self.pose), Explanation(True, CAMERAS, self.both)]
         found += [Explanation(True, (), self.fit(turn)) for turn in turns]
         for k, which in enumerate(CAMERAS):
-            focal = focal_change(self.prior, k)
+            focal = fits.focal_change(self.prior, k)
             found.append(Explanation(False, (which,), self.fit(focal)))
             found.append(Explanation(True, (which,), self.fit(pose + focal, pose_of(self.pose.q))))
-        found.append(Explanation(False, CAMERAS, self.fit(focal_changes(self.prior))))
+        found.append(Explanation(False, CAMERAS, self.fit(fits.focal_changes(self.prior))))
         return tuple(sorted(found, key=lambda each: each.score))
 
     @property
@@ -189,7 +178,7 @@ class Recheck:
         )
 
     @cached_property
-    def best(self) -> Fit:
+    def best(self) -> fits.Fit:
         """The fit whose `q` are the repaired parameters.
 
         Where images cannot tell what has changed, all that may have is free.
@@ -199,13 +188,13 @@ class Recheck:
         if self.ambiguous:
             return self.both
         if self.either_lens:
-            return self.both if self.pose_moved else self.fit(focal_changes(self.prior))
+            return self.both if self.pose_moved else self.fit(fits.focal_changes(self.prior))
         return self.explanations[0].fit if self.refocused else self.pose
 
     @cached_property
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> fits.HeldOut:
         """The errors of held-out groups with the old and with repaired parameters."""
-        return measured_held_out(self.prior, self.after, self.best)
+        return fits.measured_held_out(self.prior, self.after, self.best)
 
     @cached_property
     def offers_repair(self) -> bool:
@@ -222,7 +211,7 @@ class Recheck:
         return rig_of(self.prior.rig.primary, self.prior.rig.secondary, self.best.q)
 
     @property
-    def _with_pose(self) -> Fit:
+    def _with_pose(self) -> fits.Fit:
         """The fit from which the change of the pose is computed."""
         return self.both if self.refocused or self.ambiguous else self.pose
 
@@ -276,14 +265,14 @@ class Recheck:
         pose, degrees = pose_of(self.prior.q), len(self._pose_change) - 3
         found = []
         for k, which in enumerate(CAMERAS):
-            gain = self.fit(turn_in_place(pose, k)).cost - self.pose.cost
+            gain = self.fit(fits.turn_in_place(pose, k)).cost - self.pose.cost
             if self.noise.probability(gain, degrees) > CONSISTENT:
                 found.append(which)
         return tuple(found)
 
     @property
-    def _pose_change(self) -> Change:
-        return pose_change(self.prior, self.scale)
+    def _pose_change(self) -> fits.Change:
+        return fits.pose_change(self.prior, self.scale)
 
     @property
     def _quantile(self) -> float:
@@ -294,7 +283,7 @@ class Recheck:
         return Estimate(float(value), float(value) - reach, float(value) + reach)
 
 
-def _of_rotation(fit: Fit) -> FloatArray:
+def _of_rotation(fit: fits.Fit) -> FloatArray:
     """(3, 3): covariance of the rotation vector of the change, in the secondary's axes."""
     q = fit.q
     yaw, R = q[0], pose_of(q).R

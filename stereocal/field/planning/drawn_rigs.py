@@ -17,14 +17,7 @@ from scipy.stats.qmc import Sobol
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.compiled_run import (
-    BIN_WIDTH,
-    BINS,
-    CORRECT,
-    LOWEST,
-    REPROJECTION,
-    UNDERFLOW,
-)
+from stereocal.evaluation import compiled_run
 from stereocal.evaluation.evaluate import paper_angles
 from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
@@ -173,7 +166,7 @@ def _judged(
     seen = pose_of(truth).apply(points)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
     rays = np.ascontiguousarray(start.T)
-    counts = np.zeros((len(sets), 2, 2, BINS + 2), dtype=np.int32)
+    counts = np.zeros((len(sets), 2, 2, compiled_run.BINS + 2), dtype=np.int32)
     nans, lengths = np.zeros((len(sets), 2), dtype=np.int64), np.empty((len(sets), len(ends)))
     correct_px = np.empty(len(sets))
     distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
@@ -190,10 +183,13 @@ def _judged(
         lengths,
         correct_px,
     )
-    of_px = counts[:, REPROJECTION].astype(np.int64)
+    of_px = counts[:, compiled_run.REPROJECTION].astype(np.int64)
     limits = crossing(of_px)
-    errors, wrong = np.abs(lengths - 1.0), of_px[:, 1 - CORRECT]
-    below = [own[UNDERFLOW] + own[:limit].sum() for own, limit in zip(wrong, limits, strict=True)]
+    errors, wrong = np.abs(lengths - 1.0), of_px[:, 1 - compiled_run.CORRECT]
+    below = [
+        own[compiled_run.UNDERFLOW] + own[:limit].sum()
+        for own, limit in zip(wrong, limits, strict=True)
+    ]
     quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
     median, p95 = quantiles(errors, (50, 95), axis=1)
     figures = np.column_stack(
@@ -202,7 +198,7 @@ def _judged(
             median,
             p95,
             overlap(merge_bins(of_px, MERGE)),
-            10.0 ** (LOWEST + BIN_WIDTH * limits),
+            10.0 ** (compiled_run.LOWEST + compiled_run.BIN_WIDTH * limits),
             correct_px,
             np.array(below) / wrong.sum(axis=1),
         ]

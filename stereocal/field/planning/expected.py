@@ -17,15 +17,9 @@ from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.common_view import common_points, sees
 from stereocal.field.planning.plan import Plan
+from stereocal.refined import uncertainty
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.uncertainty import (
-    MEAN_OF_NORMAL,
-    AccuracyMap,
-    Plane,
-    length_errors,
-    point_covariances,
-)
 from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
@@ -65,7 +59,7 @@ class ExpectedFit:
         """
         own, jacobian = self._of_bars
         sigmas = self._relative_sigmas(noise**2 * own, jacobian, information, precision)
-        return MEAN_OF_NORMAL * float(np.mean(sigmas))
+        return uncertainty.MEAN_OF_NORMAL * float(np.mean(sigmas))
 
     def _relative_sigmas(
         self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
@@ -108,7 +102,7 @@ class ExpectedFit:
             points = points * (depth / points[:, 2:])
             away, error = self.errors_at(points[:: max(len(points) // POINTS, 1)])
             length[at], position[at] = np.nanmean(error), np.nanmean(away)
-        return depths, MEAN_OF_NORMAL * length, position
+        return depths, uncertainty.MEAN_OF_NORMAL * length, position
 
     def errors_at(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors of points in m, (n,): the root of the sum of three variances; and of
@@ -121,11 +115,11 @@ class ExpectedFit:
             self._relative_sigmas(*self._relative_errors(points_m - h, points_m + h), H, P)
             for h in halves
         ]
-        covariances = point_covariances(self.result, points_m)
+        covariances = uncertainty.point_covariances(self.result, points_m)
         away = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return np.asarray(away), np.asarray(np.mean(lengths, axis=0))
 
-    def map(self, plane: Plane, size: int = MAP_SIZE) -> AccuracyMap:
+    def map(self, plane: uncertainty.Plane, size: int = MAP_SIZE) -> uncertainty.AccuracyMap:
         """Errors in the part of a plane of the volume that both cameras see.
 
         The plane is at the height of the primary camera (`above`) or straight ahead of it (`side`),
@@ -144,7 +138,7 @@ class ExpectedFit:
         if seen.any():
             away[seen], length[seen] = self.errors_at(grid[seen])
         shape = (size, size)
-        return AccuracyMap(plane, at, u, z, away.reshape(shape), length.reshape(shape))
+        return uncertainty.AccuracyMap(plane, at, u, z, away.reshape(shape), length.reshape(shape))
 
     @cached_property
     def _of_bars(self) -> tuple[FloatArray, FloatArray]:
@@ -157,7 +151,7 @@ class ExpectedFit:
         of length errors by the errors of the shared unknowns, all relative.
         """
         q, lenses, noise_px = self.result.q, self.result.lenses, self.result.sigma_px.value
-        own, jacobian = length_errors(q, lenses, noise_px, first_m, second_m)
+        own, jacobian = uncertainty.length_errors(q, lenses, noise_px, first_m, second_m)
         lengths = np.linalg.norm(first_m - second_m, axis=1)
         return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
 

@@ -15,14 +15,7 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import Flowable, KeepInFrame, Paragraph, Table, TableStyle
 
-from stereocal.field.planning.bars import (
-    ACROSS,
-    DISTANCES,
-    HEIGHTS,
-    BarPlace,
-    bar_places,
-    ground_from_primary,
-)
+from stereocal.field.planning import bars
 from stereocal.field.planning.plan import Plan
 from stereocal.field.printing.paper import FONT, FONT_BOLD, MARGIN_MM, PAPERS, Paper
 from stereocal.field.printing.sheet_drawing import draw_from_above
@@ -46,7 +39,7 @@ MOST_BOXES = 4
 
 def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
     """The sheet as a PDF of one page; the same plan gives the same bytes."""
-    places = bar_places(plan)
+    places = bars.bar_places(plan)
     width, height = (side - 2.0 * MARGIN_MM for side in (paper.width_mm, paper.height_mm))
     written = plan.name.encode("cp1252", "replace").decode("cp1252")  # what Helvetica has
     name = written if len(written) <= LONGEST_NAME else f"{written[:LONGEST_NAME]}..."
@@ -91,29 +84,29 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
     return file.getvalue()
 
 
-def _checklist(plan: Plan, places: Sequence[BarPlace], width_mm: float) -> Table:
+def _checklist(plan: Plan, places: Sequence[bars.BarPlace], width_mm: float) -> Table:
     """Rows from near to far, columns from left to right, and a box for each frame."""
     head = 30.0
-    rows: list[list[Paragraph]] = [[_text(""), *(_text(f"<b>{word}</b>") for word in ACROSS)]]
+    rows: list[list[Paragraph]] = [[_text(""), *(_text(f"<b>{word}</b>") for word in bars.ACROSS)]]
     # Positions are to about a thousandth of the farthest.
     digits = int(np.clip(np.ceil(2.0 - np.log10(plan.far_m)), 0, 4))
-    lens = ground_from_primary(plan).T[1]
-    for distance in DISTANCES:
+    lens = bars.ground_from_primary(plan).T[1]
+    for distance in bars.DISTANCES:
         here = [place for place in places if place.distance == distance]
         if not here:
             continue
         lines = [f"<b>{distance}</b>"]
-        for height in reversed(HEIGHTS):
+        for height in reversed(bars.HEIGHTS):
             up = [lens - one.position_m[1] for one in here if one.height == height]
             if up:
                 lines.append(f"{height}: {round(float(np.mean(up)), digits) + 0.0:+.{digits}f} m")
-        cells = [[one for one in here if one.across == word] for word in ACROSS]
+        cells = [[one for one in here if one.across == word] for word in bars.ACROSS]
         texts = ["<br/>".join(lines), *(_boxes(cell, digits) for cell in cells)]
         rows.append([_text(words) for words in texts])
     return _table(rows, [head, *[(width_mm - head) / 3.0] * 3])
 
 
-def _boxes(places: Sequence[BarPlace], digits: int) -> str:
+def _boxes(places: Sequence[bars.BarPlace], digits: int) -> str:
     """Where a place is, and its frames."""
     if not places:
         return "-"
