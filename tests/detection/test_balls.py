@@ -63,13 +63,13 @@ def test_centres_of_lit_balls(side: bool, limit: float) -> None:
     parts = [errors(radius, side, 8) for radius in (10.0, 18.0, 30.0)]
     off, sigma = (np.concatenate(part) for part in zip(*parts, strict=True))
     assert np.sqrt((off**2).mean()) < limit
-    assert 0.6 < np.sqrt(((off / sigma) ** 2).mean()) < 1.3
+    assert 0.6 < np.sqrt(((off / sigma) ** 2).mean()) < 1.2
 
 
 def test_an_outline_before_clutter_states_a_larger_error() -> None:
-    """Measured: 0.9; with all edges alike 1.5."""
+    """Measured: 1.1."""
     off, sigma = errors(30.0, True, 12, shapes=45)
-    assert 0.6 < np.sqrt(((off / sigma) ** 2).mean()) < 1.3
+    assert 0.6 < np.sqrt(((off / sigma) ** 2).mean()) < 1.2
 
 
 def test_the_centre_is_not_that_of_the_ellipse() -> None:
