@@ -7,14 +7,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from stereocal.calibration.methods import METHODS, Method
+from stereocal.calibration.methods import Method
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
     SEARCH,
+    dataset_from,
     refine_settings_from,
     settings_from,
-    with_sigmas,
 )
 from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
@@ -23,7 +23,6 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
-from stereocal.formats.inputs import read_input
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, undetectable_errors
@@ -78,7 +77,7 @@ def run(parsed: argparse.Namespace) -> None:
         raise StereocalError(
             "A paper kit holds what computes its files again: give --kit or --validation."
         )
-    dataset = with_sigmas(read_input(parsed.dataset, parsed.lens_model, parsed.pair), parsed)
+    dataset = dataset_from(parsed, parsed.dataset)
     if parsed.kit:
         from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
 
@@ -192,19 +191,18 @@ def table_of(calibration: Calibration) -> str:
         f"{'method':<10} {'reprojection px':>15} {'length mean %':>14} {'length 95 %':>12} "
         f"{'evaluations':>12} {'seconds':>8}  stopped because"
     ]
-    for name in METHODS:
-        found, errors = calibration.methods[name], calibration.errors[name]
+    told: dict[Method, tuple[int, float, str]] = {
+        name: (own.evaluations, own.seconds, own.stop_reason)
+        for name, own in calibration.methods.items()
+    }
+    if (refined := calibration.refined) is not None:
+        told["refined"] = (refined.steps, refined.seconds, refined.stop_reason)
+    for name, (evaluations, seconds, stopped) in told.items():
+        errors = calibration.errors[name]
         lines.append(
             f"{name:<10} {errors.mean_reprojection_px:>15.4f} "
             f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
-            f"{found.evaluations:>12} {found.seconds:>8.3f}  {found.stop_reason}"
-        )
-    if (refined := calibration.refined) is not None:
-        errors = calibration.errors["refined"]
-        lines.append(
-            f"{'refined':<10} {errors.mean_reprojection_px:>15.4f} "
-            f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
-            f"{refined.steps:>12} {refined.seconds:>8.3f}  {refined.stop_reason}"
+            f"{evaluations:>12} {seconds:>8.3f}  {stopped}"
         )
     return "\n".join(lines)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.commands.calibrate import FILES
-from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, with_sigmas
+from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, dataset_from
 from stereocal.commands.parser import Options
 from stereocal.commands.progress import report
 from stereocal.errors import StereocalError
@@ -23,7 +23,7 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.rig_check import check_rig, rig_notes, rig_sentence, rig_to_json
 from stereocal.formats.dataset_files import read_recording
-from stereocal.formats.inputs import STORED_PROJECT, images_in_table, read_input
+from stereocal.formats.inputs import STORED_PROJECT, images_in_table
 from stereocal.matching.point_noise import check_sigma
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
@@ -57,34 +57,29 @@ def run(parsed: argparse.Namespace) -> None:
             "--turn must be between 0 and 180 degrees, --baseline-change between 0 and 1."
         )
     check_sigma(parsed.sigma_px)
-    if holds_rig(parsed.parameters):
-        _check_rig(parsed)
-        return
-    path, prior = _prior(parsed.parameters)
-    images = _images(parsed, prior.rig)
     smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
-    found = recheck(prior, images, smallest)
-    name = REPAIRED if found.offers_repair else None
-    answer = {**to_json(found, name), "parameters": str(path), "dataset": str(parsed.dataset)}
-    files = {parsed.out / ANSWER: (json.dumps(answer, indent=2, allow_nan=False) + "\n").encode()}
-    if found.offers_repair:
-        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-        files[parsed.out / REPAIRED] = repaired_parameters(found, sha256).dumps().encode()
+    files: dict[Path, bytes] = {}
+    path = parsed.parameters
+    if holds_rig(path):
+        recording = read_recording(parsed.dataset, parsed.lens_model)
+        whole = check_rig(RigFile.load(path), recording, smallest)
+        answer, told, remarks = rig_to_json(whole), rig_sentence(whole), rig_notes(whole)
+    else:
+        path, prior = _prior(path)
+        found = recheck(prior, _images(parsed, prior.rig), smallest)
+        if found.offers_repair:
+            sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+            repaired = repaired_parameters(found, sha256)
+            files[parsed.out / REPAIRED] = repaired.dumps().encode()
+        answer = to_json(found, REPAIRED if found.offers_repair else None)
+        instead = f"{path} was checked instead: of this calibration, it fits the images best."
+        told = sentence(found)
+        remarks = [*([instead] if path != parsed.parameters else []), *notes(found)]
+    answer = {**answer, "parameters": str(path), "dataset": str(parsed.dataset)}
+    text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
+    files = {parsed.out / ANSWER: text.encode(), **files}
     write_all(files)
-    instead = f"{path} was checked instead: of this calibration, it fits the images best."
-    other = [instead] if path != parsed.parameters else []
-    report(sentence(found), notes=(*other, *notes(found)), written=files)
-
-
-def _check_rig(parsed: argparse.Namespace) -> None:
-    """Which camera of a rig has moved."""
-    recording = read_recording(parsed.dataset, parsed.lens_model)
-    smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
-    found = check_rig(RigFile.load(parsed.parameters), recording, smallest)
-    about = {"parameters": str(parsed.parameters), "dataset": str(parsed.dataset)}
-    text = json.dumps({**rig_to_json(found), **about}, indent=2, allow_nan=False) + "\n"
-    write_all({parsed.out / ANSWER: text.encode()})
-    report(rig_sentence(found), notes=rig_notes(found), written=[parsed.out / ANSWER])
+    report(told, notes=remarks, written=files)
 
 
 def _prior(path: Path) -> tuple[Path, Prior]:
@@ -108,6 +103,4 @@ def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
     is_table = path.is_file() and path.suffix != STORED_PROJECT and not zipfile.is_zipfile(path)
     if is_table:
         return images_in_table(path, str(path), rig).stating(parsed.sigma_px)
-    return images_of_bars(
-        with_sigmas(read_input(path, parsed.lens_model, parsed.pair), parsed), rig
-    )
+    return images_of_bars(dataset_from(parsed, path), rig)

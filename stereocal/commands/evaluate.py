@@ -12,10 +12,10 @@ from stereocal.commands.options import (
     PAIR,
     SEARCH,
     WORKERS,
+    dataset_from,
     refine_settings_from,
     settings_from,
     settings_options,
-    with_sigmas,
     workers_from,
 )
 from stereocal.commands.parser import Options
@@ -26,7 +26,6 @@ from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
-from stereocal.formats.inputs import read_input
 from stereocal.refined.screening import screened
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
@@ -53,10 +52,7 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     """Evaluate, write summary.json and report.html, print the answer."""
-    datasets = [
-        with_sigmas(read_input(path, parsed.lens_model, parsed.pair), parsed)
-        for path in parsed.datasets
-    ]
+    datasets = [dataset_from(parsed, path) for path in parsed.datasets]
     settings = EvaluationSettings(
         settings_from(parsed, calibration_frames=None),
         parsed.runs,

@@ -15,6 +15,7 @@ from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.options import QUESTIONS
+from stereocal.formats.inputs import read_input
 from stereocal.formats.world_file import read_world
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.board_pattern import BoardPattern
@@ -143,14 +144,16 @@ def workers_from(
 def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
     """The data set with the standard errors of its lengths from the options."""
     stated = {
-        name: value
-        for name, value in (
-            ("baseline_sigma_m", parsed.baseline_sigma),
-            ("target_distance_sigma_m", parsed.distance_sigma),
-        )
-        if value is not None
+        "baseline_sigma_m": parsed.baseline_sigma,
+        "target_distance_sigma_m": parsed.distance_sigma,
     }
-    return replace(dataset, **stated) if stated else dataset
+    known = {name: value for name, value in stated.items() if value is not None}
+    return replace(dataset, **known) if known else dataset
+
+
+def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
+    """A data set, read as the options say."""
+    return with_sigmas(read_input(path, parsed.lens_model, parsed.pair), parsed)
 
 
 def refine_settings_from(

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
 
 from stereocal.commands.parser import Options
 from stereocal.errors import StereocalError
-from stereocal.formats.simulated import write_field, write_nineteen
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.nineteen import NOISE_PX, simulate_nineteen
+from stereocal.simulation.simulate import FIELD_NOISE_PX, TRUTH, simulate_field, truth_of
+from stereocal.system.atomic_files import write_atomically
 
 OPTIONS: Options = {
     "--datasets N": "default: 19",
@@ -23,7 +29,22 @@ def run(parsed: argparse.Namespace) -> None:
         lowest = 0 if name == "seed" else 1
         if getattr(parsed, name) < lowest:
             raise StereocalError(f"--{name} must be at least {lowest}.")
-    write_field(parsed.out / "field", parsed.seed)
-    print(f"wrote {parsed.out / 'field'}")
-    write_nineteen(parsed.out / "nineteen", parsed.seed, parsed.datasets, parsed.frames)
-    print(f"wrote {parsed.out / 'nineteen'}")
+    field, nineteen = parsed.out / "field", parsed.out / "nineteen"
+    write_field(field, parsed.seed)
+    print(f"wrote {field}")
+    made = simulate_nineteen(parsed.seed, parsed.datasets, parsed.frames)
+    for number, (scene, dataset) in enumerate(made, start=1):
+        truth = json.dumps(truth_of(scene, NOISE_PX, parsed.seed), indent=1)
+        _write(nineteen / f"{number:02d}", dataset, truth)
+    print(f"wrote {nineteen}")
+
+
+def write_field(folder: Path, seed: int) -> None:
+    """Write the sample field as a data set folder with `truth.json`."""
+    scene, dataset = simulate_field(seed)
+    _write(folder, dataset, json.dumps(truth_of(scene, FIELD_NOISE_PX, seed), indent=2))
+
+
+def _write(folder: Path, dataset: Dataset, truth: str) -> None:
+    for name, content in {**pack_dataset(dataset), TRUTH: f"{truth}\n".encode()}.items():
+        write_atomically(folder / name, content)

@@ -12,8 +12,8 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import minimise
 from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.commands.simulate import write_field
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.simulated import write_field
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose

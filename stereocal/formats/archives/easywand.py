@@ -5,6 +5,7 @@ All image coordinates in the file count v from the bottom: `v' = h - v` with the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,7 @@ from stereocal.formats.archives.archive import (
 )
 from stereocal.formats.correspondences_csv import PIXELS
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.reading import Chosen, camera_matrix, camera_of, chosen_pair
+from stereocal.formats.exchange.reading import camera_matrix, camera_of, chosen_pair
 from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
 from stereocal.formats.pixel_origin import LOWER_LEFT, PixelOrigin
 from stereocal.formats.units import UNITS
@@ -35,6 +36,10 @@ from stereocal.system.limits import Limits
 STRUCT = "easyWandData"
 MOST_CAMERAS = 64
 COEFFICIENTS = 11
+TABLES = (("wandPts", 0), ("wandPts", 1), ("backgroundPts", 0), ("axisPts", 0))
+"""Of points; those of the bar with its end."""
+Seen = tuple[IntArray, FloatArray]
+"""Frame numbers (n,) and our pixels (n, 4) of the points that both cameras saw."""
 LENS_FIELDS = "focalLengths, principalPoints, nlin"
 
 
@@ -146,42 +151,49 @@ def open_easywand(content: bytes, source: str) -> EasyWandFile | None:
     return None if fields is None else EasyWandFile(fields, source)
 
 
-def sizes_contradicted(file: EasyWandFile, pair: tuple[int, int]) -> str:
-    """A message if points lie outside the image size that the file states; else empty."""
+def _check_sizes(file: EasyWandFile, pair: tuple[int, int]) -> None:
+    """Refuse an image size of the file that points lie outside of."""
     for which, k in zip(CAMERAS, pair, strict=True):
         width, height = file.image_size(k)
-        found = [file.points("wandPts", k, end) for end in (0, 1)]
-        found += [file.points(name, k) for name in ("backgroundPts", "axisPts")]
+        found = [file.points(name, k, end) for name, end in TABLES]
         points = np.concatenate([each for each in found if each is not None])
         if not np.isfinite(points).any():
             continue
         u, v = np.nanmax(points, axis=0)
         if u > width + 1 or v > height + 1:
-            return (
+            raise StereocalError(
                 f"{file.source}: the file states images of {width}x{height} px, but the {which} "
                 f"camera's points reach ({u:.0f}, {v:.0f}): state the size of the sensor, as "
                 "--image-size 640x512."
             )
-    return ""
 
 
 def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     """All parts of a data set in the file."""
     chosen = chosen_pair(file.cameras, options.cameras, file.source)
     pair, stated = chosen.pair, options.image_sizes
-    if None in stated and (message := sizes_contradicted(file, pair)):
-        raise StereocalError(message)
+    if None in stated:
+        _check_sizes(file, pair)
     sizes = [size or file.image_size(k) for k, size in zip(pair, stated, strict=True)]
     origin = options.origin(LOWER_LEFT)
     cameras = [file.camera(k, size, origin) for k, size in zip(pair, sizes, strict=True)]
-    seen = _Seen(file, chosen, sizes, origin)
-    points, taken, notes = _points(seen)
-    throw, more, about = _throw(seen)
+    seen: dict[tuple[str, int], Seen] = {}
+    for name, end in TABLES:
+        sides = [file.points(name, k, end) for k in pair]
+        ours = [
+            origin.to_ours(p, h) for p, (_, h) in zip(sides, sizes, strict=True) if p is not None
+        ]
+        if len(ours) == 2:
+            both = np.hstack(ours)
+            rows = np.isfinite(both).all(axis=1)
+            seen[name, end] = np.flatnonzero(rows) + 1, both[rows]
+    points, taken, notes = _points(seen, chosen.words, file.source)
+    throw, more, about = _throw(file, seen.get(("axisPts", 0)))
     taken += more + [lens_taken(w, c, LENS_FIELDS) for w, c in zip(CAMERAS, cameras, strict=True)]
     length = numbers_of(file.fields, "wandLen", file.source)
     distance = None
-    if length is not None and length.size == 1 and float(length.ravel()[0]) > 0:
-        distance = check_bar(float(length.ravel()[0]), options.unit, file.source)
+    if length is not None and length.size == 1 and length.item() > 0:
+        distance = check_bar(length.item(), options.unit, file.source)
         taken.append(Taken("distance A-B", f"{distance:g} m", "wandLen"))
     baseline = file.baseline(*pair)
     if baseline is not None:
@@ -195,65 +207,40 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
         baseline,
         distance,
         throw,
-        (f"From easyWand, {seen.chosen.words}.", *notes, *about),
+        (f"From easyWand, {chosen.words}.", *notes, *about),
         chosen.remarks,
     )
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """The points that the two chosen cameras saw."""
-
-    file: EasyWandFile
-    chosen: Chosen
-    sizes: list[tuple[int, int]]
-    origin: PixelOrigin
-
-    def both(self, name: str, end: int = 0) -> tuple[IntArray, FloatArray] | None:
-        """Frame numbers (n,) and our pixels (n, 4) of the points that both cameras saw."""
-        sides = [self.file.points(name, k, end) for k in self.chosen.pair]
-        ours = [
-            self.origin.to_ours(side, size[1])
-            for side, size in zip(sides, self.sizes, strict=True)
-            if side is not None
-        ]
-        if len(ours) < 2:
-            return None
-        points = np.hstack(ours)
-        seen = np.isfinite(points).all(axis=1)
-        return np.flatnonzero(seen) + 1, points[seen]
-
-
-def _points(seen: _Seen) -> tuple[Correspondences, list[Taken], tuple[str, ...]]:
+def _points(
+    seen: Mapping[tuple[str, int], Seen], words: str, source: str
+) -> tuple[Correspondences, list[Taken], tuple[str, ...]]:
     """The bars, and the background points as further frames."""
-    frames, targets, points = [], [], []
-    for end, target in enumerate("AB"):
-        numbers, pixels = seen.both("wandPts", end) or (np.zeros(0, np.int64), np.zeros((0, 4)))
-        frames += numbers.tolist()
-        targets += [target] * len(numbers)
-        points.append(pixels)
-    rows = np.concatenate(points)
-    if not len(rows):
+    ends = [seen["wandPts", end] for end in (0, 1)]
+    frames = np.concatenate([each[0] for each in ends])
+    pixels = np.concatenate([each[1] for each in ends])
+    if not len(frames):
         raise StereocalError(
-            f"no end of the bar was seen by both cameras, {seen.chosen.words}: choose others with "
-            "--cameras.",
-            seen.file.source,
+            f"no end of the bar was seen by both cameras, {words}: choose others with --cameras.",
+            source,
         )
-    found = Correspondences.from_arrays(frames, targets, rows[:, :2], rows[:, 2:])
-    taken = [points_taken(found, f"wandPts, {seen.chosen.words}")]
-    background = seen.both("backgroundPts")
-    if background is None or not len(background[0]):
+    targets = "A" * len(ends[0][0]) + "B" * len(ends[1][0])
+    found = Correspondences.from_arrays(frames, targets, pixels[:, :2], pixels[:, 2:])
+    taken = [points_taken(found, f"wandPts, {words}")]
+    _, background = seen.get(("backgroundPts", 0), (frames, frames[:0]))
+    if not len(background):
         return found, taken, ()
-    found, more, note = with_background(found, background[1], "backgroundPts")
+    found, more, note = with_background(found, background, "backgroundPts")
     return found, [*taken, more], (note,)
 
 
-def _throw(seen: _Seen) -> tuple[pd.DataFrame | None, list[Taken], tuple[str, ...]]:
+def _throw(
+    file: EasyWandFile, found: Seen | None
+) -> tuple[pd.DataFrame | None, list[Taken], tuple[str, ...]]:
     """The thrown object, whose points are in `axisPts` if `gravityFreq` is set."""
-    found = seen.both("axisPts")
     if found is None:
         return None, [], ()
-    rate = numbers_of(seen.file.fields, "gravityFreq", seen.file.source)
+    rate = numbers_of(file.fields, "gravityFreq", file.source)
     hertz = float(rate.ravel()[0]) if rate is not None else 0.0
     frames, points = found
     if not hertz > 0:
