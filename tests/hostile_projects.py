@@ -34,8 +34,7 @@ from stereocal.projects.home import recent_projects
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.review import change_review, read_review
-from stereocal.projects.thumbnails import thumbnail
+from stereocal.projects.review import change_review, read_review, thumbnail
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.rig.parameters import RigParameters

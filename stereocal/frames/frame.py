@@ -6,10 +6,11 @@ Detection writes them, review corrects them, and the table of points is made fro
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
+
+import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.rig.camera import CAMERAS
@@ -98,8 +99,8 @@ def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
         target=[TARGETS[target] for _, target, *_ in seen],
         primary=[(first.u, first.v) for _, _, first, _, _ in seen],
         secondary=[(second.u, second.v) for _, _, _, second, _ in seen],
-        sigma_primary_px=[_or_nan(first.sigma_px) for _, _, first, _, _ in seen],
-        sigma_secondary_px=[_or_nan(second.sigma_px) for _, _, _, second, _ in seen],
+        sigma_primary_px=np.array([first.sigma_px for _, _, first, _, _ in seen], np.float64),
+        sigma_secondary_px=np.array([second.sigma_px for _, _, _, second, _ in seen], np.float64),
         source=[source for *_, source in seen],
     )
 
@@ -148,21 +149,14 @@ def name_in(camera: int, frame: Frame) -> str:
     return f"{frame.files[camera]} ({CAMERAS[camera]})"
 
 
-def _or_nan(sigma: float | None) -> float:
-    return math.nan if sigma is None else sigma
-
-
 def frame_from_json(item: Mapping[str, Any]) -> Frame:
     """The frame of a stored mapping; ValueError if it is damaged."""
     frame = of_plain(item, Frame)
     sound = abs(frame.frame) <= 2**53 and all(map(can_be_shown, (*frame.files, frame.reason)))
-    if not sound or not all(_is_sound(one) for pair in frame.centres for one in pair if one):
+    for one in (centre for pair in frame.centres for centre in pair if centre):
+        numbers = [abs(one.u), abs(one.v), 1.0 if one.sigma_px is None else one.sigma_px]
+        # NaN is not below anything.
+        sound &= one.source in SOURCES and all(0 <= number < LARGEST_PX for number in numbers)
+    if not sound:
         raise ValueError(item)
     return frame
-
-
-def _is_sound(centre: Centre) -> bool:
-    sigma = 1.0 if centre.sigma_px is None else centre.sigma_px
-    # NaN is not below anything.
-    inside = abs(centre.u) < LARGEST_PX and abs(centre.v) < LARGEST_PX and 0 <= sigma < LARGEST_PX
-    return inside and centre.source in SOURCES

@@ -77,13 +77,14 @@ def _frame(
         exchange, report = decided
         if not named:
             second = second[::-1] if exchange else second
-            sure = report.state in ("agreed", "swapped")
+            sure = report.is_sure
             reasons.append(report.sentence)
-        elif exchange or (
-            report.state == "outlying" and report.residual_px > FAR_SIGMAS * _sigma(first, second)
-        ):
-            sure = False
-            reasons.append(EXCHANGED if exchange else report.sentence)
+        else:
+            stated = np.sqrt(np.mean([spot.sigma_px**2 for spot in (*first, *second) if spot]))
+            far = report.state == "outlying" and report.residual_px > FAR_SIGMAS * stated
+            sure = not exchange and not far
+            if not sure:
+                reasons.append(EXCHANGED if exchange else report.sentence)
     doubts = [
         f"In the {camera}: {doubt}"
         for spots, camera in zip((first, second), CAMERAS, strict=True)
@@ -105,11 +106,6 @@ def _frame(
     )
 
 
-def _sigma(first: Spots, second: Spots) -> float:
-    """The stated errors of a frame's centres, root mean square, px."""
-    return float(np.sqrt(np.mean([spot.sigma_px**2 for spot in (*first, *second) if spot])))
-
-
 def _centres(spots: Spots) -> CentrePair:
     a, b = (Centre(spot.u, spot.v, spot.sigma_px) if spot else None for spot in spots)
     return a, b
@@ -123,16 +119,13 @@ def without_still(seen: Sequence[Sighting]) -> list[Sighting]:
     """
     if not any(one.candidates for one in seen):
         return list(seen)
-    still = [
-        _still([one.candidates[k] if one.candidates else () for one in seen])
+    moving = [
+        _moving([one.candidates[k] if one.candidates else () for one in seen])
         for k in range(max(len(one.candidates) for one in seen))
     ]
     chosen = []
     for at, one in enumerate(seen):
-        left = tuple(
-            tuple(spot for spot, stands in zip(own, still[k][at], strict=True) if not stands)
-            for k, own in enumerate(one.candidates)
-        )
+        left = [moving[k][at] for k in range(len(one.candidates))]
         enough = 1 if len(left) == 2 else 2
         kept = tuple(
             its if sum(spot.score >= CERTAIN for spot in its) >= enough else own
@@ -142,19 +135,17 @@ def without_still(seen: Sequence[Sighting]) -> list[Sighting]:
     return chosen
 
 
-def _still(candidates: list[tuple[Spot, ...]]) -> list[list[bool]]:
-    """For each photograph and candidate, whether others have one at the same place."""
-    where = [
-        (at, spot.u, spot.v, max(SAME_PX, SAME_RADII * spot.radius_px))
-        for at, own in enumerate(candidates)
-        for spot in own
-    ]
-    if not where:
-        return [[] for _ in candidates]
-    places = np.array(where)
-    near = cKDTree(places[:, 1:3]).query_ball_point(places[:, 1:3], places[:, 3])
+def _moving(candidates: list[tuple[Spot, ...]]) -> list[tuple[Spot, ...]]:
+    """Of each photograph, the candidates at whose place others have none."""
+    every = [(at, spot) for at, own in enumerate(candidates) for spot in own]
+    if not every:
+        return candidates
+    places = np.array([(spot.u, spot.v) for _, spot in every])
+    reach = [max(SAME_PX, SAME_RADII * spot.radius_px) for _, spot in every]
+    near = cKDTree(places).query_ball_point(places, reach)
     least = max(LEAST, SHARE * len(candidates))
-    found: list[list[bool]] = [[] for _ in candidates]
-    for (at, *_), own in zip(where, near, strict=True):
-        found[at].append(len({int(places[k, 0]) for k in own}) - 1 >= least)
+    found: list[tuple[Spot, ...]] = [() for _ in candidates]
+    for (at, spot), own in zip(every, near, strict=True):
+        if len({every[k][0] for k in own}) - 1 < least:
+            found[at] += (spot,)
     return found

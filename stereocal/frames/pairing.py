@@ -93,7 +93,15 @@ def pair_names(names: Iterable[str]) -> Pairing:
     ordered = sorted(dict.fromkeys(names), key=natural)
     read = [_read(ordered, reading) for reading in candidates(ordered)]
     if not read:
-        return Pairing((), (), tuple(ordered), _nothing(len(ordered)), ambiguous=False)
+        what = "one photograph" if ordered else "no photograph"
+        why = f"No pair: there is {what}; each frame needs one from each camera."
+        if len(ordered) > 1:
+            why = (
+                f"None of the {len(ordered)} photographs could be paired by name. Give both "
+                "photographs of a frame the same name, apart from the camera, as left07 and "
+                "right07, or the same name in folders primary and secondary."
+            )
+        return Pairing((), (), tuple(ordered), why, ambiguous=False)
     best = max(read, key=lambda one: one.merit)
     others = [
         one
@@ -165,8 +173,9 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
 
 def _sentence(best: _Read, alone: Sequence[Alone], others: Sequence[_Read]) -> str:
     first, second = best.words
+    count = len(best.pairs)
     sentences = [
-        f'{_count(len(best.pairs), "pair")} by name: "{first}" marks the primary camera\'s '
+        f'{count or "No"} pair{"s" * (count != 1)} by name: "{first}" marks the primary camera\'s '
         f'photographs, "{second}" the secondary\'s.'
     ]
     if alone:
@@ -185,21 +194,6 @@ def _sentence(best: _Read, alone: Sequence[Alone], others: Sequence[_Read]) -> s
     return " ".join(sentences)
 
 
-def _nothing(count: int) -> str:
-    if count < 2:
-        what = "one photograph" if count else "no photograph"
-        return f"No pair: there is {what}; each frame needs one from each camera."
-    return (
-        f"None of the {count} photographs could be paired by name. Give both photographs of a "
-        "frame the same name, apart from the camera, as left07 and right07, or the same name in "
-        "folders primary and secondary."
-    )
-
-
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
-
-
-def _count(n: int, what: str) -> str:
-    return f"{'no' if n == 0 else n} {what}{'' if n == 1 else 's'}".capitalize()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import pandas as pd
 
 from stereocal.calibration.essential import MINIMUM_PAIRS, calibrate_essential
 from stereocal.errors import StereocalError
-from stereocal.frames.frame import Centre, Frame, correspondences_of
+from stereocal.frames.frame import Frame, correspondences_of
 from stereocal.frames.review import is_open
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import TARGETS
@@ -91,17 +92,12 @@ def epipolar_residuals_px(
 
 def centres_table(frame: Frame) -> pd.DataFrame:
     """The centres of a frame, one row per target and camera."""
-    lines = {
-        f"{TARGETS[target]} {CAMERAS[camera]}": _cells(frame.centres[camera][target])
-        for target in (0, 1)
-        for camera in (0, 1)
-    }
+    lines = {}
+    for target, camera in product((0, 1), (0, 1)):
+        cells, centre = ["–", "–", "–", "not placed"], frame.centres[camera][target]
+        if centre is not None:
+            sigma = "unknown" if centre.sigma_px is None else f"{centre.sigma_px:.3f}"
+            cells = [f"{centre.u:.2f}", f"{centre.v:.2f}", sigma, PLACED_BY[centre.source]]
+        lines[f"{TARGETS[target]} {CAMERAS[camera]}"] = cells
     columns = ["u, px", "v, px", "Sigma, px", "Placed by"]
     return pd.DataFrame.from_dict(lines, orient="index", columns=columns).rename_axis("Target")
-
-
-def _cells(centre: Centre | None) -> list[str]:
-    if centre is None:
-        return ["–", "–", "–", "not placed"]
-    sigma = "unknown" if centre.sigma_px is None else f"{centre.sigma_px:.3f}"
-    return [f"{centre.u:.2f}", f"{centre.v:.2f}", sigma, PLACED_BY[centre.source]]

@@ -39,7 +39,11 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
                 round((centre.u - left + 0.5) * scale - 0.5),
                 round((centre.v - top + 0.5) * scale - 0.5),
             )
-            _mark(drawn, at, letter, colour)
+            beside = at[0] + 9, at[1] - 7
+            for ink, width in (((0, 0, 0), 4), (colour, 2)):  # an outline, visible on white too
+                cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
+                font = cv2.FONT_HERSHEY_SIMPLEX
+                cv2.putText(drawn, letter, beside, font, 0.55, ink, width, cv2.LINE_AA)
     whole = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
     whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn
@@ -55,28 +59,11 @@ def board_tile(image: GreyImage | None, corners: FloatArray) -> Tile:
     scale = min(WIDTH / image.shape[1], HEIGHT / image.shape[0])
     margin = np.array([WIDTH, HEIGHT]) - scale * np.array(image.shape[::-1])
     for number, at in enumerate((corners + 0.5) * scale + 0.5 * margin):
-        where = tuple(np.round(16 * at).astype(int).tolist())
-        for radius in (1.5, 5.0) if number == 0 else (1.5,):
-            cv2.circle(
-                drawn,
-                where,
-                round(16 * radius),
-                COLOURS[number == 0],
-                -(radius < 2) or 1,
-                cv2.LINE_AA,
-                4,
-            )
+        where, colour = tuple(np.round(16 * at).astype(int).tolist()), COLOURS[number == 0]
+        cv2.circle(drawn, where, 24, colour, -1, cv2.LINE_AA, 4)
+        if number == 0:
+            cv2.circle(drawn, where, 80, colour, 1, cv2.LINE_AA, 4)
     return drawn
-
-
-def _mark(
-    drawn: npt.NDArray[Any], at: tuple[int, int], letter: str, colour: tuple[int, int, int]
-) -> None:
-    """Draw a cross and a letter with a black outline, visible on white too."""
-    beside = at[0] + 9, at[1] - 7
-    for ink, width in (((0, 0, 0), 4), (colour, 2)):
-        cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
-        cv2.putText(drawn, letter, beside, cv2.FONT_HERSHEY_SIMPLEX, 0.55, ink, width, cv2.LINE_AA)
 
 
 def side_by_side(primary: Tile, secondary: Tile) -> bytes:

@@ -279,15 +279,12 @@ def digest_of(rig: RigParameters) -> str:
 
 
 def _made_with(work: Application, threshold_px: float) -> str:
-    near, far = work.depths_m
+    (near, far), sets = work.depths_m, {"2d": "2D", "3d": "3D"}
+    matching, measuring = (sets.get(m, m) for m in (work.matching.method, work.measuring.method))
     frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
     depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
     return (
-        f"{work.primary.label} and {work.secondary.label}; matched with the {_name(work.matching)} "
+        f"{work.primary.label} and {work.secondary.label}; matched with the {matching} "
         f"set, threshold {rounded(threshold_px, 4)} px{depths}; measured with the "
-        f"{_name(work.measuring)} set{frame}."
+        f"{measuring} set{frame}."
     )
-
-
-def _name(rig: RigParameters) -> str:
-    return {"2d": "2D", "3d": "3D"}.get(rig.method, rig.method)

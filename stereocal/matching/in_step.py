@@ -73,12 +73,12 @@ def shift(
         columns: of the coordinates.
     """
     pixels = points[list(columns)].to_numpy(dtype=np.float64)
-    times = _times(points)
+    times = points["frame"].to_numpy(dtype=np.int64)
+    if TIME in points:  # the frames as recorded
+        recorded = pd.to_numeric(points[TIME], errors="coerce").to_numpy(dtype=np.float64)
+        times = np.where(np.isfinite(recorded), recorded, times).astype(np.int64)
     late = offset.at(times)
-    kept = pd.DataFrame(
-        {columns[0]: pixels[:, 0], columns[1]: pixels[:, 1], SHIFT: np.zeros(len(points))},
-        index=points.index,
-    )
+    kept = points[list(columns)].astype(np.float64).assign(**{SHIFT: 0.0})
     track = _tracks(points, times, pixels, columns)
     if track is None:
         return kept, (
@@ -110,15 +110,6 @@ def shift_pixels(rig: RigParameters, points: pd.DataFrame, columns: Sequence[str
     return points.assign(**{str(name): shifted[name] for name in shifted})
 
 
-def _times(points: pd.DataFrame) -> IntArray:
-    """The frames as recorded."""
-    frames = points["frame"].to_numpy(dtype=np.int64)
-    if TIME not in points:
-        return frames
-    times = pd.to_numeric(points[TIME], errors="coerce").to_numpy(dtype=np.float64)
-    return np.where(np.isfinite(times), times, frames).astype(np.int64)
-
-
 def _tracks(
     points: pd.DataFrame, times: IntArray, pixels: FloatArray, columns: tuple[str, str]
 ) -> IntArray | None:
@@ -126,9 +117,7 @@ def _tracks(
     if not pd.Series(times).duplicated().any():
         one = np.zeros(len(points), dtype=np.int64)
         return one if _follow(one, times, pixels) else None
-    for name in points.columns:
-        if name in ("frame", TIME, *columns):
-            continue
+    for name in points.columns.difference(["frame", TIME, *columns], sort=False):
         codes = pd.factorize(points[name])[0].astype(np.int64)
         twice = pd.DataFrame({"time": times, "name": codes}).duplicated().any()
         few = 0 < codes.max() + 1 <= len(points) / ROWS_PER_TRACK

@@ -56,12 +56,10 @@ class LengthCheck:
 
     def sentence(self) -> str:
         """The result of the check."""
-        more = (
+        left_out = (
             f" {self.left_out} frames were left out because they have one of the points twice."
-            if self.left_out
-            else ""
         )
-        bias = float(self.errors.mean())
+        more, bias = left_out * bool(self.left_out), float(self.errors.mean())
         return (
             f"The mean distance in {len(self.frames)} frames is {self.lengths_m.mean():.4f} m; the "
             f"known length is {rounded(self.known_m, 4)} m. The mean error is "
@@ -113,17 +111,14 @@ def check_lengths(
             raise StereocalError(f"The two points are the same ({ends[0]}): choose two.")
         named = seen[column].astype(str)
         sides = [seen[named == end] for end in ends]
-        twice = set[int]()
-        for side in sides:
-            twice |= set(side.loc[side.duplicated("frame", keep=False), "frame"])
+        twice = {f for side in sides for f in side.loc[side.duplicated("frame"), "frame"]}
         left_out = len(twice)
         sides = [side[~side["frame"].isin(list(twice))] for side in sides]
     joined = sides[0].merge(sides[1], on="frame", suffixes=("", "_other"))
     if joined.empty:
         raise StereocalError("No frame has both points, so there is no length to check.")
-    first = joined[["x", "y", "z"]].to_numpy(dtype=np.float64)
-    second = joined[["x_other", "y_other", "z_other"]].to_numpy(dtype=np.float64)
-    lengths = np.linalg.norm(first - second, axis=1)
+    both = [joined[[f"{axis}{of}" for axis in "xyz"]].to_numpy(np.float64) for of in ("", "_other")]
+    lengths = np.linalg.norm(both[0] - both[1], axis=1)
     return LengthCheck(joined["frame"].to_numpy(), lengths, known_m, left_out)
 
 
@@ -172,23 +167,17 @@ def tracks_by(points: pd.DataFrame, column: str) -> list[IntArray]:
 def frames_follow(points: pd.DataFrame, tracks: list[IntArray]) -> bool:
     """Whether the frames follow each other so closely that lines between them show the way."""
     xyz = points[["x", "y", "z"]].to_numpy(dtype=np.float64)
-    long = [track for track in tracks if len(track) >= FEWEST]
+    long = [xyz[track] for track in tracks if len(track) >= FEWEST]
     if not long:
         return False
-    near = np.concatenate([_apart(xyz[track], 1) for track in long])
-    far = np.concatenate([_apart(xyz[track], len(track) // 2) for track in long])
+    near, far = (
+        np.concatenate([np.linalg.norm(own[step:] - own[:-step], axis=1) for own, step in steps])
+        for steps in ([(own, 1) for own in long], [(own, len(own) // 2) for own in long])
+    )
     return bool(np.median(near) < SMOOTH * np.median(far))
 
 
 def usual_tracks(points: pd.DataFrame) -> str | None:
     """The first of `track_columns` whose frames follow each other; None if there is none."""
-    for column in track_columns(points):
-        if frames_follow(points, tracks_by(points, column)):
-            return column
-    return None
-
-
-def _apart(xyz: FloatArray, rows: int) -> FloatArray:
-    """Distances of points `rows` rows apart."""
-    distances: FloatArray = np.linalg.norm(xyz[rows:] - xyz[:-rows], axis=1)
-    return distances
+    columns = track_columns(points)
+    return next((each for each in columns if frames_follow(points, tracks_by(points, each))), None)

@@ -236,8 +236,7 @@ def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
     freedom = np.maximum(2 * views - 3, 1)
     order = np.lexsort((measured.chi_square / freedom, -views))
     taken: dict[tuple[int, int], int] = {}
-    chosen: list[int] = []
-    rivals: dict[int, int] = {}
+    chosen, rivals = list[int](), dict[int, int]()
     for k in order.tolist():
         own = [(c, image) for c, image in enumerate(groups[k].tolist()) if image >= 0]
         owners = {taken[image] for image in own if image in taken}

@@ -42,7 +42,7 @@ from stereocal.matching.point_noise import (
     pair_errors,
     stated_noise,
 )
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
@@ -118,9 +118,8 @@ class ThresholdChoice:
         if own is not None and own.source != "calibration":
             others = "" if targets is None else f" (the targets: {rounded(targets.sigma_px)} px)"
             return f"Your points scatter by {own.in_words}{others}.{own.disagreement}"
-        instead = ""
-        if own is not None:
-            instead = f", so that of the targets is used, {rounded(own.sigma_px)} px"
+        used = None if own is None else rounded(own.sigma_px)
+        instead = "" if own is None else f", so that of the targets is used, {used} px"
         return (
             f"The noise of your points cannot be estimated (fewer than {FEWEST_PAIRS} pairs stand "
             f"out, or they are exact){instead}."
@@ -169,16 +168,14 @@ def choose_threshold(
     if threshold_px is not None:
         return ThresholdChoice(threshold_px, noise, targets, is_forced=True)
     if rig.matching_threshold_px is None:
-        raise StereocalError(
-            "No threshold can be chosen: "
-            + (
+        why = "no pair of points meets in front of both cameras."
+        if len(sample.errors):
+            why = (
                 "correct and wrong pairs cannot be separated, because there are too few points, "
                 "they are too dense for this parameter set, or it does not fit them. Match with "
                 "the 2D or the refined set, narrow the depth range, or state a threshold in pixels."
-                if len(sample.errors)
-                else "no pair of points meets in front of both cameras."
             )
-        )
+        raise StereocalError(f"No threshold can be chosen: {why}")
     return ThresholdChoice(rig.matching_threshold_px, noise, targets)
 
 
@@ -200,7 +197,7 @@ def _sample(
 ) -> _Sample:
     near, far = check_depths(depths_m)
     sides: tuple[list[FloatArray], list[FloatArray]] = ([], [])
-    rays = zip(*(_undistorted(rig, which, frames) for which in CAMERAS), strict=True)
+    rays = zip(*(_undistorted(rig, k, frames) for k in (0, 1)), strict=True)
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
     for number, ((primary, secondary), own) in enumerate(zip(frames, rays, strict=True)):
         first, second, found, _, _ = pairs_within(
@@ -234,12 +231,10 @@ def _sample(
     return _Sample(kept, limit, points.sum(axis=0), thinning, states and len(kept) > 0)
 
 
-def _undistorted(
-    rig: RigParameters, which: CameraName, frames: Sequence[FramePixels]
-) -> list[FloatArray]:
+def _undistorted(rig: RigParameters, k: int, frames: Sequence[FramePixels]) -> list[FloatArray]:
     """(n, 2) rays of the points of each frame, undistorted all at once."""
-    sides = [frame[CAMERAS.index(which)][:, :2] for frame in frames]
-    rays = getattr(rig, which).undistort(np.concatenate([np.empty((0, 2)), *sides]))
+    sides = [frame[k][:, :2] for frame in frames]
+    rays = getattr(rig, CAMERAS[k]).undistort(np.concatenate([np.empty((0, 2)), *sides]))
     return np.split(rays, np.cumsum([len(side) for side in sides])[:-1]) if sides else []
 
 

@@ -99,11 +99,7 @@ class ProjectApplication(ProjectPart):
 
     @contextmanager
     def opened(self, name: str) -> Iterator[Path]:
-        """A temporary file with a table of points, for libraries that read only files.
-
-        Args:
-            name: as in `Points.name`.
-        """
+        """A temporary file with the table of `Points.name`, for libraries that read only files."""
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
             yield self._copied(name, Path(folder))
 
@@ -118,11 +114,7 @@ class ProjectApplication(ProjectPart):
         return folder / name
 
     def offer_points(self, side: CameraName, label: str, content: bytes) -> None:
-        """Store a `frame,u,v` table; keep any other point file until questions are answered.
-
-        Raises:
-            StereocalError: no points, or invalid rows; nothing has changed.
-        """
+        """Store a `frame,u,v` table; keep any other point file until questions are answered."""
         parquet = Path(label).suffix.lower() in PARQUET
         content = content if parquet else point_text(content, label)
         if not parquet and layout_of(content, label).program != OURS:
@@ -191,11 +183,7 @@ class ProjectApplication(ProjectPart):
     # Parameter files
 
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
-        """Store a parameter file.
-
-        Raises:
-            StereocalError: it is not a parameter file; nothing has changed.
-        """
+        """Store a parameter file; another one is refused, and nothing changes."""
         parameters_in(content, label)
         with self.database.transaction():
             self.database.give(SETS, use, label, content)
@@ -222,11 +210,7 @@ class ProjectApplication(ProjectPart):
     # World frame
 
     def keep_world(self, label: str, content: bytes) -> None:
-        """Store a file that says where the world frame is.
-
-        Raises:
-            StereocalError: it is neither a world frame nor a table for one; nothing has changed.
-        """
+        """Store a world frame, or a table for one."""
         check_world(content, label)
         self.database.give(WORLD, WORLD, label, content)
 
@@ -277,13 +261,7 @@ class ProjectApplication(ProjectPart):
         cancelled: Callable[[], bool] | None = None,
         executor: Executor | None = None,
     ) -> bool:
-        """Match and measure, and replace the last result; False if cancelled.
-
-        Args as for `apply_sets`.
-
-        Raises:
-            StereocalError: as `apply_sets`; the last result stays.
-        """
+        """Match and measure as `apply_sets`, and replace the last result; False if cancelled."""
         with tempfile.TemporaryDirectory(prefix="stereocal-") as temporary:
             folder = Path(temporary)
             names = work.primary.name, work.secondary.name
@@ -305,20 +283,12 @@ class ProjectCheck(ProjectPart):
     """The Check page's files of one project."""
 
     def keep_parameters(self, label: str, content: bytes) -> None:
-        """Store a parameter file.
-
-        Raises:
-            StereocalError: it is not a parameter file; nothing has changed.
-        """
+        """Store a parameter file; another one is refused, and nothing changes."""
         parameters_in(content, label)
         self.database.give(CHECK, PARAMETERS, label, content)
 
     def keep_images(self, label: str, content: bytes, rig: RigParameters | None) -> None:
-        """Store new bars or matched points.
-
-        Args:
-            rig: the parameters to be checked; None if there are none yet.
-        """
+        """Store new bars or matched points, checked by the parameters if there are some."""
         if rig is not None:
             images_in(content, label, rig)
         self.database.give(CHECK, IMAGES, label, content)

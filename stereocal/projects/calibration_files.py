@@ -42,14 +42,11 @@ _SCREENING = _without(Screening, ["full_dataset", "fit"])
 
 def as_stored(calibration: Calibration) -> Calibration:
     """The calibration as it is stored: without long traces and the fit of the screening."""
-    methods = {
-        name: replace(found, trace=None)
-        if found.trace is not None and len(found.trace.cost) > LONGEST_TRACE
-        else found
-        for name, found in calibration.methods.items()
-    }
-    screening = replace(calibration.screening, fit=None)
-    return replace(calibration, methods=methods, screening=screening)
+    methods = dict(calibration.methods)
+    for name, found in methods.items():
+        if found.trace is not None and len(found.trace.cost) > LONGEST_TRACE:
+            methods[name] = replace(found, trace=None)
+    return replace(calibration, methods=methods, screening=replace(calibration.screening, fit=None))
 
 
 def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> bytes:
@@ -91,7 +88,10 @@ def unpack_calibration(
         dataset = dataset_of(data["inputs"])
         if dataset.sha256 != data["dataset_sha256"]:
             raise StereocalError("The result and its data do not belong together.")
-        screening = _screening(dataset, data.get("screening", _NO_SCREENING))
+        stated = data.get("screening", _NO_SCREENING)
+        if (offset := stated.get("time_offset")) is not None:
+            dataset = dataset.shifted(of_plain(offset, TimeOffset))
+        screening = Screening(full_dataset=dataset, fit=None, **vars(of_plain(stated, _SCREENING)))
         found = Calibration(
             dataset=screening.full_dataset,
             settings=CalibrationSettings.from_json(data["settings"]),
@@ -108,13 +108,6 @@ def unpack_calibration(
         return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
     except DAMAGED as error:
         raise StereocalError(_DAMAGED) from error
-
-
-def _screening(dataset: Dataset, data: Mapping[str, Any]) -> Screening:
-    """The screening without its fit, which is not stored."""
-    if (offset := data.get("time_offset")) is not None:
-        dataset = dataset.shifted(of_plain(offset, TimeOffset))
-    return Screening(full_dataset=dataset, fit=None, **vars(of_plain(data, _SCREENING)))
 
 
 def _method(data: Mapping[str, Any], name: Method) -> MethodResult:

@@ -30,10 +30,10 @@ FREE = (
     "(SELECT 1 FROM named WHERE named.sha256 = ?1)"
 )
 """Deletes a content without a name."""
+PAIRED = {"value": "part", "named": "part", "result": "kind", "job": "kind"}
+"""Tables, and their columns with a scope."""
 PAIR = "pair "
 """Scopes are this, the name of a pair, and a slash."""
-SCOPED = (("value", "part"), ("named", "part"), ("result", "kind"))
-"""Tables and their columns with a scope, but for the jobs."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class Store(Database):
     def forget_pairs(self) -> None:
         """Delete all pairs; the sweep frees their contents."""
         with self.transaction() as db:
-            for table, column in (*SCOPED, ("job", "kind")):
+            for table, column in PAIRED.items():
                 db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{PAIR}*'")
 
     def free_unnamed(self, before: float) -> None:

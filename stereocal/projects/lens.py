@@ -19,19 +19,18 @@ class ProjectLens(ProjectPart):
     def __init__(self, project: Project, which: CameraName) -> None:
         super().__init__(project)
         self.which = which
-        self._part = self._boards = f"boards_{which}"
-        self._lens = f"lens_{which}"
+        self._boards, self._lens = f"boards_{which}", f"lens_{which}"
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
         """Files by their uploaded names."""
-        return self.database.files(self._part)
+        return self.database.files(self._boards)
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
         """Add stored photographs; a repeated name is replaced."""
         with self.database.transaction():
             before = self.photographs
-            self.database.name_files(self._part, found)
+            self.database.name_files(self._boards, found)
             if any(before.get(name, file) != file for name, file in found.items()):
                 # New names need no reset: `search` compares the names.
                 self.database.keep_result(self._boards, None)
@@ -39,7 +38,7 @@ class ProjectLens(ProjectPart):
     def clear(self) -> None:
         """Delete the photographs, the boards found and the lens."""
         with self.database.freeing():
-            self.database.forget_files(self._part)
+            self.database.forget_files(self._boards)
             for kind in (self._boards, self._lens):
                 self.database.keep_result(kind, None)
 
@@ -67,26 +66,14 @@ class ProjectLens(ProjectPart):
         self.database.keep_result(self._lens, pack_lens(lens))
 
     def use(self) -> None:
-        """Make the lens the project's camera.
-
-        Raises:
-            StereocalError: the project's points do not fit its image; nothing has changed.
-        """
+        """Make the lens the project's camera; refused if the points do not fit its image."""
         lens = self.calibration
         if lens is not None:
-            content = write_camera(lens.camera, about(lens))
-            self.project.give({self.which: (label_of(lens), content)})
+            label = f"lens from {len(lens.search.views)} board photographs"
+            self.project.give({self.which: (label, write_camera(lens.camera, about(lens)))})
 
     @property
     def is_used(self) -> bool:
         """Whether the project uses this lens."""
-        lens, at = self.calibration, CAMERAS.index(self.which)
-        camera = self.project.cameras[at]
-        return (
-            lens is not None and camera is not None and (camera.to_json() == lens.camera.to_json())
-        )
-
-
-def label_of(lens: LensCalibration) -> str:
-    """The project's name for a lens from photographs."""
-    return f"lens from {len(lens.search.views)} board photographs"
+        lens, camera = self.calibration, self.project.cameras[CAMERAS.index(self.which)]
+        return bool(lens and camera and camera.to_json() == lens.camera.to_json())

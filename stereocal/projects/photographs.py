@@ -115,17 +115,11 @@ class ProjectPhotographs(ProjectPart):
         and their corrections stay.
 
         Args:
-            files: as for `Project.give`.
+            files, read, values: as for `Project.give`.
             found: its stored photographs.
-            read: as for `Project.give`.
-            values: as for `Project.give`.
 
         Returns:
             Whether the targets found stay.
-
-        Raises:
-            StereocalError: the data set is invalid, or a photograph was deleted; nothing has
-                changed.
         """
         with self.database.transaction():
             again = bool(found) and self.photographs == found and "correspondences" not in files
@@ -168,8 +162,8 @@ class ProjectPhotographs(ProjectPart):
             search: a digest of the search.
 
         Raises:
-            StereocalError: the points do not fit the project's cameras: the frames are stored, but
-                no table; or photographs have changed meanwhile, and nothing is stored.
+            StereocalError: the points do not fit the cameras: there are frames, but no table; or
+                photographs have changed meanwhile, and nothing is stored.
         """
         with self.database.transaction():
             now, names = self.photographs, {name for frame in found for name in frame.files}

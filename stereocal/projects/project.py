@@ -108,14 +108,12 @@ class Project:
         read: Mapping[Slot, Camera | Table] | None = None,
         **values: Any,
     ) -> None:
-        """Store files (slot to name and content) and values in one transaction.
+        """Store files (slot to name and content) and values in one transaction; inputs that would
+        be invalid are refused, and the project is unchanged.
 
         Args:
             drop: slots to empty first.
             read: what was read from files already.
-
-        Raises:
-            StereocalError: the resulting inputs are invalid; the project is unchanged.
         """
         stored: dict[str, StoredFile] = {}
         for slot, (label, content) in files.items():  # before the transaction: others wait for it
@@ -239,11 +237,7 @@ class Project:
         self.database.keep_values(SETTING, values)
 
     def keep_calibration(self, calibration: Calibration, inputs: Inputs) -> None:
-        """Replace the last result by one computed from `inputs`, which may have changed since.
-
-        Raises:
-            StereocalError: a file of the inputs was deleted meanwhile.
-        """
+        """Replace the last result by one computed from `inputs`, which may have changed since."""
         calibration = as_stored(calibration)
         content = pack_calibration(calibration, dataclasses.asdict(inputs))
         files = {str(slot): file for slot in inputs.files if (file := self._file(inputs, slot))}
@@ -285,8 +279,7 @@ class Project:
 
     def keep_recommended(self, match_with: Method, measure_with: Method) -> None:
         """Store which sets the last result recommends."""
-        content = json.dumps([match_with, measure_with]).encode()
-        self.database.keep_result("recommended", content)
+        self.database.keep_result("recommended", json.dumps([match_with, measure_with]).encode())
 
     @property
     def recommended(self) -> tuple[Method, Method] | None:
@@ -330,11 +323,7 @@ class Project:
     # Further data sets, to validate on together
 
     def add_dataset(self, label: str, content: bytes) -> None:
-        """Add a zip with a further data set.
-
-        Raises:
-            StereocalError: it is invalid; the project is unchanged.
-        """
+        """Add a zip with a further data set."""
         dataset = parse_zip(content, label)
         with self.database.transaction():
             at = len(self.database.files(FURTHER))

@@ -20,6 +20,12 @@ RECORDING, RIG_FILES = "recording", "rig"
 """Parts of a project: the files of the data set, and those that were computed from it."""
 PARTS, REPLACED = "several", "several_replaced"
 """Files of cameras and a table that are no data set yet, and those that a later one replaced."""
+NAMES: dict[Slot, str] = {
+    "correspondences": TABLE,
+    "primary": "primary.json",
+    "secondary": "secondary.json",
+}
+"""Slots of a pair, and the names of their files."""
 PAIRS = "pairs.zip"
 OF_RIG, REFINED = "of_rig", "refined_of_rig"
 """Settings of a pair: the digests of the recording and of the rig that it is of, and with which its
@@ -81,11 +87,7 @@ class ProjectRecording(ProjectPart):
             self.database.forget_files(REPLACED, [name])
 
     def give(self, files: Mapping[str, bytes], source: str) -> Recording:
-        """Store a recording instead of what was there; its rig goes.
-
-        Raises:
-            StereocalError: it is invalid; nothing has changed.
-        """
+        """Store a recording instead of what was there; its rig goes."""
         found = parse_recording(files, source)
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
         if kept == self.database.files(RECORDING):
@@ -107,10 +109,8 @@ class ProjectRecording(ProjectPart):
 
     def keep_rig(self, rig: str, pairs: bytes) -> None:
         """Store rig.json and the zip of the pairs' files."""
-        kept: dict[str, StoredFile] = {
-            RIG: self.database.keep_file(rig.encode(), RIG),
-            PAIRS: self.database.keep_file(pairs, PAIRS),
-        }
+        files = {RIG: rig.encode(), PAIRS: pairs}
+        kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
         self.database.replace_files(RIG_FILES, kept)
 
     @property
@@ -141,20 +141,14 @@ class ProjectRecording(ProjectPart):
             raise StereocalError("This project has no recording of several cameras: no pairs.")
         rig, pair = self.rig, recording.pair_named(name)
         dataset = data_of_pair(recording, pair, rig)
-        packed, inputs = pack_pair(dataset), project.inputs
-        files: dict[Slot, bytes] = {
-            "correspondences": packed[TABLE],
-            "primary": packed["primary.json"],
-            "secondary": packed["secondary.json"],
-        }
-        free = dataset.baseline_is_free
+        packed, inputs, free = pack_pair(dataset), project.inputs, dataset.baseline_is_free
+        files: dict[Slot, tuple[str, bytes]] = {}
+        for slot, file_name in NAMES.items():
+            if hashlib.sha256(packed[file_name]).hexdigest() != inputs.files.get(slot):
+                files[slot] = f"{dataset.name}, {slot}", packed[file_name]
         with self.database.transaction():
             project.give(
-                {
-                    slot: (f"{dataset.name}, {slot}", content)
-                    for slot, content in files.items()
-                    if hashlib.sha256(content).hexdigest() != inputs.files.get(slot)
-                },
+                files,
                 name=inputs.name or dataset.name,
                 baseline_m=dataset.baseline_m,
                 baseline_free=free,

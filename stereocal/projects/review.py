@@ -1,15 +1,26 @@
-"""The review of a project's frames, with edits that can be undone."""
+"""The review of a project's frames, with edits that can be undone, and their thumbnails, made when
+first shown."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import lru_cache
+
+import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.frames.frame import Frame, frame_from_json
+from stereocal.frames.frame import CentrePair, Frame, frame_from_json
+from stereocal.frames.pairing import Pair
 from stereocal.frames.review import Edit, Review
+from stereocal.frames.thumbnails import board_tile, side_by_side, tile
+from stereocal.intrinsics.boards import BoardView, find_board
+from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.photograph import GreyImage, read_photograph
 
 
 def read_review(store: ProjectPhotographs) -> Review:
@@ -59,4 +70,49 @@ def _edit(text: str) -> Edit | None:
         frames: list[Frame] = [frame_from_json(item[when]) for when in ("before", "after")]
         return Edit(*frames)
     except DAMAGED:
+        return None
+
+
+def thumbnail(store: ProjectPhotographs, frame: Frame) -> bytes:
+    """A JPEG of both photographs around the targets."""
+    return _drawn(_files(store, frame.files), frame.centres)
+
+
+def board_thumbnail(
+    store: ProjectPhotographs, pair: Pair, corners: tuple[FloatArray, FloatArray]
+) -> bytes:
+    """A JPEG of both photographs, with the corners (n, 2) of the board in each."""
+    marks = tuple(own.astype(np.float64).tobytes() for own in corners)
+    return _drawn(_files(store, (pair.primary, pair.secondary)), marks)
+
+
+@lru_cache(maxsize=200)
+def board_corners(file: StoredFile, pattern: BoardPattern) -> FloatArray:
+    """(n, 2): the corners of the board in a photograph; none if it shows none."""
+    image = _image(file)
+    found = None if image is None else find_board(image, pattern, "")
+    return found.corners if isinstance(found, BoardView) else np.empty((0, 2))
+
+
+@lru_cache(maxsize=4000)
+def _drawn(files: tuple[StoredFile | None, ...], marks: Sequence[CentrePair | bytes]) -> bytes:
+    """Both tiles, with their targets or the bytes of the corners of their board."""
+    first, second = (
+        board_tile(_image(file), np.frombuffer(own).reshape(-1, 2))
+        if isinstance(own, bytes)
+        else tile(_image(file), own)
+        for file, own in zip(files, marks, strict=True)
+    )
+    return side_by_side(first, second)
+
+
+def _files(store: ProjectPhotographs, names: tuple[str, str]) -> tuple[StoredFile | None, ...]:
+    photographs = store.photographs
+    return tuple(photographs.get(name) for name in names)
+
+
+def _image(file: StoredFile | None) -> GreyImage | None:
+    try:
+        return read_photograph(file) if file else None
+    except StereocalError:
         return None

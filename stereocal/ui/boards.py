@@ -20,7 +20,7 @@ from stereocal.intrinsics.stereo_boards import (
     recording_of,
 )
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.thumbnails import board_corners, board_thumbnail
+from stereocal.projects.review import board_corners, board_thumbnail
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray

@@ -13,8 +13,7 @@ from stereocal.frames.review import choose as decide
 from stereocal.frames.review import is_open
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.review import change_review
-from stereocal.projects.thumbnails import thumbnail
+from stereocal.projects.review import change_review, thumbnail
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
 

@@ -10,9 +10,8 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
-from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.home import bring_back, changed_at, removed_at
+from stereocal.projects.home import bring_back, changed_at, removed_at, title_of
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.fields import Field

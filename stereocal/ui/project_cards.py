@@ -9,9 +9,8 @@ from datetime import datetime
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.projects.card import Card, card_of, title_of
 from stereocal.projects.data_folder import default_home
-from stereocal.projects.home import Listed, duplicate, remove
+from stereocal.projects.home import Card, Listed, card_of, duplicate, remove, title_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.ui.messages import callback

@@ -15,7 +15,6 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.card import title_of
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.database import journal_of
 from stereocal.projects.home import (
@@ -25,6 +24,7 @@ from stereocal.projects.home import (
     recent_projects,
     removed_at,
     removed_projects,
+    title_of,
 )
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings

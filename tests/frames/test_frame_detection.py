@@ -31,18 +31,14 @@ def pool() -> Iterator[ThreadPoolExecutor]:
         yield executor
 
 
-def on_disk(files: dict[str, bytes], folder: Path) -> dict[str, Path]:
-    write(files, folder)
-    return {name: folder / name for name in files}
-
-
 def detect(
     files: dict[str, bytes],
     folder: Path,
     pool: ThreadPoolExecutor,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> list[Frame] | None:
-    photographs = on_disk(files, folder)
+    write(files, folder)
+    photographs = {name: folder / name for name in files}
     pairs = pair_names(FILES).pairs
     return detect_frames(
         pairs, photographs, CAMERAS, pool, lambda _: None, lambda *_: None, cancelled
@@ -64,14 +60,9 @@ def test_found_where_they_are_and_labelled_alike(tmp_path: Path, pool: ThreadPoo
     for frame, pair in zip(frames, BARS.pairs, strict=True):
         assert (frame.frame, frame.state, frame.use) == (pair.frame, "found", True)
         # A and B may be exchanged, but in both cameras. Measured: 0.012 px at most.
-        errors = [
-            max(
-                away(frame, 0, pair.centres_primary, swap),
-                away(frame, 1, pair.centres_secondary, swap),
-            )
-            for swap in (False, True)
-        ]
-        assert min(errors) < 0.05
+        truth = pair.centres_primary, pair.centres_secondary
+        errors = [[away(frame, k, truth[k], swap) for k in (0, 1)] for swap in (False, True)]
+        assert min(map(max, errors)) < 0.05
 
 
 def test_what_is_bad_refuses_its_own_frame(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
@@ -125,31 +116,23 @@ def test_a_compiled_search_finds_the_drawn_boards() -> None:
     assert seen[0].targets is not None
 
 
-class TestCommand:
-    @pytest.fixture
-    def survey(self, tmp_path: Path) -> Path:
-        folder = tmp_path / "survey"
-        write(FILES, folder)
-        for name, camera in zip(("primary", "secondary"), CAMERAS, strict=True):
-            (folder / f"{name}.json").write_bytes(write_camera(camera))
-        (folder / "dataset.json").write_text(
-            '{"format": "stereocal-dataset/1", "baseline_m": 2, "target_distance_m": 0.9, '
-            '"cameras": {"primary": "primary.json", "secondary": "secondary.json"}}'
-        )
-        return folder
-
-    def test_photographs_to_parameters(
-        self, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        out = str(tmp_path / "out")
-        assert main(["calibrate", str(survey), "--out", out]) == 2
-        said = capsys.readouterr().err
-        assert "photographs and no correspondences.csv yet; find the targets" in said
-        assert main(["detect", str(survey), "--out", str(survey / "correspondences.csv")]) == 0
-        said = capsys.readouterr().err
-        assert "14 photographs. 7 pairs by name" in said
-        assert "frame 7: found, sigma at most 0.0" in said
-        assert "7 frames: 7 found, 0 doubtful, 0 refused" in said
-        rows = read_table((survey / "correspondences.csv").read_bytes(), "t").strict("t")
-        assert len(rows) == 14 and rows.has_sigmas and (rows.source == 0).all()
-        assert main(["calibrate", str(survey), "--out", out]) == 0
+def test_photographs_to_parameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    survey, out = tmp_path / "survey", str(tmp_path / "out")
+    write(FILES, survey)
+    for name, camera in zip(("primary", "secondary"), CAMERAS, strict=True):
+        (survey / f"{name}.json").write_bytes(write_camera(camera))
+    (survey / "dataset.json").write_text(
+        '{"format": "stereocal-dataset/1", "baseline_m": 2, "target_distance_m": 0.9, '
+        '"cameras": {"primary": "primary.json", "secondary": "secondary.json"}}'
+    )
+    assert main(["calibrate", str(survey), "--out", out]) == 2
+    said = capsys.readouterr().err
+    assert "photographs and no correspondences.csv yet; find the targets" in said
+    assert main(["detect", str(survey), "--out", str(survey / "correspondences.csv")]) == 0
+    said = capsys.readouterr().err
+    assert "14 photographs. 7 pairs by name" in said
+    assert "frame 7: found, sigma at most 0.0" in said
+    assert "7 frames: 7 found, 0 doubtful, 0 refused" in said
+    rows = read_table((survey / "correspondences.csv").read_bytes(), "t").strict("t")
+    assert len(rows) == 14 and rows.has_sigmas and (rows.source == 0).all()
+    assert main(["calibrate", str(survey), "--out", out]) == 0

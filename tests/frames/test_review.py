@@ -88,12 +88,10 @@ class TestClick:
 class TestEdits:
     def test_a_frame_is_decided_once_the_user_has_placed_all_its_targets(self) -> None:
         after = START
-        for target in (0, 1):
-            for camera in (0, 1):
-                assert is_open(after.frame(4))
-                after = place(
-                    after, 4, camera, target, Centre(50.0 + 99 * target, 60.0, None, "manual")
-                )
+        for target, camera in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            assert is_open(after.frame(4))
+            centre = Centre(50.0 + 99 * target, 60.0, None, "manual")
+            after = place(after, 4, camera, target, centre)
         assert after.frame(4).use and after.frame(4).reviewed
 
     def test_undo_leaves_what_changed_since(self) -> None:
@@ -139,13 +137,10 @@ def apply(review: Review, act: tuple[object, ...]) -> Review:
 
 @given(edits)
 def test_as_many_undos_as_edits_give_the_start(acts: list[tuple[object, ...]]) -> None:
-    review = START
-    states = [START]
+    states = [review := START]
     for act in acts:
-        new = apply(review, act)
-        if new is not review:
-            states.append(new)
-        review = new
+        before, review = review, apply(review, act)
+        states += [review] * (review is not before)
     for before in reversed(states[:-1]):
         # On disk and back between any two steps.
         frames = unpack_frames(pack_frames(review.frames))
@@ -154,59 +149,41 @@ def test_as_many_undos_as_edits_give_the_start(acts: list[tuple[object, ...]]) -
     assert undo(review) == START
 
 
-class TestWalk:
-    def test_next_doubtful_goes_round_and_ends(self) -> None:
-        review = START
-        seen = []
-        number: int | None = 3
-        for _ in range(3):
-            assert number is not None
-            number = next_doubtful(review.frames, number)
-            seen.append(number)
-        assert seen == [4, 2, 3]
-        for decided in (2, 3, 4):
-            review = choose(review, decided, False)
-        assert next_doubtful(review.frames, 1) is None
-        assert not any(is_open(frame) for frame in review.frames)
+def test_next_doubtful_goes_round_and_ends() -> None:
+    review = START
+    assert [next_doubtful(review.frames, number) for number in (3, 4, 2)] == [4, 2, 3]
+    for decided in (2, 3, 4):
+        review = choose(review, decided, False)
+    assert next_doubtful(review.frames, 1) is None
+    assert not any(is_open(frame) for frame in review.frames)
 
 
-class TestEpipolar:
-    frames = tuple(true_frame(i) for i in range(7))
-
-    def test_a_shift_across_the_line_is_seen(self) -> None:
-        c = self.frames[0].centres[1][0]
-        assert c
-        moved = self.frames[0].moved(1, 0, Centre(c.u, c.v + 2.0))
-        found = epipolar_residuals_px([moved, *self.frames[1:]], 1, CAMERAS)
-        # The lines are about level: 2 px down is 2 px away but for the lens and their slope: 2.006.
-        assert found[0] == pytest.approx(2.0, abs=0.05)
-        assert found[1] < 1e-9
+def test_a_shift_across_the_epipolar_line_is_seen() -> None:
+    first, *others = (true_frame(i) for i in range(7))
+    c = first.centres[1][0]
+    assert c
+    moved = first.moved(1, 0, Centre(c.u, c.v + 2.0))
+    found = epipolar_residuals_px([moved, *others], 1, CAMERAS)
+    # The lines are about level: 2 px down is 2 px away but for the lens and their slope: 2.006.
+    assert found[0] == pytest.approx(2.0, abs=0.05)
+    assert found[1] < 1e-9
 
 
-class TestProject:
-    @pytest.fixture
-    def store(self, tmp_path: Path) -> ProjectPhotographs:
-        project = Project.create(tmp_path)
-        project.give(
-            {
-                "primary": ("p", write_camera(CAMERAS[0])),
-                "secondary": ("s", write_camera(CAMERAS[1])),
-            }
-        )
-        made = ProjectPhotographs(project)
-        made.keep_corrected(START.frames)
-        return made
-
-    def test_edits_reach_the_table_and_survive(self, store: ProjectPhotographs) -> None:
-        change_review(store, lambda now: place(now, 1, 0, 1, SHIFT))
-        change_review(store, lambda now: choose(swap(now, 2, 1), 2, True))
-        again = ProjectPhotographs(Project(store.database))
-        review = read_review(again)
-        assert len(review.edits) == 3
-        name, content = again.project.table or ("", b"")
-        rows = read_table(content, name).strict(name)
-        np.testing.assert_array_equal(rows.frame, [1, 1, 2, 2])
-        np.testing.assert_array_equal(rows.source, [0, 2, 0, 0])
-        change_review(again, lambda now: undo(undo(now)))
-        assert read_review(store).edits == review.edits[:1]
-        assert change_review(store, undo).frames == START.frames
+def test_edits_reach_the_table_and_survive(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    first, second = (write_camera(camera) for camera in CAMERAS)
+    project.give({"primary": ("p", first), "secondary": ("s", second)})
+    store = ProjectPhotographs(project)
+    store.keep_corrected(START.frames)
+    change_review(store, lambda now: place(now, 1, 0, 1, SHIFT))
+    change_review(store, lambda now: choose(swap(now, 2, 1), 2, True))
+    again = ProjectPhotographs(Project(store.database))
+    review = read_review(again)
+    assert len(review.edits) == 3
+    name, content = again.project.table or ("", b"")
+    rows = read_table(content, name).strict(name)
+    np.testing.assert_array_equal(rows.frame, [1, 1, 2, 2])
+    np.testing.assert_array_equal(rows.source, [0, 2, 0, 0])
+    change_review(again, lambda now: undo(undo(now)))
+    assert read_review(store).edits == review.edits[:1]
+    assert change_review(store, undo).frames == START.frames

@@ -77,11 +77,8 @@ def test_all_cameras_name_the_ends_alike(kind: str) -> None:
     unseen = {(2, "left"), (3, "mid"), (4, "right"), (5, "left")}
     assert seen == {(frame, name) for frame in range(1, 13) for name in CAMERAS} - unseen
     assert exchanged == ({0} if kind == TAGS else {0, 1})
-    assert [line.split(":")[0] for line in found.unused] == [
-        "left/0002.png",
-        "mid/0003.png",
-        "right/0004.png",
-    ]
+    unused = [line.split(":")[0] for line in found.unused]
+    assert unused == ["left/0002.png", "mid/0003.png", "right/0004.png"]
     assert (recording.sigma_px > 0).all()
 
 
@@ -100,12 +97,8 @@ def test_pairs_are_joined_and_contradictions_named() -> None:
     def pair(one: str, other: str, swapped: bool = False) -> tuple[np.ndarray, np.ndarray]:
         return points[one], points[other][::-1] if swapped else points[other]
 
-    ways = EITHER_WAY
-    chain = {
-        ("a", "b"): pair("a", "b", True),
-        ("b", "c"): pair("b", "c"),
-        ("c", "d"): pair("c", "d"),
-    }
+    ways, first = EITHER_WAY, {("a", "b"): pair("a", "b", True)}
+    chain = first | {("b", "c"): pair("b", "c"), ("c", "d"): pair("c", "d")}
     joined, agree = in_one_order(chain, ways)
     assert agree and list(joined) == ["a", "b", "c", "d"]
     assert [joined[each][0, 1] for each in "abcd"] == [1.0, 2.0, 2.0, 2.0]

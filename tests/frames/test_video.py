@@ -38,10 +38,8 @@ def taken(
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
 def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None:
-    videos = (
-        write_video(tmp_path / f"a{suffix}", constant(60)),
-        write_video(tmp_path / f"b{suffix}", constant(60)),
-    )
+    first, second = (write_video(tmp_path / f"{name}{suffix}", constant(60)) for name in "ab")
+    videos = first, second
     report, found = taken(videos, VideoSettings("every", 10))
     assert report.taken == 6
     assert {number_in(image) for image in found.values()} == {0, 10, 20, 30, 40, 50}
@@ -59,13 +57,10 @@ def test_frames_keep_their_colours_when_asked(tmp_path: Path) -> None:
         grey = picture(number)
         return np.stack([grey, grey // 2, grey // 2], axis=-1).astype(np.uint8)
 
-    videos = (
-        write_video(tmp_path / "a.mp4", constant(12), draw=red),
-        write_video(tmp_path / "b.mp4", constant(12), draw=red),
-    )
+    path = write_video(tmp_path / "a.mp4", constant(12), draw=red)
     for coloured in (True, False):
         frames: dict[str, bytes] = {}
-        extract(videos, VideoSettings("every", 5, coloured=coloured), frames.__setitem__)
+        extract((path, path), VideoSettings("every", 5, coloured=coloured), frames.__setitem__)
         for name, content in frames.items():
             blue, _, reds = (part.astype(int) for part in cv2.split(read_colours(content, name)))
             assert (float((reds - blue).mean()) > 15.0) == coloured

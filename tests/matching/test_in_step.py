@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,33 +25,16 @@ LATE = 0.7
 @pytest.fixture(scope="module")
 def late() -> RigParameters:
     """The true rig, with the offset."""
-    return RigParameters(
-        method="refined",
-        primary=rig.PRIMARY,
-        secondary=rig.SECONDARY,
-        pose=rig.RIG,
-        cost=0.0,
-        settings={},
-        inputs={},
-        matching_threshold_px=1.5,
-        time_offset=MeasuredOffset(LATE, sigma=0.001),
-    )
+    plain = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "refined", 0.0, {}, {})
+    offset = MeasuredOffset(LATE, sigma=0.001)
+    return replace(plain, matching_threshold_px=1.5, time_offset=offset)
 
 
-@pytest.fixture(scope="module")
-def points() -> tuple[pd.DataFrame, pd.DataFrame]:
-    return unlabelled(moving(LATE).correspondences)
-
-
-def written(table: pd.DataFrame, path: Path) -> PointTable:
-    table.to_csv(path, index=False)
-    return PointTable(path, POINT)
-
-
-def test_tables_on_disk_are_the_same(
-    late: RigParameters, points: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path
-) -> None:
-    first, second = (written(table, tmp_path / f"{i}.csv") for i, table in enumerate(points))
+def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> None:
+    points = unlabelled(moving(LATE).correspondences)
+    for i, table in enumerate(points):
+        table.to_csv(tmp_path / f"{i}.csv", index=False)
+    first, second = (PointTable(tmp_path / f"{i}.csv", POINT) for i in (0, 1))
     report = match_tables(late, first, second, tmp_path / "pairs.csv")
     assert report is not None
     assert any("were shifted in time by 0.700 frames" in note for note in report.notes)

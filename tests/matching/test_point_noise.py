@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,17 +15,8 @@ from stereocal.rig.parameters import RigParameters
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 TARGETS_PX, OF_FILE_PX = 0.03, 0.1
-FILE = RigParameters(
-    PRIMARY,
-    SECONDARY,
-    RIG,
-    "refined",
-    1.0,
-    {},
-    {},
-    matching_threshold_px=OF_FILE_PX,
-    noise_px=TARGETS_PX,
-)
+PLAIN = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {})
+FILE = replace(PLAIN, matching_threshold_px=OF_FILE_PX, noise_px=TARGETS_PX)
 PIXELS = ["u_primary", "v_primary", "u_secondary", "v_secondary"]
 
 
@@ -86,24 +79,17 @@ def test_standard_errors_are_of_these_points() -> None:
     tables = seen(0.5, 300)
     pairs = match(FILE, *tables)
     pairs = pairs[pairs["bird_primary"] == pairs["bird_secondary"]]
-    exact = seen(0.5, 300)
     points = reconstruct(FILE, pairs)
-    assert len(exact[0]) == len(tables[0])
     rng = np.random.default_rng([1, 500])
     places = {}
     for frame in range(300):
         places[frame] = rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (4, 3))
         for _ in range(2):
             rng.standard_normal((int((rng.random(4) > 0.1).sum()), 2))
-    true = np.array(
-        [
-            places[frame][bird]
-            for frame, bird in zip(points["frame"], points["bird_primary"], strict=True)
-        ]
-    )
-    z = (points[["x", "y", "z"]].to_numpy() - true) / points[
-        ["sigma_x", "sigma_y", "sigma_z"]
-    ].to_numpy()
+    rows = zip(points["frame"], points["bird_primary"], strict=True)
+    true = np.array([places[frame][bird] for frame, bird in rows])
+    sigma = points[["sigma_x", "sigma_y", "sigma_z"]].to_numpy()
+    z = (points[["x", "y", "z"]].to_numpy() - true) / sigma
     # 1 expected; the noise is known to 2.5 %, 900 points. Measured: 0.98 to 1.03.
     np.testing.assert_allclose(np.sqrt(np.mean(z**2, axis=0)), 1.0, atol=0.1)
 

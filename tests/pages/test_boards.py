@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
-from stereocal.projects.card import title_of
+from stereocal.projects.home import title_of
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -58,11 +59,9 @@ def test_tabs_wait_for_each_other_and_the_last_write_holds(database: Store) -> N
             with database.transaction():
                 database.keep_values("a", {"count": database.values("a")["count"] + 1})
 
-    threads = [threading.Thread(target=add) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(4) as threads:
+        for each in [threads.submit(add) for _ in range(4)]:
+            each.result()
     assert database.values("a") == {"count": 60}
 
 

@@ -11,6 +11,7 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.projects.data_folder import default_home
+from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 
@@ -19,16 +20,12 @@ FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 def filled(home: Path) -> Project:
     project = Project.create(home)
-    content = {name: (FIELD / name).read_bytes() for name in ("primary.json", "secondary.json")}
-    project.give(
-        {
-            "primary": ("primary.json", content["primary.json"]),
-            "secondary": ("secondary.json", content["secondary.json"]),
-            "correspondences": ("points.csv", (FIELD / "correspondences.csv").read_bytes()),
-        },
-        baseline_m=4.5,
-        target_distance_m=0.9,
+    table = ("points.csv", (FIELD / "correspondences.csv").read_bytes())
+    first, second = (
+        (name, (FIELD / name).read_bytes()) for name in ("primary.json", "secondary.json")
     )
+    files: dict[Slot, tuple[str, bytes]] = {"primary": first, "secondary": second}
+    project.give(files | {"correspondences": table}, baseline_m=4.5, target_distance_m=0.9)
     return project
 
 

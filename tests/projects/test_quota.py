@@ -18,11 +18,6 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from tests.pages.stored_projects import FULL, placed
 
-
-def limited(patch: pytest.MonkeyPatch, megabytes: float) -> None:
-    patch.setenv("STEREOCAL_PROJECT_MB", str(megabytes))
-
-
 LARGE = random.Random(1).randbytes(300_000)
 ROWS = [f"{frame},A,1.5,2.5,3.5,4.5\n" for frame in range(12_000)]
 TABLE = "".join(["frame,target,u_primary,v_primary,u_secondary,v_secondary\n", *ROWS]).encode()
@@ -41,17 +36,17 @@ def test_what_is_too_much_is_refused_before_it_is_stored(
 ) -> None:
     project = placed(FULL, tmp_path)
     size = project.database.size
-    limited(monkeypatch, 0.1 if what == "copy" else 0.4)
+    monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(0.1 if what == "copy" else 0.4))
     with pytest.raises(StereocalError, match=r"may take 0\.[14] MB on this server.*0\.[23] MB"):
         REFUSED[what](project)
     assert project.database.size == size
-    limited(monkeypatch, 1)
+    monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(1))
     if what != "file":
         REFUSED[what](project)
 
 
 def test_a_zip_from_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    limited(monkeypatch, 0.1)
+    monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(0.1))
     with pytest.raises(StereocalError, match=r"may take 0\.1 MB"):
         unpack_project(FULL, "p.zip", tmp_path)
     assert list((tmp_path / "projects").iterdir()) == []
@@ -63,7 +58,7 @@ def test_results_are_kept_whatever_the_limit(
     project = placed(FULL, tmp_path)
     found = project.calibration
     assert found is not None
-    limited(monkeypatch, 0.001)
+    monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(0.001))
     project.keep_calibration(found, project.inputs)
     project.keep_settings({"seed": 4})
 

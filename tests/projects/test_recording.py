@@ -17,19 +17,21 @@ from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.card import card_of
-from stereocal.projects.home import duplicate, find_projects
+from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.page_states import page_states
 from stereocal.ui.samples import RIG, three_cameras
 
 
+def given() -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
+
+
 @cache
 def rig_text() -> str:
     """The rig of every third frame."""
-    files = {path.name: path.read_bytes() for path in RIG.iterdir()}
-    recording = parse_recording(files, "sample")
+    recording = parse_recording(given(), "sample")
     return rig_file(calibrate_rig(rows_where(recording, recording.frame % 3 == 0))).dumps()
 
 
@@ -42,8 +44,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Project:
 def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
     store = ProjectRecording(project)
     recording = store.read()
-    assert store.is_given
-    assert recording is not None
+    assert store.is_given and recording is not None
     assert list(recording.cameras) == ["1", "2", "3"]
     assert project.inputs.name == recording.name
     assert page_states(project)["rig"].mark == "missing"
@@ -52,16 +53,13 @@ def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
     store.keep_rig(found.dumps(), b"zip")
     assert page_states(project)["rig"].mark == "done"
     assert store.pairs == b"zip"
-    assert "One rig: 0." in card_of(project).result
-    assert "worst pair" in card_of(project).result
+    assert "One rig: 0." in (said := card_of(project).result) and "worst pair" in said
     pack_project(project, tmp_path / "project.zip")
     copy = ProjectRecording(unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there"))
     assert copy.digest == store.digest
-    assert copy.rig is not None
-    assert copy.rig.names == found.names
+    assert copy.rig is not None and copy.rig.names == found.names
     # a new recording has no rig yet
-    files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
-    store.give(files, "again")
+    store.give(given(), "again")
     assert store.rig is None
 
 
@@ -125,8 +123,7 @@ def test_a_pair_is_kept_in_the_project_of_its_rig(project: Project, tmp_path: Pa
     assert again.dataset is not None
     assert again.dataset.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1.0)
     # Another recording has no pairs yet.
-    files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
-    store.give(files, "again")
+    store.give(given(), "again")
     assert not pair.inputs.files
 
 

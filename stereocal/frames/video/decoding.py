@@ -31,6 +31,7 @@ MOST_FRAMES = 2_000_000
 WIDTH_FOR_SHARPNESS, WIDTH_FOR_MOTION = 960, 240
 """Pixels to which frames are reduced before they are compared."""
 JPEG_QUALITY = 95
+APART_S = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +94,15 @@ def encoded_frames(
     """
     found: list[bytes | None] = [None] * len(seconds)
     with _opened(path) as (container, stream):
-        for start, stop in _runs(seconds):
+        # Over larger steps, the file is searched again.
+        steps = np.flatnonzero(np.diff(np.asarray(seconds)) > APART_S) + 1
+        for start, stop in pairwise([0, *steps.tolist(), len(seconds)]):
             wanted = np.array(seconds[start:stop])
             for time, image in _frames(container, stream, wanted[0], wanted[-1], coloured):
                 at = int(np.abs(wanted - time).argmin())
                 if abs(wanted[at] - time) < 1e-6:
                     found[start + at] = _encoded(image, lossless)
     return found
-
-
-def _runs(seconds: Sequence[float], apart: float = 2.0) -> Iterator[tuple[int, int]]:
-    """Ranges of times with no larger step than `apart`, over which the file is searched again."""
-    steps = np.flatnonzero(np.diff(np.asarray(seconds)) > apart) + 1
-    ends = [0, *steps.tolist(), len(seconds)]
-    yield from pairwise(ends)
 
 
 @contextmanager
@@ -165,10 +161,9 @@ def _reduced(image: GreyImage, width: int) -> Any:
 
 
 def _encoded(image: GreyImage, lossless: bool) -> bytes:
-    if lossless or image.dtype != np.uint8:
-        done, content = cv2.imencode(".png", image)
-    else:
-        done, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    suffix = ".png" if lossless or image.dtype != np.uint8 else ".jpg"
+    how = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else []
+    done, content = cv2.imencode(suffix, image, how)
     if not done:
         raise StereocalError("A frame of the video cannot be stored as an image.")
     return content.tobytes()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,10 +116,15 @@ class _Work:
         """Look at all frames that are paired; None if cancelled."""
         self.begin(STAGES[0])
         total = sum(len(each.seconds) for each in self.times)
+        segments = [
+            (which, seconds[max(at - 1, 0) : at + SEGMENT + 1])  # neighbours for the motion
+            for which, seconds in enumerate(each.seconds for each in self.times)
+            for at in range(0, len(seconds), SEGMENT)
+        ]
         scores: list[list[FloatArray]] = [[], []]
         done = 0
         with ThreadPoolExecutor(2) as threads:
-            for which, found in threads.map(self._scores, self._segments()):
+            for which, found in threads.map(self._scores, segments):
                 if self.cancelled():
                     threads.shutdown(cancel_futures=True)
                     return None
@@ -160,18 +165,12 @@ class _Work:
                 self.progress(first + len(own), len(chosen))
         return lost
 
-    def _segments(self) -> Iterator[tuple[int, float, float]]:
-        for which, each in enumerate(self.times):
-            for at in range(0, len(each.seconds), SEGMENT):
-                own = each.seconds[max(at - 1, 0) : at + SEGMENT + 1]  # neighbours for the motion
-                yield which, float(own[0]), float(own[-1])
-
-    def _scores(self, segment: tuple[int, float, float]) -> tuple[int, FloatArray]:
-        which, first, last = segment
+    def _scores(self, segment: tuple[int, FloatArray]) -> tuple[int, FloatArray]:
+        which, seconds = segment
         if self.cancelled():
             return which, np.zeros((0, 3))
-        path = self.videos[which]
-        return which, self.guard.read(score_frames, path, path.name, first, last)
+        path, ends = self.videos[which], (float(seconds[0]), float(seconds[-1]))
+        return which, self.guard.read(score_frames, path, path.name, *ends)
 
     def _encoded(self, which: int, chosen: IntArray, lossless: bool) -> list[bytes | None]:
         path = self.videos[which]

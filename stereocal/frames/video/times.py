@@ -23,33 +23,21 @@ FEWEST = 30
 Choice = Literal["every", "still"]
 
 
-@dataclass(frozen=True)
-class Gap:
-    """Frames that are missing between two frames of a video."""
-
-    at_s: float
-    """Time stamp of the frame before, from the first."""
-    seconds: float
-    """From the frame before to the frame after."""
-    missing: int
-    """Number of missing frames."""
-
-
 def period_of(seconds: FloatArray) -> float:
     """The usual time from frame to frame, in seconds."""
     return float(np.median(np.diff(seconds)))
 
 
-def gaps_of(seconds: FloatArray) -> list[Gap]:
-    """The steps of more than 1.5 frame periods, by the period at the place."""
+def gaps_of(seconds: FloatArray) -> list[tuple[float, int]]:
+    """The steps of more than 1.5 frame periods, by the period at the place: time stamp of the frame
+    before, from the first, and number of missing frames.
+    """
     steps = np.diff(seconds)
     half = NEIGHBOURS // 2
     padded = np.pad(steps, half, mode="reflect" if len(steps) > half else "edge")
     periods = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
     return [
-        Gap(
-            float(seconds[k] - seconds[0]), float(steps[k]), round(float(steps[k] / periods[k])) - 1
-        )
+        (float(seconds[k] - seconds[0]), round(float(steps[k] / periods[k])) - 1)
         for k in np.flatnonzero(steps > GAP * periods)
     ]
 
@@ -144,9 +132,9 @@ def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs
         gaps = gaps_of(seconds)
         lost = "no frame is missing"
         if gaps:
-            first = ", ".join(f"{gap.missing} after {gap.at_s:.3f} s" for gap in gaps[:3])
+            first = ", ".join(f"{missing} after {at_s:.3f} s" for at_s, missing in gaps[:3])
             more = f" and at {len(gaps) - 3} more places" if len(gaps) > 3 else ""
-            count = sum(gap.missing for gap in gaps)
+            count = sum(missing for _, missing in gaps)
             lost = f"{count} frame{'s are' if count > 1 else ' is'} missing: {first}{more}"
         sentences.append(f"The {which} video has {len(seconds)} frames, {rate}; {lost}.")
     largest = 1000 * float(np.abs(pairs.apart_s).max())
