@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import stat
 import time
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -19,6 +21,7 @@ from stereocal.projects.home import (
     sweep,
 )
 from stereocal.projects.project import Project
+from stereocal.refined.results import Calibration
 from stereocal.workflow import calibrate
 from tests.projects.test_project import filled
 
@@ -29,17 +32,24 @@ def aged(path: Path, days: float) -> None:
     os.utime(path, (when, when))
 
 
+@cache
+def result() -> Calibration:
+    """Of the data of every `filled` project."""
+    with TemporaryDirectory() as folder:
+        dataset = filled(Path(folder)).dataset
+    assert dataset is not None
+    return calibrate(dataset)
+
+
 def calibrated(home: Path) -> Project:
     project = filled(home)
-    dataset = project.dataset
-    assert dataset is not None
-    project.keep_calibration(calibrate(dataset), project.inputs)
+    project.keep_calibration(result(), project.inputs)
     return project
 
 
 def test_list_has_the_newest_first(tmp_path: Path) -> None:
     assert recent_projects(tmp_path) == []
-    old, new = calibrated(tmp_path), filled(tmp_path)
+    old, new = filled(tmp_path), filled(tmp_path)
     old.rename("Swifts <b>")
     aged(old.database.path, 2)
     found = recent_projects(tmp_path)
