@@ -9,7 +9,7 @@ from typing import Any
 
 import cv2
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming
 from stereocal.formats.file_storage import (
     Storage,
     find_node,
@@ -124,29 +124,27 @@ def _read_nested_lists(storage: Storage, source: str, lens_model: LensModel | No
     stated = storage.get("distortion_model", storage.get("fisheye_model", storage.get("model")))
     stated = bool(stated) if isinstance(stated, int) else stated
     camera = Camera.from_json({**storage, **named, "model": "brown"}, source)
-    return _with_model(camera, lens_model_of(camera.distortion, stated, lens_model, source), source)
+    model = lens_model_of(camera.distortion, stated, lens_model, source)
+    with naming(source):
+        return replace(camera, model=model)
 
 
 def _read_matrices(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
     """A camera given as OpenCV matrices."""
     K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
     distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
-    width = _number(storage, WIDTH_NAMES, source)
-    height = _number(storage, HEIGHT_NAMES, source)
+    size = [_node(storage, names, source) for names in (WIDTH_NAMES, HEIGHT_NAMES)]
+    for side, names in zip(size, (WIDTH_NAMES, HEIGHT_NAMES), strict=True):
+        if not is_number(side):
+            raise StereocalError(f"{source}: {names[0]} is not a number.")
     K = K.reshape(3, 3) if K.size == 9 else K
     try:
-        camera = Camera(K, distortion, (int(width), int(height)))
-    except (StereocalError, ValueError, OverflowError) as error:
+        camera = Camera(K, distortion, (int(size[0]), int(size[1])))
+    except (ValueError, OverflowError) as error:  # of a StereocalError too
         raise StereocalError(f"{source}: {error}") from error
     model = lens_model_of(camera.distortion, stated_lens_model(storage), lens_model, source)
-    return _with_model(camera, model, source)
-
-
-def _with_model(camera: Camera, model: LensModel, source: str) -> Camera:
-    try:
+    with naming(source):
         return replace(camera, model=model)
-    except StereocalError as error:
-        raise StereocalError(f"{source}: {error}") from error
 
 
 def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:
@@ -154,10 +152,3 @@ def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:
     if node is None:
         raise StereocalError(f"{source}: {names[0]} is missing; {EXPECTED}.")
     return node
-
-
-def _number(storage: Storage, names: tuple[str, ...], source: str) -> float:
-    node = _node(storage, names, source)
-    if not is_number(node):
-        raise StereocalError(f"{source}: {names[0]} is not a number.")
-    return float(node)

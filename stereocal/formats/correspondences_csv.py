@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,39 +66,47 @@ def read_table(content: bytes, source: str) -> Table:
     own = _object(words["target"], values, reasons, source) if OBJECT[0] in raw else None
     names = TARGETS if own is None else own.names
     targets = words["target"].str.upper() if own is None else words["target"]
-    target = targets.map({name: i for i, name in enumerate(names)})
-    origin = (
-        words[SOURCE].str.lower().map({"": UNKNOWN_SOURCE} | {n: i for i, n in enumerate(SOURCES)})
-    )
-    for name, found, allowed in (
-        ("target", target, " or ".join(names[:2])),
-        (SOURCE, origin, f"{', '.join(SOURCES)} or empty"),
-    ):
-        bad = np.flatnonzero(found.isna())
-        for row, cell in zip(bad.tolist(), words[name].iloc[bad].tolist(), strict=True):
-            reasons.setdefault(row, f'{name} is "{cell[:40]}"; it must be {allowed}')
-    codes = np.column_stack([target.fillna(0), origin.fillna(0)]).astype(np.int64)
-    reasons.update(_contradictions(values, codes[:, 0], raw.index.to_numpy(), reasons, names))
+    known = {name: i for i, name in enumerate(names)}
+    target = codes_of(targets, known, " or ".join(names[:2]), words["target"], reasons)
+    known = {"": UNKNOWN_SOURCE} | {name: i for i, name in enumerate(SOURCES)}
+    lower, allowed = words[SOURCE].str.lower(), f"{', '.join(SOURCES)} or empty"
+    origin = codes_of(lower, known, allowed, words[SOURCE], reasons)
+    reasons.update(_contradictions(values, target, raw.index.to_numpy(), reasons, names))
     sound = np.ones(len(raw), dtype=bool)
     sound[list(reasons)] = False
     numbers = np.column_stack([values[name] for name in (*PIXELS, *OPTIONAL)])[sound]
     return Table(
         Correspondences(
             frame=values["frame"][sound].astype(np.int64),
-            target=codes[sound, 0],
+            target=target[sound],
             primary=numbers[:, 0:2].copy(),
             secondary=numbers[:, 2:4].copy(),
             distance_m=numbers[:, 4].copy(),
             known_points_m=numbers[:, 5:8].copy(),
             sigma_primary_px=numbers[:, 8].copy(),
             sigma_secondary_px=numbers[:, 9].copy(),
-            source=codes[sound, 1],
+            source=origin[sound],
             line=raw.index.to_numpy(dtype=np.int64)[sound],
             time_frame=values[TIME][sound].astype(np.int64),
             rigid_object=own,
         ),
         rows.problems,
     )
+
+
+def codes_of(
+    words: pd.Series[str],
+    codes: Mapping[str, int],
+    allowed: str,
+    written: pd.Series[str],
+    reasons: Reasons,
+) -> IntArray:
+    """The codes of words; adds rows with others, as `written` under the name of that column."""
+    found = words.map(codes)
+    bad = np.flatnonzero(found.isna())
+    for row, cell in zip(bad.tolist(), written.iloc[bad].tolist(), strict=True):
+        reasons.setdefault(row, f'{written.name} is "{cell[:40]}"; it must be {allowed}')
+    return np.asarray(found.fillna(0), dtype=np.int64)
 
 
 def _object(targets: pd.Series[str], values: Values, reasons: Reasons, source: str) -> RigidObject:

@@ -13,6 +13,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, StereocalError, naming
 from stereocal.formats.camera_file import write_camera
+from stereocal.formats.correspondences_csv import codes_of
 from stereocal.formats.description import (
     DESCRIPTION,
     RECORDING_FORMAT,
@@ -136,12 +137,9 @@ def read_points(
     codes: dict[str, IntArray] = {}
     for column, names in (("camera", list(cameras)), ("target", list(own.names))):
         words = rows.raw[column].str.strip()
-        found = words.map({name: i for i, name in enumerate(names)})
-        bad = np.flatnonzero(found.isna())
-        for row, cell in zip(bad.tolist(), words.iloc[bad].tolist(), strict=True):
-            allowed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-            rows.reasons.setdefault(row, f'{column} is "{cell[:40]}"; it must be {allowed}')
-        codes[column] = np.asarray(found.fillna(0), dtype=np.int64)
+        allowed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+        known = {name: i for i, name in enumerate(names)}
+        codes[column] = codes_of(words, known, allowed, words, rows.reasons)
     points = np.column_stack([rows.values["u"], rows.values["v"]])
     _refuse_twice(rows, codes["camera"], codes["target"])
     # An image ends 0.5 px beyond the outermost pixel centres.

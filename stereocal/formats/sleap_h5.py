@@ -10,7 +10,6 @@ import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.other_files import is_hdf5, refuse_other_points
-from stereocal.rig.compiled import FloatArray
 from stereocal.system.guarded import read_apart
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MAXIMUM_CELLS
@@ -84,9 +83,7 @@ def _array(file: Any, name: str, size: int, source: str) -> Any:
 
 
 def _texts(names: Any) -> list[str]:
-    return [
-        name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names
-    ]
+    return [str(n, "utf-8", "replace") if isinstance(n, bytes) else str(n) for n in names]
 
 
 def _table(tracks: Any, nodes: list[str], tracked: list[str], scores: Any, source: str) -> bytes:
@@ -108,11 +105,7 @@ def _table(tracks: Any, nodes: list[str], tracked: list[str], scores: Any, sourc
     }
     for node, name in enumerate(nodes):
         for axis, suffix in enumerate("xy"):
-            columns[f"{name}.{suffix}"] = _values(tracks[track, axis, node, frame])
+            columns[f"{name}.{suffix}"] = tracks[track, axis, node, frame].astype(float)
         if scored:
-            columns[f"{name}.score"] = _values(scores[track, node, frame])
+            columns[f"{name}.score"] = scores[track, node, frame].astype(float)
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n").encode()
-
-
-def _values(values: Any) -> FloatArray:
-    return np.asarray(values, dtype=np.float64)
