@@ -12,6 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
 from stereocal.field.world.observed import Line
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests.fisheye_rig import fisheye_rig
@@ -48,10 +49,15 @@ def calibrated(refined: Place) -> Place:
     return replace(refined, rng=np.random.default_rng(5))
 
 
+def level_ahead(place: Place) -> FloatArray:
+    """(3,): the horizontal part of the primary's viewing direction."""
+    ahead = np.array([0.0, 0.0, 1.0]) - place.up[2] * place.up
+    return np.asarray(ahead / np.linalg.norm(ahead))
+
+
 def level_line(place: Place, name: str, heading: float, depth: float) -> Line:
     """A level line through the middle of the view, seen by both cameras."""
-    ahead = np.array([0.0, 0.0, 1.0]) - place.up[2] * place.up
-    ahead /= np.linalg.norm(ahead)
+    ahead = level_ahead(place)
     along = np.cos(heading) * np.cross(ahead, place.up) + np.sin(heading) * ahead
     for length in (1.5, 1.0, 0.5):
         for middle in np.random.default_rng(3).uniform(-0.3, 0.3, (200, 2)):
@@ -64,22 +70,19 @@ def level_line(place: Place, name: str, heading: float, depth: float) -> Line:
     raise AssertionError("no level line is in view")
 
 
-def horizon(place: Place, name: str = "sea") -> Line:
+def horizon(place: Place) -> Line:
     """The horizon in the primary."""
-    angles = np.linspace(-0.1, 0.1, 6)
-    ahead = np.array([0.0, 0.0, 1.0]) - place.up[2] * place.up
-    ahead /= np.linalg.norm(ahead)
+    angles, ahead = np.linspace(-0.1, 0.1, 6), level_ahead(place)
     far = np.cos(angles)[:, None] * ahead + np.sin(angles)[:, None] * np.cross(ahead, place.up)
     pixels = place.images(1e6 * far, 0.1)
-    return Line(name, "horizon", (pixels[:, :2], np.empty((0, 2))))
+    return Line("sea", "horizon", (pixels[:, :2], np.empty((0, 2))))
 
 
-def lean(place: Place, line: Line, degrees: float) -> Line:
+def lean(line: Line, degrees: float) -> Line:
     """The line turned in both images."""
     turn = np.radians(degrees)
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     turned = [(each - each.mean(axis=0)) @ R.T + each.mean(axis=0) for each in line.pixels]
-    assert place is not None
     return replace(line, pixels=(turned[0], turned[1]))
 
 
@@ -146,12 +149,12 @@ class TestLines:
 
     def test_a_line_that_leans_is_named(self, place: Place) -> None:
         lines = plumb_lines(place, 4)
-        bad = [*lines[:3], lean(place, lines[3], 5.0)]
+        bad = [*lines[:3], lean(lines[3], 5.0)]
         with pytest.raises(StereocalError, match="without line 3 the others agree"):
             find_world(place.rig, bad)
         with pytest.raises(StereocalError, match="cannot tell which"):
-            find_world(place.rig, [lines[0], lean(place, lines[3], 5.0)])
-        little = find_world(place.rig, [*lines[:3], lean(place, lines[3], 0.5)])
+            find_world(place.rig, [lines[0], lean(lines[3], 5.0)])
+        little = find_world(place.rig, [*lines[:3], lean(lines[3], 0.5)])
         exact = find_world(place.rig, lines)
         assert little.uncertainty["vertical_deg"] > 1.5 * exact.uncertainty["vertical_deg"]
 

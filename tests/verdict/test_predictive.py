@@ -191,13 +191,9 @@ def test_sigmas_of_points_are_honest(k1: float, rigs: int = 60) -> None:
 def with_k1(data: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
     """The data set with lens files that state their errors, k1 of the primary off by `sigma`."""
     cameras = []
-    for number, camera in enumerate((data.primary, data.secondary)):
-        size = camera.distortion.size
-        off = camera.distortion.copy()
-        errors = np.zeros(size)
-        if sigma and number == 0:
-            off[0] += sigma * rng.normal()
-            errors[0] = sigma
+    for camera, own in ((data.primary, sigma), (data.secondary, 0.0)):
+        errors = own * np.eye(camera.distortion.size)[0]
+        off = camera.distortion + errors * rng.normal() if own else camera.distortion
         focal = 0.003 * camera.K[0, 0]
         known = LensUncertainty(focal, focal, 5.0, 5.0, errors)
         cameras.append(Camera(camera.K, off, camera.image_size, known))

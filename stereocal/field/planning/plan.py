@@ -116,11 +116,16 @@ class AimedPose:
         return np.array([np.cos(rise), -np.sin(rise), 0.0])
 
     @cached_property
-    def _world_from_cameras(self) -> tuple[FloatArray, FloatArray]:
-        toe = np.radians(self.toe_in_deg)
-        ahead = np.array([0.0, 0.0, np.cos(toe)])
-        inward = np.sin(toe) * self._along
-        return _level(ahead + inward), _level(ahead - inward)
+    def _world_from_cameras(self) -> list[FloatArray]:
+        """(3, 3) each: of level cameras; the world's y axis points down."""
+        toe, found = np.radians(self.toe_in_deg), []
+        for inward in (np.sin(toe), -np.sin(toe)):
+            axis = np.array([0.0, 0.0, np.cos(toe)]) + inward * self._along
+            z = axis / np.linalg.norm(axis)
+            x = np.cross([0.0, 1.0, 0.0], z)
+            x /= np.linalg.norm(x)
+            found.append(np.column_stack([x, np.cross(z, x), z]))
+        return found
 
 
 @dataclass(frozen=True)
@@ -230,11 +235,8 @@ class Plan:
                 f"The noise is {self.noise_px:g} px: it must be above 0 and at most "
                 f"{LARGEST_NOISE_PX:g}; 0.2 px is usual for a detected target."
             )
-        for what, sigma, length in (
-            ("baseline", self.uncertainty.baseline_m, self.baseline_m),
-            ("bar", self.uncertainty.bar_m, self.bar_m),
-        ):
-            check_uncertainty(what, sigma or None, length)
+        check_uncertainty("baseline", self.uncertainty.baseline_m or None, self.baseline_m)
+        check_uncertainty("bar", self.uncertainty.bar_m or None, self.bar_m)
         smallest = min(*self.primary.image_size, *self.secondary.image_size)
         if self.uncertainty.centre_px > 0.2 * smallest:
             raise StereocalError(
@@ -254,11 +256,3 @@ class Plan:
 
 def _camera(stated: Camera | SensorLens) -> Camera:
     return stated.camera if isinstance(stated, SensorLens) else stated
-
-
-def _level(axis: FloatArray) -> FloatArray:
-    """The rotation `world_from_camera` of a level camera; the world's y axis points down."""
-    z = axis / np.linalg.norm(axis)
-    x = np.cross([0.0, 1.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

@@ -49,27 +49,22 @@ class Paper:
     height_mm: float
 
     @property
-    def landscape(self) -> Paper:
-        """The same paper, turned."""
-        return Paper(self.name, self.height_mm, self.width_mm)
-
-    @property
     def both_ways(self) -> tuple[Paper, Paper]:
         """Standing and lying."""
-        return self, self.landscape
+        return self, Paper(self.name, self.height_mm, self.width_mm)
 
 
 PAPERS = {
-    paper.name: paper
-    for paper in (
-        Paper("A4", 210.0, 297.0),
-        Paper("A3", 297.0, 420.0),
-        Paper("A2", 420.0, 594.0),
-        Paper("A1", 594.0, 841.0),
-        Paper("A0", 841.0, 1189.0),
-        Paper("Letter", 215.9, 279.4),
-        Paper("Tabloid", 279.4, 431.8),
-    )
+    name: Paper(name, *sides)
+    for name, sides in {
+        "A4": (210.0, 297.0),
+        "A3": (297.0, 420.0),
+        "A2": (420.0, 594.0),
+        "A1": (594.0, 841.0),
+        "A0": (841.0, 1189.0),
+        "Letter": (215.9, 279.4),
+        "Tabloid": (279.4, 431.8),
+    }.items()
 }
 """All but A4, A3, Letter and Tabloid are for the plotter of a copy shop."""
 
@@ -143,7 +138,7 @@ def footer(texts: Sequence[str], width_mm: float) -> Group:
     Args:
         width_mm: of the paper.
     """
-    shapes = ruler(MARGIN_MM, MARGIN_MM)
+    shapes = _ruler()
     left = MARGIN_MM + (BESIDE_MM if width_mm >= WIDE_MM else 0.0)
     top = footer_height(texts, width_mm)
     for row, (line, font) in enumerate(_lines(texts, width_mm)):
@@ -159,16 +154,15 @@ def text(left: float, base: float, line: str, font: str = FONT, size: float = TE
     return shape
 
 
-def ruler(left: float, bottom: float) -> Group:
+def _ruler() -> Group:
     """100 mm with a tick each 10 mm: the outer ticks' centre lines are exactly 100 mm apart."""
-    top = bottom + RULER_HEIGHT_MM - 1.5
-    shapes = Group(stroke(left, top, left + RULER_MM, top))
+    top = MARGIN_MM + RULER_HEIGHT_MM - 1.5
+    shapes = Group(stroke(MARGIN_MM, top, MARGIN_MM + RULER_MM, top))
     for at in range(0, int(RULER_MM) + 1, 10):
         length = 4.0 if at % 50 == 0 else 2.0
-        shapes.add(stroke(left + at, top - length, left + at, top))
-    for at in (0, 50, 100):
-        label = f"{at} mm" if at == RULER_MM else f"{at}"
-        shapes.add(text(left + at + 1.0, bottom, label, size=2.6))
+        shapes.add(stroke(MARGIN_MM + at, top - length, MARGIN_MM + at, top))
+    for at, label in ((0, "0"), (50, "50"), (100, "100 mm")):
+        shapes.add(text(MARGIN_MM + at + 1.0, MARGIN_MM, label, size=2.6))
     return shapes
 
 

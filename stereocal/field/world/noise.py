@@ -17,6 +17,7 @@ from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import SHARED
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -115,18 +116,15 @@ def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> Float
     Args:
         names: of the points, for messages.
     """
-    for side, camera, at in (
-        ("primary", rig.primary, pixels[:, :2]),
-        ("secondary", rig.secondary, pixels[:, 2:]),
-    ):
+    seen = pixels[:, :2], pixels[:, 2:]
+    for side, camera, at in zip(CAMERAS, (rig.primary, rig.secondary), seen, strict=True):
         check_inside(at, camera.image_size, side, names)
-    xyz = rig.reconstruct(pixels[:, :2], pixels[:, 2:])
-    error = rig.reprojection_errors(pixels[:, :2], pixels[:, 2:]).mean(axis=1)
+    xyz, error = rig.reconstruct(*seen), rig.reprojection_errors(*seen).mean(axis=1)
     far = LARGEST_MISFIT * float(np.hypot(*rig.primary.image_size))
     bad = np.flatnonzero(~np.isfinite(xyz).all(axis=1) | ~(error < far))
     if len(bad):
-        at_most = error[bad[0]]
-        how = f"miss each other by {at_most:.0f} px" if np.isfinite(at_most) else "do not meet"
+        away = error[bad[0]]
+        how = f"miss each other by {away:.0f} px" if np.isfinite(away) else "do not meet"
         raise StereocalError(
             f"{names[bad[0]]}: the rays of its two images {how}; the two images are not of one "
             "point, or the parameters are not of these cameras."
