@@ -36,7 +36,7 @@ from tools.photographs.balls import (
     seen_by,
     side_light,
 )
-from tools.photographs.bars import HERE
+from tools.photographs.rendering import HERE
 
 SIZE = (1280, 1024)
 LENS = np.array([-0.2, 0.1, 0.001, -0.001, 0.0])

@@ -21,9 +21,9 @@ import cv2
 import numpy as np
 
 from benchmarks.clutter import Found, Truth
+from benchmarks.third_boards import small_rig, taken
 from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.labelling import FrameLabels, label_targets
-from tests.rigs.third_boards import small_rig, taken
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")
 

@@ -21,7 +21,8 @@ from tools.photographs.balls import (
     seen_by,
     side_light,
 )
-from tools.photographs.bars import HERE, place_visible_bars
+from tools.photographs.bars import place_visible_bars
+from tools.photographs.rendering import HERE
 
 BALL_M, BAR_M = 0.03, 0.5
 """Radius of a ball, length of the bar."""

@@ -12,8 +12,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from tests.photographed_rig import png
-from tools.photographs.bars import HERE, facing, place_visible_bars, rod
-from tools.photographs.rendering import Board, PhotographSettings, Placed, photograph
+from tools.photographs.bars import facing, place_visible_bars, rod
+from tools.photographs.rendering import HERE, Board, PhotographSettings, Placed, photograph
 
 TAG_M, BAR_M, IDS = 0.1, 0.6, (3, 7)
 LENS = np.array([-0.2, 0.1, 0.001, -0.001, 0.0])

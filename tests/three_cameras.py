@@ -10,8 +10,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from tests.photographed_rig import BAR_M, BOARD_M, OUTDOORS, PRIMARY, RIG, SECONDARY, png
 from tests.tagged_bars import tag
-from tools.photographs.bars import HERE, BarSettings, facing, place_boards, place_visible_bars, rod
-from tools.photographs.rendering import Placed, photograph, turned
+from tools.photographs.bars import BarSettings, facing, place_boards, place_visible_bars, rod
+from tools.photographs.rendering import HERE, Placed, photograph, turned
 
 CAMERAS = {"left": PRIMARY, "mid": PRIMARY, "right": SECONDARY}
 TAGS = "tags:4X4_50:3,7"

@@ -10,8 +10,8 @@ from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from tests.tagged_bars import CAMERA, IDS, TAG_M, tags_in
-from tools.photographs.bars import HERE, facing
-from tools.photographs.rendering import PhotographSettings
+from tools.photographs.bars import facing
+from tools.photographs.rendering import HERE, PhotographSettings
 
 TARGET = Tags("4X4_50", IDS)
 

@@ -17,6 +17,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from tools.photographs.rendering import (
+    HERE,
     Picture,
     Placed,
     blurred,
@@ -49,7 +50,7 @@ def outdoors(
             primary: its corners look like targets.
     """
     cameras = (rig.primary, rig.secondary)
-    poses = (Pose(np.eye(3), np.zeros(3)), rig.pose)
+    poses = (HERE, rig.pose)
     canvas = _canvas_for(cameras, poses)
     paint_scenery(canvas, rng)
     lying = lying_chessboard(rig.primary, rng) if chessboard_about else None

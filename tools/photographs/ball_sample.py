@@ -23,7 +23,8 @@ from tools.photographs.balls import (
     seen_by,
     side_light,
 )
-from tools.photographs.bars import HERE, place_visible_bars
+from tools.photographs.bars import place_visible_bars
+from tools.photographs.rendering import HERE
 
 BALL_M, BAR_M, BASELINE_M, FRAMES = 0.03, 0.6, 1.1, 20
 """Radius of a ball, distance of their centres, and of the cameras."""

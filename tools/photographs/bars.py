@@ -22,21 +22,21 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
-from tools.photographs.flaws import NO_FLAW, Flaw, add_glare, exposed
+from tools.photographs.flaws import NO_FLAW, Flaw, add_glare
 from tools.photographs.rendering import (
+    HERE,
     Board,
     Photograph,
     PhotographSettings,
     Picture,
     Placed,
     expose,
+    exposed,
     turned,
     x_corner_board,
 )
 from tools.photographs.scenery import GROUND_M
 
-HERE = Pose(np.eye(3), np.zeros(3))
-"""The primary camera's pose in its own frame."""
 VISIBLE_MARGIN_PX = 110.0
 """Least distance of a target from the edge of an image: a 0.18 m board at 8 m extends to 113 px if
 it is rotated by 45 degrees, so almost all boards are completely visible."""

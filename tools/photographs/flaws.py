@@ -11,10 +11,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stereocal.rig.camera import Camera, CameraName
+from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tools.photographs.rendering import Board, Picture, Placed, background_picture, paint, turned
+from tools.photographs.rendering import Board, Picture, Placed, turned
 
 MOTION_STEPS = 41
 """Positions of a moving bar in one exposure; they are less than 1 px apart in the sample."""
@@ -78,24 +78,6 @@ SAMPLE_FLAWS: Mapping[int, Flaw] = MappingProxyType(
     }
 )
 """By frame of the sample photographs."""
-
-
-def exposed(
-    camera: Camera,
-    camera_from_primary: Pose,
-    background: Picture | float,
-    exposure: Sequence[Sequence[Placed]],
-    blur_px: float,
-) -> Picture:
-    """The image on the sensor: the mean over the steps of an exposure."""
-    empty = background_picture(camera, background, blur_px)
-    picture = np.zeros_like(empty)
-    for objects in exposure:
-        shot = empty.copy()
-        for placed in objects:
-            paint(shot, camera, placed.seen_from(camera_from_primary), blur_px)
-        picture += shot / np.float32(len(exposure))
-    return picture
 
 
 def add_glare(picture: Picture, centre: FloatArray, width_px: float, grey: float) -> None:

@@ -9,7 +9,7 @@ Grey levels are 0 to 255, independent of the bit depth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -35,6 +35,8 @@ Rays = Callable[[npt.NDArray[np.floating], npt.NDArray[np.floating]], FloatArray
 """Normalised x or y (rows, columns) as a function of ascending rows and columns in pixels."""
 Photograph = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
+HERE = Pose(np.eye(3), np.zeros(3))
+"""The primary camera's pose in its own frame."""
 WHITE_LEVEL = 255.0
 STRIP_ROWS = 64
 """Rows rendered at once, so that the parts stay in the processor's cache."""
@@ -147,19 +149,26 @@ def photograph(
     Returns:
         (height, width), uint8, or uint16 for more than 8 bits.
     """
-    picture = background_picture(camera, background, settings.blur_px)
-    for placed in boards:
-        paint(picture, camera, placed, settings.blur_px)
-    return expose(picture, settings, rng)
+    return expose(exposed(camera, HERE, background, [boards], settings.blur_px), settings, rng)
 
 
-def background_picture(camera: Camera, background: Picture | float, blur_px: float) -> Picture:
-    """The blurred background, to paint boards over."""
-    width, height = camera.image_size
-    if np.ndim(background) == 0:
-        picture = np.full((height, width), background, dtype=np.float32)
-    else:
-        picture = blurred(np.asarray(background, dtype=np.float32), blur_px)
+def exposed(
+    camera: Camera,
+    camera_from_here: Pose,
+    background: Picture | float,
+    exposure: Sequence[Iterable[Placed]],
+    blur_px: float,
+) -> Picture:
+    """The image on the sensor: the mean over the steps of an exposure."""
+    empty = np.full(camera.image_size[::-1], background, dtype=np.float32)
+    if np.ndim(background):
+        empty = blurred(empty, blur_px)
+    picture = np.zeros_like(empty)
+    for boards in exposure:
+        shot = empty.copy()
+        for placed in boards:
+            paint(shot, camera, placed.seen_from(camera_from_here), blur_px)
+        picture += shot / np.float32(len(exposure))
     return picture
 
 
