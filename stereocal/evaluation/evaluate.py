@@ -177,11 +177,7 @@ def clusters_to_split(dataset: Dataset) -> IntArray | None:
     """
     sigmas = dataset.baseline_sigma_m, dataset.target_distance_sigma_m
     key = f"{dataset.sha256} {sigmas} {dataset.time_offset}"
-    known = _CLUSTERS.get(key)
-    if known is None:
-        known = (_clusters_of_fit(dataset),)
-        _CLUSTERS.keep(key, known)
-    return known[0]
+    return _CLUSTERS.once(key, lambda: (_clusters_of_fit(dataset),))[0]
 
 
 def _clusters_of_fit(dataset: Dataset) -> IntArray | None:

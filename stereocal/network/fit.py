@@ -10,16 +10,7 @@ from stereocal.network.placings import images_of, placings_of
 from stereocal.network.unknowns import RigSettings, baselines_of, unknowns_of
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.robust import (
-    ASSUMED,
-    ASSUMED_PX,
-    ESTIMATED,
-    MINIMUM_BARS,
-    MINIMUM_PAIRS,
-    SMALLEST_SCATTER,
-    RobustFit,
-    limits_of,
-)
+from stereocal.refined.robust import ESTIMATED, RobustFit, limits_of
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import RefineSettings
@@ -64,11 +55,8 @@ class RigFit(RobustFit):
         self.limit = own.limits(len(unknowns.names))
         of_units = limits_of(own.unit_freedom + np.isfinite(own.distances), len(unknowns.names))
         self.share_of_limit = of_units / self.limit[self.frame_of]
-        self.smallest_scatter = SMALLEST_SCATTER * float(recording.object.distances.max())
-        self.sigma_px, self.scatter = ASSUMED_PX, self.smallest_scatter
-        self.source_px = ESTIMATED if own.seen.sum() >= 2 * MINIMUM_PAIRS else ASSUMED
-        self.source_scatter = ESTIMATED if bars.sum() >= MINIMUM_BARS else ASSUMED
-        self._begin(unknowns)
+        longest = float(recording.object.distances.max())
+        self._begin(unknowns, int(own.seen.sum()) // 2, int(bars.sum()), longest)
         self.turns = self._within(3)
 
     def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, None]:

@@ -112,8 +112,21 @@ class RobustFit(ABC):
     baselines: FloatArray
     """(m, 4): as in `adjustment.add_baselines`."""
 
-    def _begin(self, unknowns: Unknowns) -> None:
-        """Set what every fit begins with, after the other attributes."""
+    def _begin(self, unknowns: Unknowns, pairs: int, bars: int, length_m: float) -> None:
+        """Set what every fit begins with, after the other attributes.
+
+        Args:
+            pairs, bars: their numbers, by which it is judged whether noise can be estimated.
+            length_m: of the bar, or the longest of the object.
+        """
+        given, enough = self.settings, (pairs >= MINIMUM_PAIRS, bars >= MINIMUM_BARS)
+        self.smallest_scatter = SMALLEST_SCATTER * length_m
+        self.sigma_px = given.sigma_px or ASSUMED_PX
+        self.scatter = max(given.scatter_m or 0.0, self.smallest_scatter)
+        self.source_px, self.source_scatter = (
+            GIVEN if value is not None else ESTIMATED if known else ASSUMED
+            for value, known in zip((given.sigma_px, given.scatter_m), enough, strict=True)
+        )
         self.start_with(unknowns, np.zeros(len(unknowns.names)))
         self.points = np.full((len(self.pixels), OWN), np.nan)
         self.of_units = np.full(len(self.pixels), np.inf)

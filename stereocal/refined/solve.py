@@ -5,17 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.refined.distortion import lens_terms
-from stereocal.refined.robust import (
-    ASSUMED,
-    ASSUMED_PX,
-    ESTIMATED,
-    GIVEN,
-    MINIMUM_BARS,
-    MINIMUM_PAIRS,
-    SMALLEST_SCATTER,
-    RobustFit,
-    limits_of,
-)
+from stereocal.refined.robust import ESTIMATED, RobustFit, limits_of
 from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import ANGLES, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.camera import Camera
@@ -67,15 +57,7 @@ class Solve(RobustFit):
         self.set_limits(len(unknowns.names))
         self.lenses = lenses_of(dataset)
         self.R, self.baselines = np.empty((2, 3, 3)), np.empty((0, 4))
-        self.smallest_scatter = SMALLEST_SCATTER * dataset.target_distance_m
-        self.sigma_px = settings.sigma_px or ASSUMED_PX
-        self.scatter = max(settings.scatter_m or 0.0, self.smallest_scatter)
-        self.source_px = self.source_scatter = GIVEN
-        if settings.sigma_px is None:
-            self.source_px = ESTIMATED if len(place) >= MINIMUM_PAIRS else ASSUMED
-        if settings.scatter_m is None:
-            self.source_scatter = ESTIMATED if bar.sum() >= MINIMUM_BARS else ASSUMED
-        self._begin(unknowns)
+        self._begin(unknowns, len(place), int(bar.sum()), dataset.target_distance_m)
         if settings.rest is not None:
             self.p = settings.rest.start(unknowns)
 
