@@ -30,7 +30,7 @@ class RigFit(RobustFit):
         settings: RigSettings,
         velocities: FloatArray | None = None,
     ) -> None:
-        """Args: velocities: (n, 2): of the recording's points, in pixels per frame."""
+        """From first poses; velocities (n, 2) of the points in pixels per frame, if known."""
         self.recording, self.rig_settings, self.settings = recording, settings, RefineSettings()
         self.placings = own = placings_of(recording)
         cameras, bars = list(recording.cameras.values()), own.bars

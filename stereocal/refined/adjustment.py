@@ -67,7 +67,7 @@ class Equations(NamedTuple):
 
 
 def equations_for(free: BoolArray) -> Equations:
-    """To be written."""
+    """Room for those of as many unknowns."""
     size = len(free)
     return Equations(free, np.empty((size, size)), np.empty(size))
 
@@ -98,17 +98,9 @@ def sum_normal_equations(
         limits: (n,): of `loss`.
         points: (n, 6), updated, and chi_squares: (n,), written: see `State`.
     """
-    cameras, count, unknowns = (
-        with_lenses(stated.q, stated.R, stated.lenses),
-        len(stated.R),
-        len(stated.q),
-    )
-    work, index, Y, x = (
-        work_of(count),
-        np.empty(unknowns, np.int64),
-        np.empty((unknowns + 1, OWN)),
-        np.empty(OWN),
-    )
+    cameras, count, unknowns = with_lenses(stated), len(stated.R), len(stated.q)
+    work, index, x = work_of(count), np.empty(unknowns, np.int64), np.empty(OWN)
+    Y = np.empty((unknowns + 1, OWN))
     still, bent, cost = np.empty((0, count, 3)), False, 0.0
     for i in range(unknowns):
         bent = bent or (into.free[i] and i < EACH * count and 0 <= i % EACH - DISTORTION < 4)
@@ -484,7 +476,7 @@ def length_innovations(
     stated length, in metres. Column 1: its variance from the noise of the pixels, in square metres:
     l^T (J_x J_x^T)^-1 l, where l is the gradient of the length. NaN without a known length.
     """
-    cameras, count = with_lenses(stated.q, stated.R, stated.lenses), len(stated.R)
+    cameras, count = with_lenses(stated), len(stated.R)
     work, gradient, still = work_of(count), np.empty(OWN), np.empty((0, count, 3))
     for n in range(len(units.pixels)):
         found[n, 0] = found[n, 1] = np.nan

@@ -86,9 +86,10 @@ class Work(NamedTuple):
 
 
 @internal
-def with_lenses(q: FloatArray, R: FloatArray, stated_lenses: FloatArray) -> Cameras:
-    """The cameras of some unknowns; lenses (c, 23) have the stated k1, k2, p1, p2."""
-    return Cameras(q, R, set_distortion(q, DISTORTION, EACH, stated_lenses))
+def with_lenses(stated: Cameras) -> Cameras:
+    """The cameras with the k1, k2, p1, p2 of their unknowns instead of the stated ones."""
+    lenses = set_distortion(stated.q, DISTORTION, EACH, stated.lenses)
+    return Cameras(stated.q, stated.R, lenses)
 
 
 @internal
@@ -355,7 +356,7 @@ def fit_points(
 
 @compiled
 def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, found: PointFits) -> None:
-    cameras, count = with_lenses(stated.q, stated.R, stated.lenses), len(stated.R)
+    cameras, count = with_lenses(stated), len(stated.R)
     work, x, b = work_of(count), np.empty(OWN), np.empty(OWN)
     seen, ray = np.full((2, count, 2), np.nan), np.full((2, count, 2), np.nan)
     unit = Unit(seen, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
@@ -422,7 +423,7 @@ def jacobians_of(cameras: Cameras, points: FloatArray) -> tuple[FloatArray, Floa
 def _fill_jacobians(
     stated: Cameras, points: FloatArray, by_point: FloatArray, by_shared: FloatArray
 ) -> None:
-    cameras, count = with_lenses(stated.q, stated.R, stated.lenses), len(stated.R)
+    cameras, count = with_lenses(stated), len(stated.R)
     pixels, work, x = np.full((2, count, 2), np.nan), work_of(count), np.zeros(OWN)
     pixels[0] = 0.0
     unit = Unit(pixels, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
