@@ -12,8 +12,6 @@ from stereocal.figures.style import MOST_DRAWN, count
 from stereocal.refined.outliers import (
     bar_frames,
     frame_reprojection_px,
-    held_out,
-    left_out,
     length_outliers,
     outlying_frames,
     reprojection_outliers,
@@ -174,7 +172,10 @@ def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
 
 
 def _kinds(calibration: Calibration, frames: IntArray) -> dict[FrameKind, BoolArray]:
-    left, without = held_out(calibration, frames), left_out(calibration, frames)
+    left, without = (
+        np.isin(frames, own)
+        for own in (calibration.held_out_frames, calibration.screening.left_out)
+    )
     return dict(zip(KINDS, (~(left | without), left, without), strict=True))
 
 

@@ -40,16 +40,6 @@ def bar_frames(calibration: Calibration) -> IntArray:
     return rows.frame[rows.bars[:, 0]]
 
 
-def held_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
-    """(f,): true for the frames used neither for calibration nor left out by the screening."""
-    return np.isin(frames, calibration.held_out_frames)
-
-
-def left_out(calibration: Calibration, frames: IntArray) -> npt.NDArray[np.bool_]:
-    """(f,): true for the frames that the screening left out."""
-    return np.isin(frames, calibration.screening.left_out)
-
-
 def outlying(values: FloatArray, smallest_excess: float) -> npt.NDArray[np.bool_]:
     """(n,): true for NaN and for values far above the median.
 

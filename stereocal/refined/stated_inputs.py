@@ -154,16 +154,11 @@ def note_on_rivals(rivals: tuple[str, ...]) -> str:
 NAMES = {
     "baseline": "the measured baseline",
     "distance": "the measured distance between the targets",
-    **{
-        f"{camera} {part}": f"the {camera} camera's {name}"
-        for camera in CAMERAS
-        for part, name in (
-            ("focal", "focal length"),
-            ("centre", "principal point"),
-            ("distortion", "distortion"),
-        )
-    },
 }
+for _camera in CAMERAS:
+    NAMES[f"{_camera} focal"] = f"the {_camera} camera's focal length"
+    NAMES[f"{_camera} centre"] = f"the {_camera} camera's principal point"
+    NAMES[f"{_camera} distortion"] = f"the {_camera} camera's distortion"
 
 
 def in_digits(values: FloatArray, sigma: FloatArray) -> str:

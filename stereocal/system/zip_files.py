@@ -92,12 +92,20 @@ def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
             if not packed:
                 raise StereocalError(f"{name}: the file is empty (0 bytes).")
             # Count the entries before `zipfile` reads them into memory (1 kB each). An entry that
-            # straddles two pieces is missed here, and counted by `_check`.
+            # straddles two pieces is missed here, and counted below.
             file.seek(int(max(packed - LISTED_BYTES * limits.files, 0)))
             pieces = iter(partial(file.read, PIECE), b"")
             limits.check_count(sum(piece.count(_LISTED) for piece in pieces), name)
             members = OpenZip(opened.enter_context(zipfile.ZipFile(file)), name)
-        _check(members, packed, name)
+        # The directory, before anything is unpacked.
+        limits.check_count(len(members.names), name)
+        total = sum(map(members.size, members.names))
+        limits.check_together(total, name)
+        limits.check_expansion(packed, total, name)
+        for member in members.names:
+            limits.check_size(members.size(member), f"{name}: {member}")
+        if not members.names:
+            raise StereocalError(f"{name}: the zip is empty.")
         yield members
 
 
@@ -110,19 +118,6 @@ def unzip(
         total = sum(map(opened.size, names))
         Limits.from_environment().check_size(total, f"{name}: the tables inside, together")
         return {member: opened.read(member) for member in names}
-
-
-def _check(opened: OpenZip, packed: int, name: str) -> None:
-    """Check a zip's directory against the limits, before anything is unpacked."""
-    limits = Limits.from_environment()
-    limits.check_count(len(opened.names), name)
-    total = sum(map(opened.size, opened.names))
-    limits.check_together(total, name)
-    limits.check_expansion(packed, total, name)
-    for member in opened.names:
-        limits.check_size(opened.size(member), f"{name}: {member}")
-    if not opened.names:
-        raise StereocalError(f"{name}: the zip is empty.")
 
 
 @contextmanager
