@@ -283,17 +283,16 @@ def _refined(
     return _test(dataset, ~fit, angles, partners, (found, rays))
 
 
-def count_set(dataset: Dataset, pose: Pose, seed: int = 0, rows: BoolArray | None = None) -> Run:
+def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> Run:
     """Count all pairs and bars of a data set with one parameter set, without held-out frames.
 
     Args:
         dataset: with the cameras of the parameter set.
-        seed: for drawing wrong partners, if there are more than `MAXIMUM_PARTNERS` points.
         rows: mask (n,) of the rows to count; all if None.
     """
     if rows is None:
         rows = np.ones(len(dataset.correspondences), dtype=np.bool_)
-    partners = _partners(int(np.count_nonzero(rows)), np.random.default_rng(seed))
+    partners = _partners(int(np.count_nonzero(rows)), np.random.default_rng(0))
     own = dataset  # with its rays, which take longer than the rest
     if dataset.baseline_m != pose.baseline:
         own = replace(dataset, baseline_m=pose.baseline)

@@ -137,15 +137,12 @@ class MethodSummary:
         return {name: without_nan(value) for name, value in figures.items()}
 
 
-def summarise(
-    runs: Sequence[Sequence[Run]], bin_width: float = 0.1, seed: int = 0
-) -> dict[Method, MethodSummary]:
+def summarise(runs: Sequence[Sequence[Run]], bin_width: float = 0.1) -> dict[Method, MethodSummary]:
     """Pool the runs of all data sets.
 
     Args:
         runs: by data set, as returned by `evaluate.evaluate`.
         bin_width: width of the bins of the PDFs in decades, a multiple of 0.02 up to 1.
-        seed: of the bootstrap.
     """
     if not runs or not all(runs):
         raise StereocalError("There are no runs to summarise.")
@@ -154,7 +151,7 @@ def summarise(
         raise StereocalError(
             f"The bin width must be a multiple of {BIN_WIDTH:g} from {BIN_WIDTH:g} to 1."
         )
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     # The bootstrap resamples the data sets if there are several, else the runs.
     units = [[run] for run in runs[0]] if len(runs) == 1 else [list(of_one) for of_one in runs]
     weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), BOOTSTRAPS)
@@ -191,12 +188,12 @@ def summarise_all(
     return pooled, each
 
 
-def figures_of_set(run: Run, bin_width: float = 0.1) -> tuple[float, float]:
+def figures_of_set(run: Run) -> tuple[float, float]:
     """FCP of the reprojection error and median 3D error of a run from `evaluate.count_set`.
 
     NaN if there are no values.
     """
-    merged = merge_bins(run.counts[0, REPROJECTION].astype(np.int64), round(bin_width / BIN_WIDTH))
+    merged = merge_bins(run.counts[0, REPROJECTION].astype(np.int64), round(0.1 / BIN_WIDTH))
     errors = np.abs(run.lengths[0] - 1)
     known = errors[np.isfinite(errors)]
     return float(overlap(merged)), float(np.median(known)) if len(known) else float("nan")

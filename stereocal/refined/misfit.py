@@ -55,12 +55,8 @@ class Misfit:
         return self.probability < SURE
 
 
-def misfit_of(result: RefinedResult, seed: int = 0) -> Misfit:
-    """Where the residuals of the frames that were fitted are not noise.
-
-    Args:
-        seed: of the random signs.
-    """
+def misfit_of(result: RefinedResult) -> Misfit:
+    """Where the residuals of the frames that were fitted are not noise."""
     table, used = result.dataset.correspondences, result.used_rows
     pixels = table.primary[used], table.secondary[used]
     fields = _fields(result, pixels)
@@ -72,7 +68,7 @@ def misfit_of(result: RefinedResult, seed: int = 0) -> Misfit:
     known = np.concatenate([field.known.ravel() for field in fields])
     root = np.sqrt(np.concatenate([field.count.ravel() for field in fields])[known])
     seen, by_chance = sums[known] / root, by_chance[:, known] / root
-    rng = np.random.default_rng([seed, 0x515])
+    rng = np.random.default_rng([0, 0x515])
     flipped = rng.choice([-1.0, 1.0], (FLIPS, len(by_chance))) @ by_chance
     found, chance = np.square(seen), np.square(flipped)
     probability = float((1 + np.sum(chance.sum(axis=1) >= found.sum())) / (FLIPS + 1))

@@ -392,6 +392,6 @@ def scatter_of(
     return float(np.sqrt(excess_variance(squares, variances, left, third)))
 
 
-def _lower_third(values: FloatArray, axis: int | None = None) -> Any:
+def _lower_third(values: FloatArray) -> Any:
     """The lower third quantile; values may be infinite."""
-    return np.quantile(values, THIRD, axis=axis, method="lower")
+    return np.quantile(values, THIRD, method="lower")

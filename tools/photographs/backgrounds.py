@@ -40,25 +40,25 @@ CHESSBOARD_M = 26.0
 
 
 def outdoors(
-    rig: Rig, rng: np.random.Generator, softness_px: float = 1.5, chessboard_about: bool = True
+    rig: Rig, rng: np.random.Generator, softness_px: float = 1.5
 ) -> tuple[Picture, Picture]:
     """Backgrounds of the two cameras, (height, width) grey levels before the optics.
 
+    A chessboard of 6x4 squares lies on the grass, in view of the primary: its corners look like
+    targets.
+
     Args:
         softness_px: standard deviation of the defocus blur.
-        chessboard_about: whether a chessboard of 6x4 squares lies on the grass, in view of the
-            primary: its corners look like targets.
     """
     cameras = (rig.primary, rig.secondary)
     poses = (HERE, rig.pose)
     canvas = _canvas_for(cameras, poses)
     paint_scenery(canvas, rng)
-    lying = lying_chessboard(rig.primary, rng) if chessboard_about else None
+    lying = lying_chessboard(rig.primary, rng)
     pictures = []
     for camera, pose in zip(cameras, poses, strict=True):
         picture = blurred(seen_wall(canvas, camera, pose), softness_px)
-        if lying is not None:
-            paint(picture, camera, lying.seen_from(pose), max(0.5 * softness_px, 0.3))
+        paint(picture, camera, lying.seen_from(pose), max(0.5 * softness_px, 0.3))
         pictures.append(picture)
     return pictures[0], pictures[1]
 

@@ -30,6 +30,8 @@ BLUE: Colour = (0.03, 0.10, 0.42)
 PARTS = 6
 """Parts of a pixel, each way."""
 FULL_WELL_E = 12_000.0
+VIVID = 0.25
+"""Share of the shapes of a background with saturated colours of any hue."""
 
 
 @dataclass(frozen=True)
@@ -136,24 +138,19 @@ def _rod(picture: ColourPicture, camera: Camera, ends: FloatArray, thickness_m: 
 
 
 def clutter(
-    size: tuple[int, int],
-    rng: np.random.Generator,
-    shapes: int = 90,
-    vivid: float = 0.25,
-    grain: float = 0.25,
+    size: tuple[int, int], rng: np.random.Generator, shapes: int = 90, grain: float = 0.25
 ) -> ColourPicture:
     """A background of blotches, plates, poles and leaves of all colours.
 
     Args:
         size: (width, height).
-        vivid: share of the shapes with saturated colours of any hue.
         grain: strength of the fine texture.
     """
     width, height = size
     small = rng.uniform(0.05, 0.45, (6, 8, 1)) + rng.normal(0.0, 0.02, (6, 8, 3))
     picture = cv2.resize(small.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
     for _ in range(shapes):
-        colour = _any_colour(rng, rng.random() < vivid)
+        colour = _any_colour(rng, rng.random() < VIVID)
         middle = tuple(int(v) for v in rng.uniform((0, 0), (width, height)))
         long = float(np.exp(rng.uniform(np.log(4), np.log(0.22 * width))))
         kind = rng.integers(3)

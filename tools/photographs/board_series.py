@@ -52,14 +52,9 @@ def draw_board_poses(
     )
 
 
-def true_corners(
-    camera: Camera,
-    pose: Pose,
-    squares: tuple[int, int] = LENS_SQUARES,
-    square_m: float = LENS_SQUARE_M,
-) -> FloatArray:
+def true_corners(camera: Camera, pose: Pose) -> FloatArray:
     """Raw pixels (n, 2) of a board's inner corners, row by row from the top left."""
-    return camera.project(pose.apply(chessboard_corners(squares, square_m)))
+    return camera.project(pose.apply(chessboard_corners(LENS_SQUARES, LENS_SQUARE_M)))
 
 
 def _draw_pose(camera: Camera, rng: np.random.Generator, outline: FloatArray) -> Pose | None:
