@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,9 @@ from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, local_script_runner
 
-from tests.pages.stored_projects import ROOT, SLOW
+from stereocal.projects.home import find_projects
+from stereocal.projects.project import Project
+from tests.pages.stored_projects import ROOT, SLOW, go, session
 
 SCRIPTS = ScriptCache()
 """Pages that have been compiled; a server keeps them too."""
@@ -33,6 +36,30 @@ def app(home: Path) -> Iterator[AppTest]:
     assert not started.exception
     yield started
     assert not started.exception
+
+
+@pytest.fixture(scope="session")
+def home_of_sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A home with the sample, calibrated and validated by one press."""
+    home = tmp_path_factory.mktemp("sample")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STEREOCAL_HOME", str(home))
+        as_in_a_server(patch)
+        app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+        app.button(key="demo").click().run().switch_page("pages/calibrate.py").run()
+        app.button(key="run").click().run()
+        assert not app.exception
+    return home
+
+
+@pytest.fixture
+def pressed(home: Path, home_of_sample: Path) -> Iterator[AppTest]:
+    """The Calibrate page of a copy of that sample."""
+    shutil.copytree(home_of_sample, home, dirs_exist_ok=True)
+    (project,) = find_projects(home)
+    opened = go(session(Project.open(home, project)), "calibrate")
+    yield opened
+    assert not opened.exception
 
 
 @pytest.fixture(autouse=True)

@@ -30,6 +30,17 @@ def session(project: Project, **state: object) -> AppTest:
     return app.run()
 
 
+def again(app: AppTest, page: str) -> AppTest:
+    """A page of the same project, in a new tab."""
+    tab = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
+    tab.query_params["project"] = app.session_state["project_id"]
+    return go(tab.run(), page)
+
+
+def project_of(app: AppTest, home: Path) -> Project:
+    return Project.open(home, app.session_state["project_id"])
+
+
 def go(app: AppTest, page: str) -> AppTest:
     return app.switch_page(f"pages/{page}.py").run()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,15 +14,13 @@ from streamlit.testing.v1 import AppTest
 from stereocal.figures.space import VIEWS
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.project import Project
 from stereocal.rig.camera import CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import apply as apply_page
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.pages.stored_projects import go, project_of, session, told
 from tests.pages.waiting import ended
 
-ROOT = Path(__file__).parents[2]
-SLOW = 120
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 SET_3D = replace(SET_2D, method="3d", matching_threshold_px=None)
 
@@ -45,38 +42,8 @@ def csv(table: pd.DataFrame) -> bytes:
     return table.to_csv(index=False).encode()
 
 
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path / "home"))
-    return tmp_path / "home"
-
-
-@pytest.fixture
-def app(home: Path) -> Iterator[AppTest]:
-    assert not home.exists()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
-    yield started
-    assert not started.exception
-
-
-def said(app: AppTest, *kinds: str) -> str:
-    wanted = kinds or ("error", "info", "warning", "success", "caption")
-    return " ".join(str(item.value) for kind in wanted for item in getattr(app, kind)).replace(
-        "\\", ""
-    )
-
-
-def calibrated(app: AppTest) -> AppTest:
-    app.button(key="demo").click().run()
-    app.switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    return app.switch_page("pages/apply.py").run()
-
-
 def begun(app: AppTest) -> AppTest:
-    app.switch_page("pages/apply.py").run()
-    app.button(key="apply_begin").click().run()
-    return app
+    return go(app, "apply").button(key="apply_begin").click().run()
 
 
 def give_sets(app: AppTest, matching: RigParameters, measuring: RigParameters) -> AppTest:
@@ -98,31 +65,30 @@ def with_files(app: AppTest) -> AppTest:
 
 
 def store_of(app: AppTest, home: Path) -> ProjectApplication:
-    return ProjectApplication(Project.open(home, app.session_state["project_id"]))
+    return ProjectApplication(project_of(app, home))
 
 
-def written(app: AppTest, home: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+def written(app: AppTest, home: Path) -> list[pd.DataFrame]:
+    """The pairs and the points."""
     result = store_of(app, home).result
     assert result is not None
-    return pd.read_csv(io.BytesIO(result[1][PAIRS].read_bytes())), pd.read_csv(
-        io.BytesIO(result[1][POINTS].read_bytes())
-    )
+    return [pd.read_csv(io.BytesIO(result[1][name].read_bytes())) for name in (PAIRS, POINTS)]
 
 
 def test_nothing_yet_is_said(app: AppTest) -> None:
-    app.switch_page("pages/apply.py").run()
-    assert "it needs points of both cameras" in said(app)
+    go(app, "apply")
+    assert "it needs points of both cameras" in told(app)
     begun(app)
-    assert "Still missing: the points of both cameras" in said(app)
-    assert "Still missing: a parameter file" in said(app)
+    assert "Still missing: the points of both cameras" in told(app)
+    assert "Still missing: a parameter file" in told(app)
 
 
-def test_own_points_are_matched_and_measured(app: AppTest, home: Path) -> None:
-    calibrated(app)
+def test_own_points_are_matched_and_measured(pressed: AppTest, home: Path) -> None:
+    app = go(pressed, "apply")
     answer = "50 pairs in 25 frames, none of them ambiguous, none outside the volume of the bars."
-    assert answer in said(app, "success")
-    assert "50 of 50 pairs have the same target in both cameras" in said(app, "caption")
-    assert "50 points, median reprojection error" in said(app, "caption")
+    assert answer in told(app, "success")
+    assert "50 of 50 pairs have the same target in both cameras" in told(app, "caption")
+    assert "50 points, median reprojection error" in told(app, "caption")
     pairs, points = written(app, home)
     assert len(pairs) == len(points) == 50
     assert not points["outside_volume"].any()  # the volume holds the bars that it was found from
@@ -130,7 +96,7 @@ def test_own_points_are_matched_and_measured(app: AppTest, home: Path) -> None:
     app.segmented_control(key="apply_view").set_value("A known length").run()
     app.selectbox(key="apply_way").set_value("target_primary").run()
     # The bar is 0.9 m; with the 3D set, fitted to these very bars. Measured: 0.13 %.
-    sentence = said(app, "success")
+    sentence = told(app, "success")
     assert "known length is 0.9 m" in sentence
     error = float(sentence.split("The mean error is ")[1].split(" %")[0])
     assert error < 0.5
@@ -149,26 +115,24 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     field = app.number_input(key="apply_threshold")
     assert field.value is None
     assert field.placeholder.startswith("0.8, ")
-    assert "cannot be estimated" in said(app, "caption")  # exact points
+    assert "cannot be estimated" in told(app, "caption")  # exact points
     before, _ = written(app, home)
     assert len(before) == 90  # exact points: none is lost, however small the threshold
     app.number_input(key="apply_threshold").set_value(40.0).run()
     after, _ = written(app, home)
     assert after["ambiguous"].sum() > before["ambiguous"].sum()
     app.segmented_control(key="apply_view").set_value("Threshold and depths").run()
-    assert "90 have a partner within 40 px" in said(app, "caption")
-    assert "Threshold 40 px" in said(app, "caption")
+    assert "90 have a partner within 40 px" in told(app, "caption")
+    assert "Threshold 40 px" in told(app, "caption")
     app.number_input(key="apply_sigma_px").set_value(0.5).run()
-    assert "Your points scatter by 0.5 px, as stated." in said(app, "caption")
+    assert "Your points scatter by 0.5 px, as stated." in told(app, "caption")
     assert written(app, home)[0]["sigma_primary_px"].eq(0.5).all()
 
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("pages/apply.py").run()
+    again = go(session(store_of(app, home).project), "apply")
     assert again.number_input(key="apply_threshold").value == 40.0
     assert again.number_input(key="apply_sigma_px").value == 0.5
-    assert "In use: p.csv, 90 points In use: s.csv, 90 points" in said(again, "caption")
-    assert "90 pairs in 6 frames" in said(again, "success")
+    assert "In use: p.csv, 90 points In use: s.csv, 90 points" in told(again, "caption")
+    assert "90 pairs in 6 frames" in told(again, "success")
 
 
 def test_a_long_work_runs_as_a_job(
@@ -176,18 +140,18 @@ def test_a_long_work_runs_as_a_job(
 ) -> None:
     monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
     with_files(app)
-    assert "No result yet" in said(app)
+    assert "No result yet" in told(app)
     app.button(key="apply_run").click().run()
     assert ended(store_of(app, home).project, "apply").state == "done"
     app.run()
-    assert "90 pairs in 6 frames" in said(app, "success")
+    assert "90 pairs in 6 frames" in told(app, "success")
 
 
-def test_refined_set_serves_both(app: AppTest) -> None:
-    calibrated(app)
+def test_refined_set_serves_both(pressed: AppTest) -> None:
+    app = go(pressed, "apply")
     for use in ("matching", "measuring"):
         app.selectbox(key=f"apply_{use}").set_value("refined").run()
-    assert "50 of 50 pairs have the same target" in said(app, "caption")
+    assert "50 of 50 pairs have the same target" in told(app, "caption")
     assert not app.error and not app.warning
     app.selectbox(key="apply_matching").set_value("3d").run()
-    assert "it accepts more wrong pairs" in said(app, "warning")
+    assert "it accepts more wrong pairs" in told(app, "warning")

@@ -17,8 +17,8 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import calibrate
 from tests.lens import SMALL, png
-from tests.pages.stored_projects import messages
-from tests.pages.test_pages import zipped
+from tests.pages.stored_projects import messages, project_of
+from tests.pages.test_pages import give_zip
 from tests.pages.test_photographs import upload
 from tests.pages.waiting import ended
 from tests.rigs.boards import photographs, stereo
@@ -32,7 +32,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     files |= {f"{side}99.png": png(blank) for side in ("left", "right")}
     app.switch_page("pages/data.py").run()
     upload(app, files)
-    project = Project.open(home, app.session_state["project_id"])
+    project = project_of(app, home)
     # As the first photographs show, without a click.
     assert app.segmented_control(key="held").value == "board"
     sizes = [app.number_input(key=f"board_{way}").value for way in ("columns", "rows")]
@@ -102,10 +102,8 @@ def data_of(project: Project) -> Dataset:
 def test_a_zip_of_an_object(app: AppTest, home: Path) -> None:
     """A data set of format 2 with two cameras is stored as any other, to its digest."""
     data = recorded(WAND, 12)
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("wand.zip", zipped(pack_dataset(data))).run()
+    give_zip(app, pack_dataset(data))
     assert not app.exception
-    project = Project.open(home, app.session_state["project_id"])
+    project = project_of(app, home)
     assert data_of(project).sha256 == data.sha256
     assert "Complete" in messages(app)

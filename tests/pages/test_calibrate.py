@@ -15,29 +15,14 @@ from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
-from stereocal.rig.dataset import Dataset
 from stereocal.ui import press
 from stereocal.ui.refined import answer_of
 from stereocal.ui.validation import evaluated
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import calibrate
-from tests.pages.stored_projects import go, messages
-from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
+from tests.pages.stored_projects import go, messages, project_of, told
+from tests.pages.test_pages import FIELD, give_zip, open_sample
 from tests.pages.waiting import SLOW, ended
-
-
-def captions(app: AppTest) -> str:
-    return " ".join(str(item.value) for item in app.caption)
-
-
-def text(app: AppTest) -> str:
-    return " ".join(str(item.value) for item in app.markdown)
-
-
-@pytest.fixture
-def pressed(app: AppTest) -> AppTest:
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    return app.button(key="run").click().run()
 
 
 def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
@@ -50,8 +35,8 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     labels = [metric.label for metric in pressed.metric]
     assert labels == ["Wrong pairs let in", "Length error, median", "Threshold"]
     assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
-    assert "expected for similar bars" in captions(pressed)
-    assert "held out: " in captions(pressed) and "not yet" not in captions(pressed)
+    assert "expected for similar bars" in told(pressed, "caption")
+    assert "held out: " in told(pressed, "caption") and "not yet" not in told(pressed, "caption")
     pressed.switch_page("pages/validate.py").run()
     assert project.evaluation is not None
     assert not pressed.exception and not pressed.error
@@ -81,7 +66,7 @@ def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     pressed.selectbox(key="chosen_frame").set_value(9).run()
     pressed.button(key="frame_leave_out").click().run()
     assert project.inputs.left_out == [9]
-    assert "Frame 9 was left out by you." in text(pressed)  # before forecast and validation
+    assert "Frame 9 was left out by you." in told(pressed, "markdown")
     assert ended(project, "calibration").state == "done"
     pressed.run()
     calibration = project.calibration
@@ -90,27 +75,20 @@ def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     assert calibration.methods["2d"].cost != before.methods["2d"].cost
     assert project.calibration_evaluation is not None  # of the frames that are left
     assert "Left out by you: frame 9." in messages(pressed).replace("\\", "")
-    assert "Frame 9 was left out by you." in text(pressed)
-    assert "1 of 25 frames left out" in captions(pressed)
+    assert "Frame 9 was left out by you." in told(pressed, "markdown")
+    assert "1 of 25 frames left out" in told(pressed, "caption")
     pressed.button(key="frame_put_back").click().run()
     assert ended(project, "calibration").state == "done"
     calibration = project.calibration
     assert calibration is not None and calibration.screening.left_out == ()
-    assert "Frame 9 is used." in text(pressed)
-
-
-def give(app: AppTest, dataset: Dataset) -> None:
-    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("given.zip", packed, "application/zip").run()
+    assert "Frame 9 is used." in told(pressed, "markdown")
 
 
 def test_two_bars_give_files_without_forecast(app: AppTest, home: Path) -> None:
     dataset = read_dataset(FIELD)
     rows = dataset.correspondences
     single = rows.where((rows.target == 0) | (rows.frame < 3))
-    give(app, replace(dataset, correspondences=single))
+    give_zip(app, pack_dataset(replace(dataset, correspondences=single)))
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert project_of(app, home).calibration is not None
@@ -180,7 +158,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     in_file = found.sets["refined"].matching_threshold_px
     assert in_file is not None and tile == f"{digits(in_file, 2)} px"
     assert f"match below {tile}, where" in messages(app)
-    assert "of parameters_refined.json, from held-out frames" in captions(app)
+    assert "of parameters_refined.json, from held-out frames" in told(app, "caption")
     app.segmented_control(key="view").set_value("Parameters").run()
     (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]
     assert str(row.loc["Matching threshold (px)", "Refined set"]) + " px" == tile

@@ -17,7 +17,7 @@ from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens_results
 from stereocal.ui.lens import job_kind
 from tests.lens import SMALL, write_boards
-from tests.pages.stored_projects import go, messages
+from tests.pages.stored_projects import again, go, messages, project_of
 from tests.pages.waiting import ended
 
 ROOT = Path(__file__).parents[2]
@@ -38,7 +38,7 @@ def app(app: AppTest) -> AppTest:
 
 
 def store_of(app: AppTest, home: Path, which: CameraName = "primary") -> ProjectLens:
-    return ProjectLens(Project.open(home, app.session_state["project_id"]), which)
+    return ProjectLens(project_of(app, home), which)
 
 
 def upload(app: AppTest, files: Mapping[str, bytes], which: str = "primary") -> AppTest:
@@ -73,7 +73,7 @@ def test_photographs_to_the_projects_camera(
     assert "The focal length fx is" in messages(app)
     assert "6 draws of 5 out of 7 photographs" in messages(app)
     app.button(key="use_lens_primary").click().run()
-    camera = Project.open(home, app.session_state["project_id"]).cameras[0]
+    camera = project_of(app, home).cameras[0]
     assert camera is not None and camera.uncertainty is not None
     # Seven small photographs. Measured: 0.3 px.
     assert abs(camera.K[0, 0] - SMALL.K[0, 0]) < 3
@@ -82,11 +82,9 @@ def test_photographs_to_the_projects_camera(
     app.switch_page("pages/data.py").run()
     assert any("lens from 7 board photographs" in item.value for item in app.caption)
 
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("pages/cameras.py").run()
-    assert "6 draws of 5 out of 7 photographs" in messages(again)
-    assert again.number_input(key="board_columns").value == 8
+    tab = again(app, "cameras")
+    assert "6 draws of 5 out of 7 photographs" in messages(tab)
+    assert tab.number_input(key="board_columns").value == 8
 
 
 def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, bytes]) -> None:

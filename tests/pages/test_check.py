@@ -15,13 +15,10 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.reconstruction_files import PIXELS
 from stereocal.projects.application import IMAGES, PARAMETERS, ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.project import Project
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.zip_files import pack_zip
-from tests.pages.test_apply import ROOT, SLOW, calibrated, said
-from tests.pages.test_apply import app as app
-from tests.pages.test_apply import home as home
+from tests.pages.stored_projects import again, go, project_of, told
 from tests.rigs.bumps import Case, bumped, cases, matched, seen_by
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
@@ -62,7 +59,7 @@ def files() -> Files:
 @pytest.fixture
 def begun(app: AppTest) -> AppTest:
     app.switch_page("pages/check.py").run()
-    assert "it needs the parameters of the rig" in said(app)
+    assert "it needs the parameters of the rig" in told(app)
     app.button(key="check_begin").click().run()
     return app
 
@@ -72,27 +69,21 @@ def give(app: AppTest, what: str, name: str, content: bytes) -> AppTest:
     return app
 
 
-def project_of(app: AppTest, home: Path) -> Project:
-    return Project.open(home, app.session_state["project_id"])
-
-
 def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
-    assert "Still missing: the parameters" in said(begun, "info")
+    assert "Still missing: the parameters" in told(begun, "info")
     give(begun, "parameters", "p.json", files.parameters)
-    assert "Still missing: new bars" in said(begun, "info")
+    assert "Still missing: new bars" in told(begun, "info")
     give(begun, "images", "moved.zip", files.moved)
-    assert said(begun, "warning").startswith("Moved: ")
+    assert told(begun, "warning").startswith("Moved: ")
     assert begun.session_state["page_states"]["check"].mark == "done"
     # The next session shows the same.
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = begun.session_state["project_id"]
-    again.run().switch_page("pages/check.py").run()
-    assert said(again, "warning") == said(begun, "warning")
+    tab = again(begun, "check")
+    assert told(tab, "warning") == told(begun, "warning")
     give(begun, "images", "same.zip", files.same)
-    assert "Cannot tell with 5 bars" in said(begun, "info")
+    assert "Cannot tell with 5 bars" in told(begun, "info")
     begun.number_input(key="check_turn_deg").set_value(1.0).run()
     begun.number_input(key="check_baseline_percent").set_value(5.0).run()
-    assert said(begun, "success").startswith("Same: ")
+    assert told(begun, "success").startswith("Same: ")
 
 
 def test_a_table_of_bars_and_the_archive(
@@ -100,7 +91,7 @@ def test_a_table_of_bars_and_the_archive(
 ) -> None:
     give(begun, "parameters", "p.json", files.parameters)
     give(begun, "images", "bars.csv", files.table)
-    assert said(begun, "warning").startswith("Moved: ")
+    assert told(begun, "warning").startswith("Moved: ")
     pack_project(project_of(begun, home), tmp_path / "packed.zip")
     store = ProjectCheck(unpack_project(tmp_path / "packed.zip", "packed.zip", home))
     for name, content in ((PARAMETERS, files.parameters), (IMAGES, files.table)):
@@ -109,15 +100,14 @@ def test_a_table_of_bars_and_the_archive(
         assert found.read_bytes() == content
 
 
-def test_the_results_of_the_project_are_checked(app: AppTest, home: Path) -> None:
-    calibrated(app)
-    app.switch_page("pages/check.py").run()
-    assert "this project's refined set" in said(app, "caption")
+def test_the_results_of_the_project_are_checked(pressed: AppTest, home: Path) -> None:
+    app = go(go(pressed, "apply"), "check")
+    assert "this project's refined set" in told(app, "caption")
     app.selectbox(key="check_images").set_value("A file").run()
     dataset = project_of(app, home).dataset
     assert dataset is not None
     few = dataset.of_frames(dataset.correspondences.frames[:5])
     give(app, "images", "few.csv", write_table(few.correspondences))
-    assert "Cannot tell with 5 bars" in said(app, "info")
+    assert "Cannot tell with 5 bars" in told(app, "info")
     app.selectbox(key="check_images").set_value("The pairs of Apply").run()
-    assert "matched points alone do not show" in said(app, "caption").lower()
+    assert "matched points alone do not show" in told(app, "caption").lower()

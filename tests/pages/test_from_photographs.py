@@ -4,42 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
-import numpy as np
-import numpy.typing as npt
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.lens import ProjectLens
-from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from tests.pages.stored_projects import messages
+from tests.pages.stored_projects import project_of, told
 from tests.pages.test_cameras import boards as boards
-
-Grey = npt.NDArray[np.uint8]
-
-
-def png(image: Grey) -> bytes:
-    return bytes(cv2.imencode(".png", image)[1])
-
-
-def said(app: AppTest) -> str:
-    texts = [str(item.value) for kind in (app.caption, app.markdown) for item in kind]
-    return (messages(app) + " " + " ".join(texts)).replace("\\", "")
 
 
 def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     app.button(key="demo_photographs").click().run()
     app.switch_page("pages/data.py").run()
     assert app.segmented_control(key="data_how").value == "Photographs"
-    assert "50 photographs. 25 pairs by name" in said(app)
+    assert "50 photographs. 25 pairs by name" in told(app)
     assert app.number_input(key="baseline_m_value").value == 4.5
     assert not app.button(key="find_targets").disabled
-    project = Project.open(home, app.session_state["project_id"])
+    project = project_of(app, home)
     assert all(project.cameras)
     assert project.inputs.missing == ["the table of points"]
-    assert "Still missing: the targets in the photographs (press *Find the targets*)" in said(app)
+    assert "Still missing: the targets in the photographs (press *Find the targets*)" in told(app)
     for which in CAMERAS:
         assert len(ProjectLens(project, which).photographs) == 22
     app.switch_page("pages/cameras.py").run()
-    assert "Of the primary camera: 22 photographs" in said(app)
+    assert "Of the primary camera: 22 photographs" in told(app)
     assert app.number_input(key="board_columns").value == 18

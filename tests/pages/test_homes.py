@@ -35,10 +35,9 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    project = placed(FULL, tmp_path)
+    project = placed(FULL, home)
     app = session(project)
     for page in TITLES:  # what is computed of the project is on the disk before it breaks
         go(app, page)
@@ -52,7 +51,7 @@ def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
                 assert not app.exception, (page, app.exception)
                 assert REASON in told(app, "error", "warning"), (page, told(app))
     assert project.database.path.read_bytes() == before
-    assert Project.open(tmp_path, project.id).calibration is not None
+    assert Project.open(home, project.id).calibration is not None
 
 
 def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:

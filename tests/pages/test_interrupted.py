@@ -12,8 +12,8 @@ from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import copy_database
 from stereocal.ui import jobs, validation
-from tests.pages.stored_projects import SLOW, messages
-from tests.pages.test_pages import open_sample, project_of
+from tests.pages.stored_projects import SLOW, messages, project_of
+from tests.pages.test_pages import open_sample
 from tests.pages.waiting import ended
 from tests.projects.test_checkpoints import same_runs
 

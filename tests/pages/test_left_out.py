@@ -9,8 +9,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import messages
-from tests.pages.test_pages import FIELD, project_of, zipped
+from tests.pages.stored_projects import messages, project_of
+from tests.pages.test_pages import FIELD, give_zip
 from tests.pages.waiting import ended
 
 BAD = 7
@@ -20,10 +20,7 @@ BAD = 7
 def project(app: AppTest, home: Path) -> Project:
     """The field's data with A and B exchanged in the secondary image of one frame."""
     dataset = read_dataset(FIELD).with_targets_exchanged([BAD])
-    packed = zipped({name: bytes(content) for name, content in pack_dataset(dataset).items()})
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("field.zip", packed, "application/zip").run()
+    give_zip(app, pack_dataset(dataset))
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     return project_of(app, home)
@@ -35,15 +32,13 @@ def left_out(project: Project) -> tuple[int, ...]:
     return calibration.screening.left_out
 
 
-def test_a_bad_frame_is_named_and_the_result_stands(app: AppTest, project: Project) -> None:
+def test_a_bad_frame_is_named_exchanged_and_taken_back(app: AppTest, project: Project) -> None:
     assert left_out(project) == (BAD,)
     said = messages(app)
     assert f"frame {BAD}" in said
     assert "exchanged in one camera" in said
     assert app.success
-
-
-def test_exchanging_it_brings_it_back_at_once(app: AppTest, project: Project) -> None:
+    # Exchanged, it is back at once.
     app.button(key=f"exchange_{BAD}").click().run()
     assert project.inputs.exchanged == [BAD]
     assert left_out(project) == ()

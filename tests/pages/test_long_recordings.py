@@ -9,8 +9,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.ui import jobs, refined, results, screening
-from tests.pages.stored_projects import messages
-from tests.pages.test_pages import open_sample, project_of
+from tests.pages.stored_projects import messages, project_of
+from tests.pages.test_pages import open_sample
 from tests.pages.waiting import ended
 
 COMPUTING = (

@@ -13,9 +13,8 @@ from tests.pages.stored_projects import FULL, go, placed, session
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Project:
-    monkeypatch.setenv("STEREOCAL_HOME", str(tmp_path))
-    return placed(FULL, tmp_path)
+def project(home: Path) -> Project:
+    return placed(FULL, home)
 
 
 def states(app: AppTest) -> dict[str, str]:

@@ -21,8 +21,8 @@ from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.latest import Latest
-from tests.pages.stored_projects import FULL, go, placed
-from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
+from tests.pages.stored_projects import FULL, go, placed, project_of
+from tests.pages.test_pages import FIELD, give_zip, open_sample
 
 
 def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
@@ -59,12 +59,10 @@ def cameras(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 def test_a_data_set_is_parsed_once(
     app: AppTest, home: Path, tables: list[object], cameras: list[object]
 ) -> None:
-    content = zipped(pack_dataset(read_dataset(FIELD)))
+    files = pack_dataset(read_dataset(FIELD))
     tables.clear()
     cameras.clear()
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    app.file_uploader(key="upload_zip").upload("rig.zip", content).run()
+    give_zip(app, files)
     go(app, "calibrate")
     assert project_of(app, home).dataset is not None
     assert (len(tables), len(cameras)) == (1, 2)
@@ -134,11 +132,9 @@ def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_agai
 
 
 def test_a_move_of_a_slider_computes_the_methods_of_the_paper_once(
-    app: AppTest, monkeypatch: pytest.MonkeyPatch
+    pressed: AppTest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    go(app, "validate")
+    app = go(pressed, "validate")
     app.slider(key="validate_runs").set_value(10).run()
     searched: list[int] = []
     original = evaluation.paper_angles

@@ -15,8 +15,8 @@ from stereocal.ui import one_set as page
 from stereocal.ui import refined
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.workflow import calibrate, conclusions_of_seeds
-from tests.pages.stored_projects import messages
-from tests.pages.test_pages import open_sample, project_of
+from tests.pages.stored_projects import messages, project_of, told
+from tests.pages.test_pages import open_sample
 from tests.pages.waiting import wait_until
 
 
@@ -37,17 +37,13 @@ def parameters(app: AppTest) -> Any:
     return app.table[-1].value
 
 
-def text(app: AppTest) -> str:
-    return " ".join(str(item.value) for kind in (app.markdown, app.caption) for item in kind)
-
-
 def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
     one_set(app)
     assert "One set does both jobs here" in messages(app)
     assert "Nothing that was typed or measured disagrees" not in messages(app)
     assert "go unnoticed" in messages(app)
-    assert "errors on held-out frames are" in text(app)
+    assert "errors on held-out frames are" in told(app)
     assert parameters(app).loc["Baseline (m)", "Standard error"] == "± 0.0052"
     app.switch_page("pages/data.py").run()
     for which in ("primary", "secondary"):
@@ -65,18 +61,18 @@ def test_residuals_by_place_tell_noise_from_a_lens(app: AppTest, home: Path) -> 
     few_runs(open_sample(app), home)
     one_set(app)
     app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
-    assert "they accuse no lens" in text(app)
+    assert "they accuse no lens" in told(app)
 
 
 def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
     project = few_runs(open_sample(app), home)
     one_set(app)
-    seen = {text(app)}
+    seen = {told(app)}
     for along in (0, 100):
         app.slider(key="along").set_value(along).run()
-        seen.add(text(app))
+        seen.add(told(app))
     app.segmented_control(key="curve").set_value("As given").run()
-    assert len({*seen, text(app)}) == 4
+    assert len({*seen, told(app)}) == 4
     assert project.settings["along"] == 100
 
 
@@ -96,7 +92,7 @@ def test_other_seeds_are_tried_beside_the_page_and_once(
     monkeypatch.setattr(refined, "outlook_for", outlook_of)
     few_runs(open_sample(app), home)
     one_set(app)
-    wait_until(lambda: "Trying other seeds" not in text(app.run()))
+    wait_until(lambda: "Trying other seeds" not in told(app.run()))
     assert "Another seed" in messages(app) and len(tried) == 1
 
 

@@ -11,9 +11,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from tests.pages.stored_projects import messages
+from tests.pages.stored_projects import again, go, messages, project_of
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -25,8 +24,9 @@ def open_sample(app: AppTest) -> AppTest:
     return app.switch_page("pages/data.py").run()
 
 
-def project_of(app: AppTest, home: Path) -> Project:
-    return Project.open(home, app.session_state["project_id"])
+def give_zip(app: AppTest, files: dict[str, bytes]) -> AppTest:
+    go(app, "data").segmented_control(key="data_how").set_value("A zip").run()
+    return app.file_uploader(key="upload_zip").upload("rig.zip", zipped(files)).run()
 
 
 def zipped(files: dict[str, bytes]) -> bytes:
@@ -53,11 +53,9 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     result = project_of(app, home).calibration
     assert result is not None and len(result.frames) == 20
 
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("pages/calibrate.py").run()
-    assert "Use the refined set for both" in messages(again)
-    assert again.slider(key="calibration_frames").value == 20
+    tab = again(app, "calibrate")
+    assert "Use the refined set for both" in messages(tab)
+    assert tab.slider(key="calibration_frames").value == 20
 
 
 def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path) -> None:
@@ -74,9 +72,8 @@ def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path
         assert points is not None and (points.rows, points.frames) == (409, 409)
 
 
-def test_form_that_moved_on_is_said_and_the_result_stays(app: AppTest) -> None:
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
+def test_form_that_moved_on_is_said_and_the_result_stays(pressed: AppTest) -> None:
+    app = pressed
     app.number_input(key="delta").set_value(2e-3).run()
     assert "The form has changed since this result (Δ)" in messages(app)
     assert "Use the refined set for both" in messages(app)

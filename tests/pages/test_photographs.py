@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,9 +12,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import Project
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import go, messages
+from tests.pages.stored_projects import again, go, messages, project_of
+from tests.pages.test_pages import zipped
 from tests.pages.waiting import ended, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +30,7 @@ def app(app: AppTest) -> AppTest:
 
 
 def store_of(app: AppTest, home: Path) -> ProjectPhotographs:
-    return ProjectPhotographs(Project.open(home, app.session_state["project_id"]))
+    return ProjectPhotographs(project_of(app, home))
 
 
 def upload(app: AppTest, files: Mapping[str, bytes]) -> None:
@@ -40,14 +38,6 @@ def upload(app: AppTest, files: Mapping[str, bytes]) -> None:
     for name, content in files.items():
         widget.upload(name, content)
     app.run()
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return packed.getvalue()
 
 
 def upload_zip(app: AppTest, files: Mapping[str, bytes]) -> None:
@@ -91,12 +81,10 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
 
     app.checkbox(key="use_frame_2").set_value(False).run()
     assert "12 pairs of points in 6 frames" in messages(app)
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = app.session_state["project_id"]
-    again.run().switch_page("pages/data.py").run()
-    assert again.segmented_control(key="data_how").value == "Photographs"
-    assert "12 pairs of points in 6 frames" in messages(again)
-    assert again.checkbox(key="use_frame_2").value is False
+    tab = again(app, "data")
+    assert tab.segmented_control(key="data_how").value == "Photographs"
+    assert "12 pairs of points in 6 frames" in messages(tab)
+    assert tab.checkbox(key="use_frame_2").value is False
 
 
 def dataset_files() -> dict[str, bytes]:

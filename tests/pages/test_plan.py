@@ -11,11 +11,10 @@ from streamlit.testing.v1 import AppTest
 from stereocal.field.planning.forecast import forecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
-from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
-from tests.pages.stored_projects import FULL, go, messages, placed, session, told
+from tests.pages.stored_projects import FULL, go, messages, placed, project_of, session, told
 
 
 @pytest.fixture
@@ -84,7 +83,7 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     open_plan(app, {"plan.json": write_plan(one)})
     app.button(key="plan_start").click().run()
     assert not app.error and app.title[0].value == "Data"
-    project = Project.open(home, app.session_state["project_id"])
+    project = project_of(app, home)
     inputs = project.inputs
     assert inputs.name == "two boats"
     assert (inputs.baseline_m, inputs.target_distance_m) == pytest.approx((4.5, 0.9))

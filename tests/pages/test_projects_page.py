@@ -14,8 +14,8 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import ROOT, SLOW, messages
-from tests.pages.test_pages import open_sample, project_of
+from tests.pages.stored_projects import ROOT, SLOW, messages, project_of
+from tests.pages.test_pages import open_sample
 
 
 def start(app: AppTest) -> AppTest:

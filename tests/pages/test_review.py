@@ -20,6 +20,7 @@ from stereocal.projects.review import read_review
 from stereocal.ui.picker import Pick
 from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
+from tests.pages.stored_projects import told
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
@@ -83,11 +84,6 @@ def app(store: ProjectPhotographs) -> Iterator[AppTest]:
     assert not started.exception
 
 
-def said(app: AppTest) -> str:
-    kinds = (app.success, app.warning, app.error, app.markdown, app.caption)
-    return " ".join(str(item.value) for kind in kinds for item in kind).replace("\\", "")
-
-
 def press(app: AppTest, key: str) -> None:
     app.button(key=key).click().run()
     assert not app.exception
@@ -99,7 +95,7 @@ def test_walk_through_the_doubtful_frames(app: AppTest, store: ProjectPhotograph
     assert app.button(key="review_doubtful").label == "Next to decide (2 left)"
     press(app, "review_doubtful")
     assert app.selectbox(key="review_frame").value == 3
-    assert "doubtful] It is left out. Please decide" in said(app) and "Look at it." in said(app)
+    assert "doubtful] It is left out. Please decide" in told(app) and "Look at it." in told(app)
     press(app, "review_use")
     assert read_review(store).frame(3).use
     assert app.button(key="review_doubtful").label == "Next to decide (1 left)"
@@ -111,23 +107,23 @@ def test_walk_through_the_doubtful_frames(app: AppTest, store: ProjectPhotograph
     assert app.selectbox(key="review_frame").value == 6
     press(app, "review_undo")
     assert app.selectbox(key="review_frame").value == 5
-    assert "The last change is undone." in said(app)
+    assert "The last change is undone." in told(app)
     assert not read_review(store).frame(5).reviewed
 
 
 def test_swap_and_the_table(app: AppTest, store: ProjectPhotographs) -> None:
     before = read_review(store).frame(1).centres[1]
-    assert "other frames: A 0.0" in said(app)
+    assert "other frames: A 0.0" in told(app)
     press(app, "swap_secondary")
     assert read_review(store).frame(1).centres[1] == before[::-1]
     a, b = before
     assert a and b
     assert app.table[0].value.loc["A secondary", "u, px"] == f"{b.u:.2f}"
-    assert "A and B are exchanged in the secondary photograph." in said(app)
+    assert "A and B are exchanged in the secondary photograph." in told(app)
     # The bars are not level: exchanged targets are far from their lines.
-    assert "other frames: A 0.0" not in said(app)
+    assert "other frames: A 0.0" not in told(app)
     press(app, "review_undo")
-    assert "other frames: A 0.0" in said(app)
+    assert "other frames: A 0.0" in told(app)
 
 
 def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(

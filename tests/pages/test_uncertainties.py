@@ -11,8 +11,8 @@ from stereocal.projects.project import Project
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.refined import refine_settings
-from tests.pages.stored_projects import SLOW
-from tests.pages.test_pages import open_sample, project_of
+from tests.pages.stored_projects import again, project_of
+from tests.pages.test_pages import open_sample
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,11 +45,9 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     assert (prior.focal, prior.centre_px) == pytest.approx((0.004, 6.0))
     assert lens_prior(dataset.primary, settings.primary).focal == DEFAULT_FOCAL
 
-    again = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    again.query_params["project"] = project.id
-    again.run().switch_page("pages/data.py").run()
-    assert again.selectbox(key="baseline_m_known").value == "Typed"
-    assert again.number_input(key="baseline_m_sigma_mm").value == 3.5
-    assert again.number_input(key="lens_secondary_focal_percent").value == 0.4
-    assert again.number_input(key="lens_secondary_centre_px").value == 6.0
-    assert again.selectbox(key="lens_primary_known").value == "Not stated"
+    tab = again(app, "data")
+    assert tab.selectbox(key="baseline_m_known").value == "Typed"
+    assert tab.number_input(key="baseline_m_sigma_mm").value == 3.5
+    assert tab.number_input(key="lens_secondary_focal_percent").value == 0.4
+    assert tab.number_input(key="lens_secondary_centre_px").value == 6.0
+    assert tab.selectbox(key="lens_primary_known").value == "Not stated"

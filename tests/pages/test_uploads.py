@@ -14,8 +14,8 @@ from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
-from tests.pages.stored_projects import messages
-from tests.pages.test_pages import FIELD, open_sample, project_of, zipped
+from tests.pages.stored_projects import messages, project_of
+from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
 from tests.pages.waiting import wait_until
 
 
@@ -55,10 +55,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
     project = project_of(open_sample(app), home)
     searching = stored_jobs.begin(project.database, "photographs", ["photographs"], {})
     assert searching is not None and searching.progress(0, 1, 9)
-    app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    content = zipped(pack_dataset(read_dataset(FIELD)))
-    app.file_uploader(key="upload_zip").upload("rig.zip", content).run()
+    give_zip(app, pack_dataset(read_dataset(FIELD)))
     assert not app.exception
     wait_until(lambda: not searching.progress(0, 2, 9))
     searching.end()
