@@ -22,13 +22,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held
-from stereocal.ui.chosen_frame import (
-    choose_frame,
-    frame_field,
-    photographed,
-    photographs_of,
-    state_of,
-)
+from stereocal.ui import chosen_frame
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.figure import scroll_to, scrolled_part, show_figure
 from stereocal.ui.forms import describe_settings
@@ -53,7 +47,7 @@ def look_at_frame(project: Project, calibration: Calibration, frame: int) -> Non
     """Open a frame (a callback)."""
     _view(project).set(FRAMES)
     scroll_to(OPENED)
-    frame_field(project, calibration).set(frame)
+    chosen_frame.frame_field(project, calibration).set(frame)
 
 
 COVERAGE = "coverage"
@@ -66,7 +60,7 @@ def open_clicked_frame(project: Project) -> None:
     frame, calibration = _clicked_frame(COVERAGE, f"{COVERAGE}_narrow"), project.calibration
     if frame is None:
         return
-    if photographed(project):
+    if chosen_frame.photographed(project):
         look_closely(ProjectPhotographs(project), frame)
     elif calibration is not None:
         look_at_frame(project, calibration, frame)
@@ -96,7 +90,7 @@ def show_closer_looks(project: Project, found: Calibration, answer: Answer | Non
 
 
 def _show_frames(project: Project, found: Calibration, answer: Answer | None) -> None:
-    chosen = frame_field(project, found)
+    chosen = chosen_frame.frame_field(project, found)
     st.caption("Click on a point to open its frame below.")
     show_figure(
         plot_frame_errors(found, chosen.value()),
@@ -106,9 +100,11 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
         selection_mode="points",
     )
     with scrolled_part(OPENED):
-        frame = choose_frame(project, found)
+        frame = chosen_frame.choose_frame(project, found)
         views = views_of(found, frame)
-        st.markdown(escape_markdown(f"{state_of(found, frame)} {_in_words(found, views)}"))
+        st.markdown(
+            escape_markdown(f"{chosen_frame.state_of(found, frame)} {_in_words(found, views)}")
+        )
         method = answer.recommendation.match.method if answer else "2d"
         _show_images(project, frame, views, method, st.columns(2))
 
@@ -121,7 +117,7 @@ def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
 def _clicked(project: Project, calibration: Calibration) -> None:
     """Open the frame of a clicked point."""
     if (frame := _clicked_frame(CHART)) is not None:
-        frame_field(project, calibration).set(frame)
+        chosen_frame.frame_field(project, calibration).set(frame)
 
 
 def _show_images(
@@ -131,7 +127,7 @@ def _show_images(
     method: Method,
     columns: Sequence[DeltaGenerator],
 ) -> None:
-    photographs = photographs_of(project, frame)
+    photographs = chosen_frame.photographs_of(project, frame)
     for camera, (side, column) in enumerate(zip(CAMERAS, columns, strict=True)):
         with column:
             st.markdown(f"**{side.capitalize()}**")
@@ -141,7 +137,7 @@ def _show_images(
 
 
 def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
-    frame = choose_frame(project, found)
+    frame = chosen_frame.choose_frame(project, found)
     views = views_of(found, frame)
     methods = list(views)
     method = choose(

@@ -96,12 +96,6 @@ class Job:
         """As `Work.digest`; empty for a job that is not stored."""
         return "" if self.kept is None else self.kept.record.digest
 
-    @property
-    def seconds_left(self) -> float:
-        """Of the stage, from the speed so far."""
-        pace = (time.monotonic() - self.started) / max(self.done - self.begun_with, 1)
-        return pace * (self.total - self.done)
-
 
 @dataclass(frozen=True)
 class Work:
@@ -191,19 +185,14 @@ def start_button(
     work: Work, label: str, key: str, *, primary: bool = True, disabled: bool = False
 ) -> None:
     """The button that begins a job."""
-    st.button(
-        label,
-        key=key,
-        type="primary" if primary else "secondary",
-        disabled=disabled or is_running(work.project, work.kind),
-        on_click=_press,
-        args=(work,),
-    )
 
+    def press() -> None:
+        clear_refusal()
+        start(work)
 
-def _press(work: Work) -> None:
-    clear_refusal()
-    start(work)
+    kind: Literal["primary", "secondary"] = "primary" if primary else "secondary"
+    running = is_running(work.project, work.kind)
+    st.button(label, key=key, type=kind, disabled=disabled or running, on_click=press)
 
 
 def _drive(job: Job, run: Callable[[Job], bool]) -> None:
@@ -258,26 +247,19 @@ def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) ->
         st.info(cancelled)
 
 
-def progress_so_far(record: Record) -> str:
-    """How far an interrupted job came, as a sentence."""
-    if not record.total:
-        return "It had just begun."
-    stage = record.stages[record.at].split()[0]
-    step = f" in step {record.at + 1} of {len(record.stages)}" * (len(record.stages) > 1)
-    return f"{record.done} of {record.total} {stage} were finished{step}."
-
-
 def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
-    same = work is not None and record.digest == stored_jobs.digest_of(kind, work.about)
-    changed = (
-        ""
-        if same
-        else (
+    same = work is not None and record.digest == work.digest
+    so_far = "It had just begun."
+    if record.total:
+        stage = record.stages[record.at].split()[0]
+        step = f" in step {record.at + 1} of {len(record.stages)}" * (len(record.stages) > 1)
+        so_far = f"{record.done} of {record.total} {stage} were finished{step}."
+    if not same:
+        so_far += (
             " The data, the settings or the program have changed since, so it can only be started "
             "again; or set them back, and it can go on."
         )
-    )
-    st.warning(f"The server stopped while this ran. {progress_so_far(record)}{changed}")
+    st.warning(f"The server stopped while this ran. {so_far}")
     with st.container(horizontal=True):
         if same:
             st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
@@ -310,8 +292,10 @@ def discard_finished(work: Work) -> None:
 def _show_progress(job: Job, kind: Kind) -> None:
     if job.state != "running":
         st.rerun()
-    known = job.done > job.begun_with and job.stages[job.at] != UNEVEN
-    left = f", about {job.seconds_left:.0f} s left" if known else ""
+    left, counted = "", job.done - job.begun_with
+    if counted > 0 and job.stages[job.at] != UNEVEN:
+        pace = (time.monotonic() - job.started) / counted
+        left = f", about {pace * (job.total - job.done):.0f} s left"
     _show_bars(job, left)
     st.button("Cancel", key=f"cancel_{kind}", on_click=setattr, args=(job, "cancelled", True))
 

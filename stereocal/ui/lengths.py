@@ -17,16 +17,9 @@ from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
 from stereocal.refined import unknowns
 from stereocal.refined.refine import robust_start
+from stereocal.rig import lengths_in_words as words
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
-from stereocal.rig.lengths_in_words import (
-    LONG_BAR_M,
-    METRES_PER,
-    as_held,
-    question_about_units,
-    rig_in_words,
-    units_that_fit,
-)
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
@@ -78,15 +71,15 @@ def _give(
 def length_field(project: Project | None, name: str, label: str) -> None:
     """A length with its unit; the project stores metres."""
     # Each tab may show the length in its own unit.
-    kept = setting(project, f"{name}_unit", "m", one_of(list(METRES_PER)), tabs_own=True)
+    kept = setting(project, f"{name}_unit", "m", one_of(list(words.METRES_PER)), tabs_own=True)
     key = f"{name}_value"
 
     def read() -> float | None:
         metres = getattr(project.inputs, name) if project else None
-        return None if metres is None else float(f"{metres / METRES_PER[kept.value()]:.12g}")
+        return None if metres is None else float(f"{metres / words.METRES_PER[kept.value()]:.12g}")
 
     def take(number: float | None, unit: str) -> None:
-        metres = None if number is None else float(number) * METRES_PER[unit]
+        metres = None if number is None else float(number) * words.METRES_PER[unit]
         ways = {}
         if unit != "mm" and metres is not None and metres > LONGEST_PLAUSIBLE_M:
             ways[f"It is {number:.10g} mm"] = partial(take, number, "mm")
@@ -99,7 +92,7 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     unit = replace(kept, write=lambda chosen: take(number.shown(), chosen))
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
-    right.selectbox("Unit", list(METRES_PER), **unit.widget())
+    right.selectbox("Unit", list(words.METRES_PER), **unit.widget())
 
 
 def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
@@ -254,7 +247,7 @@ def describe_uncertainties(dataset: Dataset) -> str:
             parts.append(f"{what} ± {mm} mm{'' if sigma_m is not None else ASSUMED}")
     for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
         parts.append(f"{which} lens {_of_lens(camera)}{'' if camera.uncertainty else ASSUMED}")
-    return as_held(f"How well the inputs are known: {'; '.join(parts)}.", dataset)
+    return words.as_held(f"How well the inputs are known: {'; '.join(parts)}.", dataset)
 
 
 def _of_lens(camera: Camera) -> str:
@@ -295,7 +288,7 @@ def show_rig(project: Project, dataset: Dataset) -> None:
     """The rig in words to check, and a question if its lengths may be in another unit."""
     step = len(dataset.correspondences) // PAIRS + 1
     pose = robust_start(dataset, np.ascontiguousarray(dataset.rays[:, ::step]))
-    question = question_about_units(dataset, pose)
+    question = words.question_about_units(dataset, pose)
     stated = [dataset.baseline_m, dataset.target_distance_m]
     files = project.inputs.files
     if files.get("primary") == files.get("secondary"):
@@ -304,7 +297,7 @@ def show_rig(project: Project, dataset: Dataset) -> None:
             "each camera its own."
         )
     if not question or project.settings.get(KEPT_ANSWER) == stated:
-        st.markdown(escape_markdown(rig_in_words(dataset, pose)))
+        st.markdown(escape_markdown(words.rig_in_words(dataset, pose)))
         return
     st.warning(escape_markdown(question))
     with st.container(horizontal=True):
@@ -315,9 +308,9 @@ def show_rig(project: Project, dataset: Dataset) -> None:
             args=({KEPT_ANSWER: stated},),
         )
         own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
-        units = () if own else units_that_fit(dataset)
+        units = () if own else words.units_that_fit(dataset)
         offers = [(f"They are in {unit}", f"in_{unit}", unit, BOTH) for unit in units]
-        if not own and dataset.target_distance_m > LONG_BAR_M:
+        if not own and dataset.target_distance_m > words.LONG_BAR_M:
             offers += [
                 (f"Only A to B is in {unit}", f"bar_in_{unit}", unit, BOTH[1:])
                 for unit in ("mm", "cm")
@@ -329,4 +322,6 @@ def show_rig(project: Project, dataset: Dataset) -> None:
 
 def _take_unit(project: Project, unit: str, names: Sequence[str]) -> None:
     """These lengths are in this unit; their uncertainties are as stated."""
-    project.give({}, **{name: getattr(project.inputs, name) * METRES_PER[unit] for name in names})
+    project.give(
+        {}, **{name: getattr(project.inputs, name) * words.METRES_PER[unit] for name in names}
+    )

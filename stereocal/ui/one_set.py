@@ -23,21 +23,13 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.latest import Latest
-from stereocal.ui import jobs
+from stereocal.ui import jobs, refined
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import fragment
 from stereocal.ui.parameter_upload import PURPOSES
-from stereocal.ui.refined import (
-    calibrated,
-    curves_when_ready,
-    key_of,
-    maps_of,
-    misfit_for,
-    refined_switch,
-)
 from stereocal.ui.results import show_recommendation
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.in_words import digits, left_out_line, percent
@@ -92,7 +84,7 @@ def show_seeds(answer: Answer) -> None:
         return
     found = answer.calibration
     tried = _SEEDS.once(
-        key_of(found), lambda: jobs.pool().submit(conclusions_of_seeds, found, outlook)
+        refined.key_of(found), lambda: jobs.pool().submit(conclusions_of_seeds, found, outlook)
     )
     if not tried.done():
         _wait_for_seeds(tried)
@@ -135,11 +127,11 @@ def show_trade_off(
     calibration: Calibration | None,
 ) -> None:
     """The trade-off curve with all methods, and one point of it to inspect and download."""
-    curves = curves_when_ready(project, dataset, settings)
+    curves = refined.curves_when_ready(project, dataset, settings)
     if curves is None:
         return
     if calibration is None or calibration.screening.dataset.sha256 != dataset.sha256:
-        calibration = calibrated(dataset, kept_protocol(project, [dataset]).calibration)
+        calibration = refined.calibrated(dataset, kept_protocol(project, [dataset]).calibration)
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {
         "refined": (result.pose, result.primary, result.secondary)
     }
@@ -174,14 +166,14 @@ def show_accuracy(
     """Maps of the rig's accuracy."""
     kinds: dict[str, accuracy.Quantity] = {"a distance": "distance", "a point": "point"}
     quantity = kinds[choose(project, "accuracy_of", "Predicted error of", kinds)]
-    maps = maps_of(dataset, settings)
+    maps = refined.maps_of(dataset, settings)
     words = accuracy.describe_accuracy(maps, quantity)
     show_figure(accuracy.plot_accuracy(maps, result, quantity), words, "accuracy")
 
 
 def show_misfit(dataset: Dataset, settings: RefineSettings) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
-    found = misfit_for(dataset, settings)
+    found = refined.misfit_for(dataset, settings)
     wide, narrow = (residual_field.plot_misfit(found, small) for small in (False, True))
     show_figure(wide, residual_field.describe_misfit(found), "misfit", narrow=narrow)
 
@@ -206,7 +198,7 @@ def show_download(project: Project, answer: Answer, calibrated_now: bool) -> Non
         for use in USES:
             st.toggle(
                 f"{PURPOSES[use]} the refined set",
-                **refined_switch(project, use, answer).widget(),
+                **refined.refined_switch(project, use, answer).widget(),
                 help="On the Apply page. The recommendation holds until you choose.",
             )
 

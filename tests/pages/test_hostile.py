@@ -11,9 +11,10 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.project import Project
+from stereocal.ui.intake import give_dataset
 from stereocal.ui.menu import TITLES
 from tests.hostile_projects import dataset
-from tests.pages.stored_projects import messages
+from tests.pages.stored_projects import go, messages, session
 from tests.soak import repeats
 from tests.soak.damage import damaged
 from tests.soak.readers import readers
@@ -61,25 +62,14 @@ DOORS = (
 
 def begun(home: Path) -> Project:
     """A complete small project."""
-    files, own = pack_dataset(dataset()), dataset()
     project = Project.create(home)
-    project.give(
-        {
-            "correspondences": ("points.csv", files["correspondences.csv"]),
-            "primary": ("primary.json", files["primary.json"]),
-            "secondary": ("secondary.json", files["secondary.json"]),
-        },
-        baseline_m=own.baseline_m,
-        target_distance_m=own.target_distance_m,
-    )
+    give_dataset(project, pack_dataset(dataset()), "a data set")
     return project
 
 
 def opened(door: Door, project: Project) -> AppTest:
     """The door's page, ready to be given a file."""
-    app = AppTest.from_file(APP, default_timeout=SLOW_S)
-    app.query_params["project"] = project.id
-    app.run().switch_page(f"pages/{door.page}.py").run()
+    app = go(session(project), door.page)
     if door.choose:
         choose(app, *door.choose)
     return app
@@ -136,9 +126,7 @@ def test_limits_hold_on_the_pages(
     variable: str, sentence: str, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(f"STEREOCAL_{variable}", "1")
-    app = AppTest.from_file(APP, default_timeout=SLOW_S)
-    app.query_params["project"] = begun(home).id
-    app.run().switch_page("pages/data.py").run()
+    app = go(session(begun(home)), "data")
     app.segmented_control(key="data_how").set_value("Photographs").run()
     widget = app.file_uploader(key="upload_photographs_0")
     for name in ("left1.png", "right1.png"):

@@ -57,13 +57,6 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     assert project.evaluation is None  # the page needs no validation
 
 
-def test_residuals_by_place_tell_noise_from_a_lens(app: AppTest, home: Path) -> None:
-    few_runs(open_sample(app), home)
-    one_set(app)
-    app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
-    assert "they accuse no lens" in told(app)
-
-
 def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
     project = few_runs(open_sample(app), home)
     one_set(app)
@@ -74,6 +67,9 @@ def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) 
     app.segmented_control(key="curve").set_value("As given").run()
     assert len({*seen, told(app)}) == 4
     assert project.settings["along"] == 100
+    # Residuals by place tell noise from a lens.
+    app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
+    assert "they accuse no lens" in told(app)
 
 
 def test_other_seeds_are_tried_beside_the_page_and_once(

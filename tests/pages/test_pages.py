@@ -105,25 +105,18 @@ def test_bad_row_is_listed_and_can_be_left_out(
     assert "49 pairs of points in 25 frames" in messages(app)
 
 
-def test_bad_length_is_said_and_the_old_one_stays(app: AppTest, home: Path) -> None:
+def test_lengths_that_cannot_be_are_said_and_the_old_ones_stay(app: AppTest, home: Path) -> None:
     open_sample(app)
     app.number_input(key="target_distance_m_value").set_value(0.0).run()
     assert "must be a length above 0" in messages(app)
     assert project_of(app, home).inputs.target_distance_m == 0.9
-
-
-def test_a_baseline_in_millimetres_is_taken_with_one_press(app: AppTest, home: Path) -> None:
-    open_sample(app)
     app.number_input(key="baseline_m_value").set_value(4500.0).run()
     assert "looks like millimetres" in messages(app)
     assert project_of(app, home).inputs.baseline_m == 4.5
     (way,) = (button for button in app.button if button.label == "It is 4500 mm")
     way.click().run()
     assert "looks like millimetres" not in messages(app)
-
-
-def test_a_bar_in_millimetres_beside_a_baseline_in_metres(app: AppTest, home: Path) -> None:
-    open_sample(app)
+    # A bar in millimetres beside a baseline in metres.
     project = project_of(app, home)
     project.give({}, target_distance_m=900.0)
     app.run()
@@ -132,11 +125,6 @@ def test_a_bar_in_millimetres_beside_a_baseline_in_metres(app: AppTest, home: Pa
     assert project.inputs.target_distance_m == pytest.approx(0.9)
     assert project.inputs.baseline_m == pytest.approx(4.5)
     assert not app.warning
-
-
-def test_one_camera_file_for_both_cameras_is_noticed(app: AppTest, home: Path) -> None:
-    open_sample(app)
-    project = project_of(app, home)
     project.give({"secondary": ("primary.json", (FIELD / "primary.json").read_bytes())})
     app.run()
     assert "Both cameras have the same file" in messages(app)

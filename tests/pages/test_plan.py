@@ -29,23 +29,21 @@ def open_plan(app: AppTest, files: dict[str, bytes]) -> AppTest:
     return app.run()
 
 
-def test_it_answers_at_once_and_without_a_project(app: AppTest, home: Path) -> None:
-    assert "at 25 m" in messages(app) and "Limited by" in messages(app)
-    assert "project_id" not in app.session_state
-    assert not list(home.glob("projects/*.sqlite"))
-
-
-def test_the_answer_follows_the_controls(app: AppTest) -> None:
+def test_it_answers_at_once_without_a_project_and_follows_the_controls(
+    app: AppTest, home: Path
+) -> None:
     before = messages(app)
+    assert "at 25 m" in before and "Limited by" in before
     app.number_input(key="plan_noise_px").set_value(0.4).run()
     assert not app.error and messages(app) != before
     app.select_slider(key="plan_far_m").set_value(20.0).run()
     assert "at 20 m" in messages(app)
     # Values stay when the page is left.
-    app.switch_page("pages/start.py").run()
-    app.switch_page("pages/plan.py").run()
+    go(go(app, "start"), "plan")
     assert app.number_input(key="plan_noise_px").value == 0.4
     assert "at 20 m" in messages(app)
+    assert "project_id" not in app.session_state
+    assert not list(home.glob("projects/*.sqlite"))
 
 
 def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:

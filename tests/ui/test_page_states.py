@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -10,8 +11,10 @@ import pytest
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.evaluation_files import Evaluation
+from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.ui.forms import form_values, settings_of
+from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.refined import refine_settings
 from stereocal.workflow import calibrate
@@ -23,28 +26,17 @@ def marks(project: Project) -> dict[str, str]:
     return {name: state.mark for name, state in page_states(project).items()}
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Project:
-    return Project.create(tmp_path)
-
-
-@pytest.fixture
-def given(project: Project) -> Project:
-    files = pack_dataset(read_dataset(FIELD))
-    project.give(
-        {
-            "correspondences": ("points.csv", bytes(files["correspondences.csv"])),
-            "primary": ("primary.json", bytes(files["primary.json"])),
-            "secondary": ("secondary.json", bytes(files["secondary.json"])),
-        },
-        baseline_m=4.5,
-        target_distance_m=0.9,
-    )
+def new_project(home: Path) -> Project:
+    project = Project.create(home)
+    give_dataset(project, pack_dataset(read_dataset(FIELD)), "the field")
     return project
 
 
-def finished(project: Project) -> Project:
-    """Calibrated and validated with what its forms say."""
+@pytest.fixture(scope="module")
+def home_of_finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With a project that is calibrated and validated with what its forms say."""
+    home = tmp_path_factory.mktemp("home")
+    project = new_project(home)
     dataset = project.dataset
     assert dataset is not None
     settings = settings_of(form_values(project, dataset))
@@ -56,26 +48,32 @@ def finished(project: Project) -> Project:
     assert runs is not None
     project.keep_settings({"validate_runs": 2})
     project.keep_evaluation(Evaluation(runs, own, [dataset.name], [dataset.sha256]))
-    return project
+    return home
 
 
-def test_what_was_done_is_marked(given: Project) -> None:
-    before = marks(given)
+@pytest.fixture
+def finished(home_of_finished: Path, tmp_path: Path) -> Project:
+    shutil.copytree(home_of_finished, tmp_path, dirs_exist_ok=True)
+    return Project.open(tmp_path, *find_projects(tmp_path))
+
+
+def test_what_was_done_is_marked(finished: Project, tmp_path: Path) -> None:
+    before = marks(new_project(tmp_path / "new"))
     assert before["cameras"] == before["data"] == "done"
     assert before["calibrate"] == before["validate"] == before["one_set"] == "missing"
-    after = marks(finished(given))
+    after = marks(finished)
     assert {name for name, mark in after.items() if mark == "done"} == set(after) - {
         "apply",
         "check",
     }
 
 
-def test_a_changed_length_makes_the_results_stale(given: Project) -> None:
-    finished(given).give({}, baseline_m=4.6)
-    found = marks(given)
+def test_a_changed_length_makes_the_results_stale(finished: Project) -> None:
+    finished.give({}, baseline_m=4.6)
+    found = marks(finished)
     assert found["calibrate"] == found["validate"] == found["one_set"] == "stale"
-    given.give({}, baseline_m=4.5)
-    assert marks(given)["one_set"] == "done"
+    finished.give({}, baseline_m=4.5)
+    assert marks(finished)["one_set"] == "done"
 
 
 @pytest.mark.parametrize(
@@ -88,7 +86,7 @@ def test_a_changed_length_makes_the_results_stale(given: Project) -> None:
     ],
 )
 def test_a_changed_setting_makes_its_results_stale(
-    setting: dict[str, float], stale: set[str], given: Project
+    setting: dict[str, float], stale: set[str], finished: Project
 ) -> None:
-    finished(given).keep_settings(setting)
-    assert {name for name, mark in marks(given).items() if mark == "stale"} == stale
+    finished.keep_settings(setting)
+    assert {name for name, mark in marks(finished).items() if mark == "stale"} == stale
