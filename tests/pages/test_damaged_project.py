@@ -28,7 +28,7 @@ def test_a_damaged_result_costs_itself_alone(kind: str, home: Path) -> None:
     app = go(session(project), "start")
     for content in (b"", b"{", b"\x93\x00{]\xff" * 40, b'{"x": [1]}'):
         project.database.keep_result(kind, content)
-        go(go(app, "start"), page)
+        go(app, page)
         assert not app.exception
         if kind != "applied":  # what is quick to compute is computed again
             assert words in told(app, "error", "warning") or "find the targets again" in told(app)

@@ -13,7 +13,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.ui.holding import held_target
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
-from tests.pages.stored_projects import messages
+from tests.pages.stored_projects import go, messages, session
 from tests.pages.waiting import ended
 
 
@@ -29,14 +29,8 @@ def balls(home: Path) -> Project:
     return project
 
 
-def opened(app: AppTest, project: Project) -> AppTest:
-    app.query_params["project"] = project.id
-    app.switch_page("pages/data.py").run()
-    return app
-
-
-def test_balls_are_stated_and_found(app: AppTest, balls: Project) -> None:
-    opened(app, balls)
+def test_balls_are_stated_and_found(balls: Project) -> None:
+    app = go(session(balls), "data")
     assert held_target(balls) == BAR
     app.segmented_control(key="held").set_value("balls").run()
     assert "Click ball A" in messages(app) and app.button(key="find_targets").disabled
@@ -55,8 +49,8 @@ def test_balls_are_stated_and_found(app: AppTest, balls: Project) -> None:
     assert "what you said before that you hold" in messages(app)
 
 
-def test_tags_are_stated(app: AppTest, balls: Project) -> None:
-    opened(app, balls)
+def test_tags_are_stated(balls: Project) -> None:
+    app = go(session(balls), "data")
     app.segmented_control(key="held").set_value("tags").run()
     app.text_input(key="held_tags").set_value("4X4_50:3").run()
     assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled

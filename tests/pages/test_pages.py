@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -24,12 +25,12 @@ def open_sample(app: AppTest) -> AppTest:
     return app.switch_page("pages/data.py").run()
 
 
-def give_zip(app: AppTest, files: dict[str, bytes]) -> AppTest:
+def give_zip(app: AppTest, files: Mapping[str, bytes]) -> AppTest:
     go(app, "data").segmented_control(key="data_how").set_value("A zip").run()
     return app.file_uploader(key="upload_zip").upload("rig.zip", zipped(files)).run()
 
 
-def zipped(files: dict[str, bytes]) -> bytes:
+def zipped(files: Mapping[str, bytes]) -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         for name, content in files.items():

@@ -14,7 +14,7 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import ROOT, SLOW, messages, project_of
+from tests.pages.stored_projects import ROOT, SLOW, go, messages, project_of, session
 from tests.pages.test_pages import open_sample
 
 
@@ -142,9 +142,7 @@ def test_who_has_the_address_brings_a_removed_project_back(
     assert "was removed" not in messages(stranger)
     assert any(project.id in key for key in keys(stranger)) == (shared == "0")
 
-    owner = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    owner.query_params["project"] = project.id
-    owner.run().switch_page("pages/data.py").run()
+    owner = go(session(project), "data")
     assert "This project was removed on 2026-03-14." in messages(owner)
     assert "Start a new project" in [button.label for button in owner.button]
     owner.button(key="bring_it_back").click().run()

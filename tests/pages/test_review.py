@@ -20,7 +20,7 @@ from stereocal.projects.review import read_review
 from stereocal.ui.picker import Pick
 from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import told
+from tests.pages.stored_projects import go, session, told
 
 ROOT = Path(__file__).parents[2]
 SLOW = 120
@@ -76,9 +76,7 @@ def store(
 
 @pytest.fixture
 def app(store: ProjectPhotographs) -> Iterator[AppTest]:
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    started.query_params["project"] = store.project.id
-    started.run().switch_page("pages/data.py").run()
+    started = go(session(store.project), "data")
     started.segmented_control(key="frames_view").set_value("One frame").run()
     yield started
     assert not started.exception
