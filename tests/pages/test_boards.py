@@ -86,6 +86,7 @@ def test_pages_of_an_object(app: AppTest, home: Path) -> None:
         target_distance_m=data.target_distance_m,
     )
     project.keep_calibration(calibrate(data_of(project)), project.inputs)
+    project.keep_settings({"validate_runs": 10})
     app.query_params["project"] = project.id
     for page in ("calibrate", "validate", "one_set", "apply", "check", "data"):
         app.switch_page(f"pages/{page}.py").run()

@@ -62,6 +62,7 @@ def test_a_projects_zip_gives_the_same_files_again(
 
 def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     project = project_of(pressed, home)
+    project.keep_settings({"validate_runs": 10})
     before = project.calibration
     pressed.selectbox(key="chosen_frame").set_value(9).run()
     pressed.button(key="frame_leave_out").click().run()

@@ -9,7 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import messages, project_of
+from tests.pages.stored_projects import go, messages, project_of
 from tests.pages.test_pages import FIELD, give_zip
 from tests.pages.waiting import ended
 
@@ -21,9 +21,10 @@ def project(app: AppTest, home: Path) -> Project:
     """The field's data with A and B exchanged in the secondary image of one frame."""
     dataset = read_dataset(FIELD).with_targets_exchanged([BAD])
     give_zip(app, pack_dataset(dataset))
-    app.switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    return project_of(app, home)
+    project = project_of(app, home)
+    project.keep_settings({"validate_runs": 10})
+    go(app, "calibrate").button(key="run").click().run()
+    return project
 
 
 def left_out(project: Project) -> tuple[int, ...]:

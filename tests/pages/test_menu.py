@@ -40,6 +40,7 @@ def test_the_project_is_named_and_renamed(project: Project) -> None:
 
 
 def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
+    project.keep_settings({"validate_runs": 10})
     app = go(session(project), "calibrate")
     app.button(key="run").click().run()
     assert states(app)["calibrate"] == "done"

@@ -118,8 +118,8 @@ def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_agai
     read = counted(monkeypatch, "stereocal.projects.project.unpack_evaluation")
     fitted = counted(monkeypatch, "stereocal.ui.refined.refine")
     forget(monkeypatch)  # what other tests of this process have calibrated
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
+    project_of(open_sample(app), home).keep_settings({"validate_runs": 10})
+    go(app, "calibrate").button(key="run").click().run()
     shown = [button.proto.id for button in app.get("download_button")]
     assert shown and not unpacked and not read and len(fitted) == 1
     forget(monkeypatch)
