@@ -16,25 +16,23 @@ from stereocal.field.planning.plan import Plan
 from stereocal.figures import plan_report as figures
 from stereocal.figures.tables import plan_table
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.inputs import LENGTHS, Slot
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_new
+from stereocal.ui.intake import CAMERA_KINDS, take_new
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import callback
 from stereocal.ui.navigation import go_to
-from stereocal.ui.plan_fields import LONGEST_NAME, name_field, show_plan
+from stereocal.ui.plan_fields import LONGEST_NAME, ask_if_fisheye, name_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import open_project
-from stereocal.ui.refusal import ask_lens
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import distance, percent
 
@@ -78,16 +76,15 @@ def open_plan(project: Project | None) -> None:
         key="upload_plan",
         accept_multiple_files=True,
     )
+    # All of them: those that are new may be the ones that were missing.
     take_new(
         uploads,
         lambda _: _take_plan(project, {PurePath(one.name).name: one.getvalue() for one in uploads}),
     )
 
 
-def _take_plan(
-    project: Project | None, files: dict[str, bytes], model: LensModel | None = None
-) -> None:
-    """Show the plan among uploaded files; if a camera may be a fisheye's, ask."""
+def _take_plan(project: Project | None, files: dict[str, bytes]) -> None:
+    """Show the plan among uploaded files."""
     plans = [name for name, content in files.items() if b"stereocal-plan" in content]
     if len(plans) != 1:
         raise StereocalError(
@@ -100,13 +97,9 @@ def _take_plan(
             raise StereocalError(f"{plans[0]} names the camera file {name}: upload it too.")
         return files[PurePath(name).name]
 
-    try:
-        plan = parse_plan(files[plans[0]], plans[0], beside, model)
-    except FourCoefficientsError as error:
-        ask_lens(error, lambda model: callback(partial(_take_plan, project, files, model))())
-        return
-    show_plan(project, plan)
-    clear_refusal()
+    ask_if_fisheye(
+        lambda model: show_plan(project, parse_plan(files[plans[0]], plans[0], beside, model))
+    )
 
 
 def show_forecast(project: Project | None, plan: Plan) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -213,7 +212,13 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     upload = st.file_uploader(
         f"Camera file, {which}", type=CAMERA_KINDS, key=f"upload_plan_{which}"
     )
-    take_one(upload, partial(take_camera, kept))
+
+    def take(name: str, content: bytes) -> None:
+        ask_if_fisheye(
+            lambda model: kept.set(write_camera(read_camera(content, name, model)).decode())
+        )
+
+    take_one(upload, take)
     if kept.value() is None:
         raise StereocalError(f"Give the file of the {which} camera, or choose a camera above.")
     camera = read_camera(str(kept.value()).encode(), f"{which} camera")
@@ -222,15 +227,16 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     return camera
 
 
-def take_camera(kept: Field, name: str, content: bytes, model: LensModel | None = None) -> None:
-    """Keep the camera in a file; if it may be a fisheye's, ask."""
+def ask_if_fisheye(
+    take: Callable[[LensModel | None], None], model: LensModel | None = None
+) -> None:
+    """Take an upload; if a camera in it may be a fisheye's, ask, and take it as what it is."""
     try:
-        camera = read_camera(content, name, model)
+        take(model)
     except FourCoefficientsError as error:
-        ask_lens(error, lambda one: callback(partial(take_camera, kept, name, content, one))())
-        return
-    kept.set(write_camera(camera).decode())
-    clear_refusal()
+        ask_lens(error, lambda known: callback(ask_if_fisheye)(take, known))
+    else:
+        clear_refusal()
 
 
 def _pose(project: Project | None) -> Pose | AimedPose:
