@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -59,18 +58,6 @@ def _bgr(colour: str) -> FloatArray:
     return np.array(ImageColor.getrgb(colour)[2::-1], dtype=np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rule:
-    """When a pixel has a target's colour: enough of its chroma, little of another hue."""
-
-    axes: FloatArray
-    """(2, 3): unit vectors, blue, green, red, along the target's chroma and across it."""
-    least: float
-    slack: float
-    ratio: float
-    """Least chroma over the length of the colour."""
-
-
 def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]:
     """For each target, one for balls of one colour, (h, w): 1 where the photograph has its colour.
 
@@ -86,13 +73,20 @@ def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]
             found.append(_brighter(np.asarray(~grey if dark else grey, np.uint8)))
         else:
             mask: npt.NDArray[np.uint8] = np.zeros(image.shape[:2], np.uint8)
-            _fill_mask(image, rule.axes, rule.least, rule.slack, rule.ratio, mask)
+            _fill_mask(image, *rule, mask)
             found.append(mask)
     return found
 
 
-def _rule(few: FloatArray, own: str, target: Balls) -> _Rule | None:
-    """The rule for a colour in a photograph, of which `few` pixels are given; None for a grey."""
+def _rule(
+    few: FloatArray, own: str, target: Balls
+) -> tuple[FloatArray, float, float, float] | None:
+    """When a pixel of a photograph, of which `few` are given, has a colour; None for a grey.
+
+    Returns:
+        (2, 3): unit vectors, blue, green, red, along the colour's chroma and across it; the least
+        chroma along; the most across, over that; the least over the length of the pixel's colour.
+    """
     if own == BRIGHT or (chroma := _chroma(own)) is None:
         return None
     size = float(np.linalg.norm(chroma))
@@ -109,7 +103,7 @@ def _rule(few: FloatArray, own: str, target: Balls) -> _Rule | None:
     spread = MAD_TO_SIGMA * float(np.median(np.abs(signal - usual)))
     least = max(LEAST_CHROMA, usual + OVER_BACKGROUND * spread)
     ratio = part * size / float(np.linalg.norm(_bgr(own)))
-    return _Rule(np.array([along, across]), least, slack, ratio)
+    return np.array([along, across]), least, slack, ratio
 
 
 def _chroma(colour: str) -> FloatArray | None:

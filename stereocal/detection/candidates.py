@@ -158,17 +158,10 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
                 found[n, ALL] = _correlation(image, x, y, found[n])
                 n += 1
                 if n == found.shape[0]:
-                    found = _doubled(found)
+                    larger = np.empty((2 * n, ALL + 1))
+                    larger[:n] = found
+                    found = larger
     return found[:n]
-
-
-@internal
-def _doubled(rows: FloatArray) -> FloatArray:
-    larger = np.empty((2 * rows.shape[0], rows.shape[1]))
-    for i in range(rows.shape[0]):
-        for j in range(rows.shape[1]):
-            larger[i, j] = rows[i, j]
-    return larger
 
 
 @compiled
@@ -231,18 +224,12 @@ def candidates(image: GreyImage) -> FloatArray:
         scores = np.zeros((len(p), 2))
         _fit_starts(level, p, scores)
         good = scores[:, 0] > 0.0
-        found.append(_at_full_size(p[good], scores[good], depth))
+        rows = np.column_stack([p, scores, np.full(len(p), depth)])[good]
+        rows[:, :2] = (rows[:, :2] + 0.5) * 2.0**depth - 0.5
+        rows[:, 4] += math.log(2.0**depth)
+        rows[:, 7:9] /= 2.0**depth
+        found.append(rows)
         half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         level = np.asarray(half, dtype=np.float32)
     together = np.concatenate(found) if found else np.empty((0, COLUMNS))
     return together[np.argsort(-together[:, SCORE], kind="stable")]
-
-
-def _at_full_size(p: FloatArray, scores: FloatArray, depth: int) -> FloatArray:
-    """Candidates of one level, converted to px of the photograph."""
-    scale = 2.0**depth
-    rows = np.column_stack([p, scores, np.full(len(p), depth)])
-    rows[:, :2] = (rows[:, :2] + 0.5) * scale - 0.5
-    rows[:, 4] += math.log(scale)
-    rows[:, 7:9] /= scale
-    return rows

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -191,12 +192,9 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
     fits, good = 0, 0.0
     for row in rows[rows[:, FLIPS] < 2]:
         u, v = float(row[0]), float(row[1])
-        near = [
-            corner for corner in found if math.dist(corner.centre, (u, v)) < 0.3 * corner.board_px
-        ]
         # A saddle point found at two levels is fitted again only if the first fit failed.
         again = any(math.dist(t[:2], (u, v)) < 2.0 and t[2] == row[LEVEL] for t in tried)
-        if near or again:
+        if again or _covered(found, (u, v)):
             continue
         if fits == FITS or row[SCORE] < RELATIVE_SCORE * good:
             break
@@ -209,7 +207,7 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
         neighbours = np.hypot(*(in_rows - corner.centre).T) < NEAR * corner.board_px
         if corner.flips >= 2 or (corner.flips and neighbours.sum() >= 2):
             in_rows = np.vstack([in_rows, corner.centre])
-        elif not any(math.dist(c.centre, corner.centre) < 0.3 * c.board_px for c in found):
+        elif not _covered(found, corner.centre):
             found.append(corner)
             if len(found) == 2:
                 good = float(row[SCORE])
@@ -226,6 +224,11 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
         )
     ]
     return single, len(in_rows) + len(found) - len(single)
+
+
+def _covered(found: list[Corner], point: Sequence[float] | FloatArray) -> bool:
+    """Whether a point lies near the centre of a board that was found."""
+    return any(math.dist(corner.centre, point) < 0.3 * corner.board_px for corner in found)
 
 
 def _pair_score(first: Corner, second: Corner) -> float:

@@ -107,8 +107,9 @@ def _round(
     good = np.isfinite(away) & (fall > WEAKEST_EDGE)
     if good.sum() < 8:
         return None
+    shift = CODING[0] * np.tanh(CODING[1] * np.log((inside + 1.0) / (outside + 1.0)))
     with np.errstate(invalid="ignore", divide="ignore"):
-        coded = (step**2 * _coding_shift(inside, outside)).sum(axis=1) / height**2
+        coded = (step**2 * shift).sum(axis=1) / height**2
     blur = float(np.median(spread[good]))
     coded = 0.5 * math.sqrt(blur) * coded[good]
     # The border between day and night on the ball is wider and weaker than its outline.
@@ -121,17 +122,6 @@ def _round(
     shading = SHADING_OF_BLUR * blur / radius * min(1.0, 10.0 * uneven) ** 2
     shading = math.hypot(LEAST_SIGMA_PX, shading)
     return fitted and replace(fitted, sigma=math.hypot(fitted.sigma, shading))
-
-
-def _coding_shift(inside: FloatArray, outside: FloatArray) -> FloatArray:
-    """How far a blurred edge moves outside by coding linear grey levels, in its blur's sigmas.
-
-    Args:
-        inside, outside: grey levels as coded.
-    """
-    ratio = np.log((inside + 1.0) / (outside + 1.0))
-    shift: FloatArray = CODING[0] * np.tanh(CODING[1] * ratio)
-    return shift
 
 
 def _circle(
@@ -175,7 +165,11 @@ def _circle(
         middle = middle + step[:2]
         radius += float(step[2])
         limit = max(4.0 * MAD_TO_SIGMA * float(np.median(np.abs(off))), 0.8)
-    centre = centre + middle if camera is None else _back(camera, axes, middle / scale)
+    if camera is None:
+        centre = centre + middle
+    else:
+        ray = np.append(middle / scale, 1.0) @ axes
+        centre = camera.distort((ray[:2] / ray[2])[None])[0]
     used = robust > 0
     scatter = math.sqrt(float((robust * off**2).sum() / robust.sum()))
     turned = np.arctan2(away[:, 1], away[:, 0])[:, None] * HARMONICS
@@ -196,10 +190,3 @@ def _axes(camera: Camera, centre: FloatArray) -> FloatArray:
     across = np.cross([0.0, 1.0, 0.0], ray)
     across /= np.linalg.norm(across)
     return np.array([across, np.cross(ray, across), ray])
-
-
-def _back(camera: Camera, axes: FloatArray, point: FloatArray) -> FloatArray:
-    """Raw px of a point (2,) of the frame's plane at distance 1."""
-    ray = np.append(point, 1.0) @ axes
-    raw: FloatArray = camera.distort((ray[:2] / ray[2])[None])[0]
-    return raw

@@ -8,6 +8,7 @@ corners in space only.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -46,7 +47,10 @@ def find_tags(image: npt.NDArray[Any], target: Tags, camera: Camera | None = Non
         image: (h, w), 8 or 16 bits.
         camera: its lens straightens the sides; None: no distortion.
     """
-    grey = image if image.dtype == np.uint8 else cv2.convertScaleAbs(image, alpha=_gain(image))
+    grey = image
+    if image.dtype != np.uint8:
+        bright = max(float(np.percentile(image[::8, ::8], 99.9)), 1.0)
+        grey = cv2.convertScaleAbs(image, alpha=255.0 / bright)
     corners, found, _ = _detector(target.dictionary).detectMarkers(grey)
     numbers = [] if found is None else np.asarray(found).ravel().tolist()
     exact = image.astype(np.float32)
@@ -60,7 +64,7 @@ def find_tags(image: npt.NDArray[Any], target: Tags, camera: Camera | None = Non
         spot = _fitted(exact, own[0], camera) if own else None
         if spot is not None and len(own) > 1:
             also = f"Tag {wanted} is in the photograph {len(own)} times."
-            spot = Spot(spot.u, spot.v, spot.sigma_px, spot.radius_px, (*spot.doubts, also))
+            spot = replace(spot, doubts=(*spot.doubts, also))
         spots.append(spot)
     missing = [str(n) for n, spot in zip(target.ids, spots, strict=True) if spot is None]
     why = ""
@@ -69,10 +73,6 @@ def find_tags(image: npt.NDArray[Any], target: Tags, camera: Camera | None = Non
         seen = f"; there are {', '.join(map(str, others[:5]))}" if others else ""
         why = f"No tag {' and no tag '.join(missing)} of {target.dictionary} was found{seen}."
     return Sighting((spots[0], spots[1]), why)
-
-
-def _gain(image: npt.NDArray[Any]) -> float:
-    return 255.0 / max(float(np.percentile(image[::8, ::8], 99.9)), 1.0)
 
 
 @lru_cache(maxsize=8)

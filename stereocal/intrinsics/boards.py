@@ -111,7 +111,8 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
         part = (pattern.square_m, pattern.marker_m or 0.0)
         ids, corners = find_charuco(grey, squares, part, pattern.dictionary)
         turned, reach = False, pattern.reach
-        if len(ids) < MINIMUM_CORNERS or not _spans_a_plane(ids, pattern):
+        lines = ids // pattern.columns, ids % pattern.columns
+        if len(ids) < MINIMUM_CORNERS or not all(map(np.ptp, lines)):
             reason = f"{len(ids)} corners of the ChArUco board are too few"
             return Refused(name, reason, size)
     spacing = nearest_neighbours_px(ids, corners, pattern)
@@ -185,7 +186,12 @@ def find_boards(
     views = tuple(result for result in results if isinstance(result, BoardView))
     refused = tuple(result for result in results if isinstance(result, Refused))
     if not views:
-        raise StereocalError(_nothing_found(refused, pattern))
+        one = len(refused) == 1
+        count = "the photograph" if one else f"any of the {len(refused)} photographs"
+        raise StereocalError(
+            f"No board with {pattern} inner corners was found in {count} ({refused[0].name}: "
+            f"{refused[0].reason})."
+        )
     return BoardSearch(pattern, views, refused)
 
 
@@ -212,13 +218,6 @@ def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
         f"The photographs of one camera must all have one size: most are {usual[0]}x{usual[1]} px, "
         f"but {', '.join(odd[:3])}{more}; leave these out."
     )
-
-
-def _nothing_found(refused: Sequence[Refused], pattern: BoardPattern) -> str:
-    one = len(refused) == 1
-    count = "the photograph" if one else f"any of the {len(refused)} photographs"
-    reasons = f"{refused[0].name}: {refused[0].reason}"
-    return f"No board with {pattern} inner corners was found in {count} ({reasons})."
 
 
 def _check_size(
@@ -274,7 +273,3 @@ def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str |
             if other is not None and other.outer:
                 return f"{size[0]}x{size[1]}"
     return None
-
-
-def _spans_a_plane(ids: IntArray, pattern: BoardPattern) -> bool:
-    return bool(np.ptp(ids // pattern.columns) > 0 and np.ptp(ids % pattern.columns) > 0)

@@ -248,7 +248,10 @@ def calibrate_lens(
     views = search.views
     size = _draw_size(search, settings)
     drawn = np.array(
-        [_draw(len(views), size, settings.seed, repeat) for repeat in range(settings.repeats)]
+        [
+            np.sort(np.random.default_rng([settings.seed, repeat]).choice(len(views), size, False))
+            for repeat in range(settings.repeats)
+        ]
     )
     every, total = np.arange(len(views))[None], settings.repeats
     chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, total, CHUNK))]
@@ -268,10 +271,14 @@ def calibrate_lens(
     except StoppedError:
         return None
     of_all, draws, without = np.split(found, [1, 1 + settings.repeats])
+    used = found[: 1 + settings.repeats]
+    if not np.isfinite(used).all() or used[:, :2].min() <= 0:
+        raise StereocalError(
+            "The boards determine no lens: some draws gave no finite focal length. Take "
+            "photographs with the board tilted in different directions."
+        )
     own = without if without_each else None
-    calibration = LensCalibration(search, settings, drawn, draws, of_all[0], own)
-    _check_lens(calibration)
-    return calibration
+    return LensCalibration(search, settings, drawn, draws, of_all[0], own)
 
 
 def digest_of(search: BoardSearch, settings: LensSettings) -> str:
@@ -373,11 +380,6 @@ def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, 
     return found
 
 
-def _draw(views: int, size: int, seed: int, repeat: int) -> IntArray:
-    rng = np.random.default_rng(np.random.SeedSequence([seed, repeat]))
-    return np.sort(rng.choice(views, size, replace=False))
-
-
 def _draw_size(search: BoardSearch, settings: LensSettings) -> int:
     """Photographs per draw: as set, or two thirds of those with a board if there are no more.
 
@@ -397,15 +399,6 @@ def _draw_size(search: BoardSearch, settings: LensSettings) -> int:
         f"The board was found in {there}: at least {FEWEST_VIEWS} are needed; about "
         f"{RECOMMENDED_VIEWS} are recommended.{few}"
     )
-
-
-def _check_lens(calibration: LensCalibration) -> None:
-    every = np.vstack([calibration.draws, calibration.of_all])
-    if not np.isfinite(every).all() or every[:, :2].min() <= 0:
-        raise StereocalError(
-            "The boards determine no lens: some draws gave no finite focal length. Take "
-            "photographs with the board tilted in different directions."
-        )
 
 
 def _camera(values: FloatArray, image_size: tuple[int, int], model: LensModel) -> Camera:

@@ -32,7 +32,7 @@ def about(calibration: LensCalibration) -> dict[str, Any]:
             f"{len(search.views)} photographs"
         ),
         "uncertainty": "standard errors (delete-d jackknife)",
-        "board": _pattern_json(search.pattern),
+        "board": dataclasses.asdict(search.pattern),
         "settings": dataclasses.asdict(settings),
         "reprojection_error_px": calibration.error_px,
         "spread": _named(calibration, calibration.spread),
@@ -52,18 +52,15 @@ def pack_search(search: BoardSearch) -> bytes:
 
 def unpack_search(content: bytes) -> BoardSearch:
     """The boards of `pack_search`."""
-    head, arrays = _unpack(content)
-    return _search(head, arrays)
+    return _search(*_unpack(content))
 
 
 def pack_lens(calibration: LensCalibration) -> bytes:
     """A calibration as one file."""
-    head = {
-        **_search_json(calibration.search),
-        "settings": dataclasses.asdict(calibration.settings),
-    }
+    head = _search_json(calibration.search)
+    head["settings"] = dataclasses.asdict(calibration.settings)
     arrays = {name: getattr(calibration, name) for name in ("drawn", "draws", "of_all")}
-    return _pack(head, {**_search_arrays(calibration.search), **arrays})
+    return _pack(head, _search_arrays(calibration.search) | arrays)
 
 
 def unpack_lens(content: bytes) -> LensCalibration:
@@ -102,14 +99,10 @@ def unpack_draws(content: bytes) -> FloatArray:
 _DAMAGED = "The last lens result of this project cannot be read; calibrate the lens again."
 
 
-def _pattern_json(pattern: BoardPattern) -> dict[str, Any]:
-    return dataclasses.asdict(pattern)
-
-
 def _search_json(search: BoardSearch) -> dict[str, Any]:
     return {
         "format": RESULT_FORMAT,
-        "pattern": _pattern_json(search.pattern),
+        "pattern": dataclasses.asdict(search.pattern),
         "views": [[view.name, view.image_size, view.turned] for view in search.views],
         "refused": [[item.name, item.reason, item.image_size] for item in search.refused],
     }

@@ -142,11 +142,6 @@ def largest_shift_px(camera: Camera) -> float:
     return float(np.nanmax(shift)) if np.isfinite(shift).any() else float("nan")
 
 
-def turned_count(search: BoardSearch) -> int:
-    """The number of boards whose corner order was corrected."""
-    return sum(view.turned for view in search.views)
-
-
 def _list(names: list[str]) -> str:
     shown = ", ".join(names[:5])
     return shown if len(names) <= 5 else f"{shown} and {len(names) - 5} more"

@@ -68,7 +68,12 @@ class StereoBoards:
     @property
     def common(self) -> list[Seen]:
         """The boards that both cameras see, by frame."""
-        return _common(self.pairing, self.searches)
+        first, second = ({view.name: view for view in each.views} for each in self.searches)
+        return [
+            Seen(pair.frame, (first[pair.primary], second[pair.secondary]))
+            for pair in self.pairing.pairs
+            if pair.primary in first and pair.secondary in second
+        ]
 
     @property
     def refused(self) -> tuple[Refused, ...]:
@@ -153,7 +158,8 @@ def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, BoardSearch]) -> St
     Raises:
         StereocalError: no board is in both photographs of a frame.
     """
-    common = _common(pairing, both)
+    boards = StereoBoards(pairing, both, {})
+    common = boards.common
     if not common:
         raise StereocalError(
             f"No board is in both photographs of a frame: {len(both[0].views)} were found in the "
@@ -163,7 +169,7 @@ def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, BoardSearch]) -> St
     repeated = _repeated(common)
     again = [view.name for seen in common if seen.frame in repeated for view in seen.views]
     kept = both[0].without(again), both[1].without(again)
-    return StereoBoards(pairing, kept, repeated)
+    return replace(boards, searches=kept, repeated=repeated)
 
 
 def lenses_of_boards(
@@ -274,15 +280,6 @@ def _check_size(which: str, camera: Camera, search: BoardSearch) -> None:
             f"The {which}'s photographs have {search.image_size[0]}x{search.image_size[1]} px, "
             f"its camera file {camera.image_size[0]}x{camera.image_size[1]}."
         )
-
-
-def _common(pairing: Pairing, searches: tuple[BoardSearch, BoardSearch]) -> list[Seen]:
-    first, second = ({view.name: view for view in search.views} for search in searches)
-    return [
-        Seen(pair.frame, (first[pair.primary], second[pair.secondary]))
-        for pair in pairing.pairs
-        if pair.primary in first and pair.secondary in second
-    ]
 
 
 def _repeated(common: Sequence[Seen]) -> dict[int, int]:

@@ -7,7 +7,7 @@ import math
 import pandas as pd
 
 from stereocal.intrinsics.calibrate_lens import LensCalibration
-from stereocal.intrinsics.quality import coverage, turned_count
+from stereocal.intrinsics.quality import coverage
 
 LENS_COLUMNS = ("parameter", "value", "standard error", "spread of draws", "all at once")
 
@@ -16,7 +16,7 @@ def lens_answer(lens: LensCalibration) -> str:
     """A sentence with the focal length and its quality."""
     fx, sigma = lens.values[0], lens.standard_errors[0]
     views = len(lens.search.views)
-    turned = turned_count(lens.search)
+    turned = sum(view.turned for view in lens.search.views)
     boards = "1 board" if turned == 1 else f"{turned} boards"
     order = f" The corner order of {boards} was corrected." if turned else ""
     return (
