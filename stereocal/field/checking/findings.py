@@ -127,9 +127,7 @@ class Recheck:
     def fit(self, change: fits.Change, start: Pose | None = None) -> fits.Fit:
         """The images since the movement, fitted with this change."""
         fit = fits.Fit(self.prior, self.after, change, self.noise.counted_px)
-        if start is not None:
-            fit.start_at(start)
-        return fit.minimise(self.outlying)
+        return fit.minimise(self.outlying, start)
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:

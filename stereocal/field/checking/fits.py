@@ -139,8 +139,10 @@ class Fit(Solve):
         self.p[first : first + count] = pose_difference(pose, self.prior.rig.pose)[:count]
         self.points[:] = np.nan
 
-    def minimise(self, outlying: BoolArray) -> Fit:
-        """Fit all groups but the outlying ones, by plain least squares."""
+    def minimise(self, outlying: BoolArray, start: Pose | None = None) -> Fit:
+        """Fit all groups but the outlying ones, by plain least squares, from a pose if stated."""
+        if start is not None:
+            self.start_at(start)
         self.outlying = outlying
         self._solve(np.where(outlying, 0.0, np.inf))
         return self

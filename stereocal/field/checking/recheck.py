@@ -71,8 +71,7 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
         p_whole = since.candidates * noise.probability(since.gain, len(check.moved))
     pose = _Check(prior, after).pose_fit(noise.counted_px, outlying)
     both = Fit(prior, after, check.moved + focal, noise.counted_px)
-    both.start_at(pose_of(pose.q))
-    both.minimise(outlying)
+    both.minimise(outlying, pose_of(pose.q))
     return Recheck(
         prior=prior,
         images=images,
@@ -218,14 +217,13 @@ class _Check:
 
     def pose_fit(self, sigma_px: float, outlying: BoolArray) -> Fit:
         """The fit with the pose free, from the old pose and from an estimate without it."""
-        fits = [Fit(self.prior, self.images, self.moved, sigma_px).minimise(outlying)]
         data = self.images.dataset
         kept = np.isin(data.correspondences.frame, data.correspondences.frames[~outlying])
         start = robust_start(data, np.ascontiguousarray(data.rays[:, kept]))
-        if start is not None:
-            other = Fit(self.prior, self.images, self.moved, sigma_px)
-            other.start_at(start)
-            fits.append(other.minimise(outlying))
+        fits = (
+            Fit(self.prior, self.images, self.moved, sigma_px).minimise(outlying, pose)
+            for pose in ((None, start) if start is not None else (None,))
+        )
         return min(fits, key=lambda fit: fit.cost)
 
 
