@@ -8,12 +8,11 @@ from pathlib import Path
 
 import yaml
 
-from stereocal.cli import main
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import methods_md
 from stereocal.paper_kit.references import PAPER, PROGRAM, references_bib
 from stereocal.verdict.in_words import digits, interval, percent
-from tests.paper_kit.answers import FIELD, of_field
+from tests.paper_kit.answers import of_field
 
 ROOT = Path(__file__).parents[2]
 
@@ -80,9 +79,3 @@ def test_the_references_are_those_of_the_citation_file() -> None:
     assert cited["authors"][0]["name"] in bib
     assert cited["version"] in bib
     assert bib.count("{") == bib.count("}")
-
-
-def test_the_command_writes_a_kit(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert main(["calibrate", str(FIELD), "--out", str(out), "--runs", "4", "--kit"]) == 0
-    assert zipfile.is_zipfile(out / "paper_kit.zip")

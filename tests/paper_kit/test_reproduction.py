@@ -45,7 +45,9 @@ def reproduce(path: str, tmp_path: Path) -> int:
     return main(["reproduce", path, "--out", str(tmp_path / "again")])
 
 
-@pytest.mark.parametrize("sample", [FIELD, RECORDING], ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "sample", [FIELD, pytest.param(RECORDING, marks=pytest.mark.soak)], ids=lambda path: path.name
+)
 def test_another_process_gives_the_same_digests(sample: Path, tmp_path: Path) -> None:
     in_a_process("calibrate", str(sample), "--out", str(tmp_path), "--runs", "6", "--kit")
     with zipfile.ZipFile(tmp_path / "paper_kit.zip") as kit:
