@@ -76,7 +76,8 @@ def calibrate(
     screening = screened(dataset, settings)
     dataset, kept = screening.full_dataset, screening.dataset
     frames = _draw_frames(screening, settings.calibration_frames, split_seed)
-    chosen = _only(kept, frames)
+    all_kept = len(frames) == len(kept.correspondences.frames)
+    chosen = kept if all_kept else kept.of_frames(frames)
     try:
         checks.check_points(chosen)
     except StereocalError as error:
@@ -164,12 +165,6 @@ def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSe
         return frames
     rng = np.random.Generator(np.random.PCG64(seed))
     return np.sort(rng.choice(frames, count, replace=False))
-
-
-def _only(dataset: Dataset, frames: IntArray) -> Dataset:
-    if len(frames) == len(dataset.correspondences.frames):
-        return dataset
-    return dataset.of_frames(frames)
 
 
 def usual_frames(frames: int) -> int:

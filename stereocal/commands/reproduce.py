@@ -56,7 +56,8 @@ def computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
     settings = archived.validation
     evaluation = None if settings is None else evaluation_of(calibration, settings)
     sets = answer(calibration, outlook_of(calibration), evaluation).sets
-    return {name: sets[file.method] for name, file in archived.files.items() if file.method in sets}
+    methods = {name: content["method"] for name, content in archived.files.items()}
+    return {name: sets[method] for name, method in methods.items() if method in sets}
 
 
 def line_of(found: Comparison) -> str:

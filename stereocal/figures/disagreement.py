@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 from stereocal.figures.style import DASHED, FAINT, NEUTRAL, WRONG_COLOUR, blank
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input, in_digits
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits
@@ -19,12 +20,9 @@ ROW, FRAME = 44, 100
 NAMES = {
     "baseline": "Baseline",
     "distance": "Distance A–B",
-    "primary focal": "Focal length, primary",
-    "primary centre": "Image centre, primary",
-    "primary distortion": "Distortion, primary",
-    "secondary focal": "Focal length, secondary",
-    "secondary centre": "Image centre, secondary",
-    "secondary distortion": "Distortion, secondary",
+    **{f"{camera} focal": f"Focal length, {camera}" for camera in CAMERAS},
+    **{f"{camera} centre": f"Image centre, {camera}" for camera in CAMERAS},
+    **{f"{camera} distortion": f"Distortion, {camera}" for camera in CAMERAS},
 }
 
 

@@ -73,8 +73,7 @@ class FramePanel:
     def known(self) -> FloatArray:
         """All finite values of all methods."""
         every = np.concatenate(list(self.values.values()))
-        known: FloatArray = every[np.isfinite(every)]
-        return known
+        return np.asarray(every[np.isfinite(every)])
 
     @property
     def smallest_median(self) -> float:
@@ -136,38 +135,25 @@ def describe_frame_errors(calibration: Calibration) -> str:
     outliers = outlying_frames(calibration)
     named = ", ".join(map(str, outliers[:MAXIMUM_LABELS]))
     more = " and more" if len(outliers) > MAXIMUM_LABELS else ""
-    ending = [
-        *missing(panels),
-        f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}{named}{more}",
-    ]
+    standing_out = f"{count(len(outliers), 'frame')} standing out{': ' if outliers else ''}"
+    parts += [*missing(panels), f"{standing_out}{named}{more}"]
+    without_words = f" and {without} left out" if without else ""
     return (
-        f"Errors of {count(len(frames), 'frame')}, {left} of them held "
-        f"out{f' and {without} left out' if without else ''}: {'; '.join([*parts, *ending])}."
+        f"Errors of {count(len(frames), 'frame')}, {left} of them held out{without_words}: "
+        f"{'; '.join(parts)}."
     )
 
 
 def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
     """Reprojection errors and length errors of all sets."""
     frames, of_bars = calibration.dataset.correspondences.frames, bar_frames(calibration)
+    px = {method: frame_reprojection_px(calibration, method) for method in calibration.errors}
+    percents = {method: 100 * errors.length for method, errors in calibration.errors.items()}
+    outlying = reprojection_outliers(calibration), length_outliers(calibration)
+    of_frames, of_lengths = (_kinds(calibration, own) for own in (frames, of_bars))
     return (
-        FramePanel(
-            "Reprojection error",
-            "px",
-            frames,
-            _kinds(calibration, frames),
-            {method: frame_reprojection_px(calibration, method) for method in calibration.errors},
-            "2d",
-            reprojection_outliers(calibration),
-        ),
-        FramePanel(
-            "Length error",
-            "%",
-            of_bars,
-            _kinds(calibration, of_bars),
-            {method: 100 * errors.length for method, errors in calibration.errors.items()},
-            "3d",
-            length_outliers(calibration),
-        ),
+        FramePanel("Reprojection error", "px", frames, of_frames, px, "2d", outlying[0]),
+        FramePanel("Length error", "%", of_bars, of_lengths, percents, "3d", outlying[1]),
     )
 
 

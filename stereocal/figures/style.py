@@ -33,11 +33,8 @@ METHOD_SYMBOLS: Mapping[Method, str] = {
 }
 CORRECT_COLOUR, WRONG_COLOUR = "#009E73", "#C77700"
 FILLS: Mapping[str, str] = {
-    "correct": "rgba(0,158,115,0.45)",
-    "essential": "rgba(127,127,127,0.45)",
-    "2d": "rgba(31,131,196,0.45)",
-    "3d": "rgba(213,94,0,0.45)",
-    "refined": "rgba(161,69,138,0.45)",
+    name: f"rgba({int(c[1:3], 16)},{int(c[3:5], 16)},{int(c[5:], 16)},0.45)"
+    for name, c in (("correct", CORRECT_COLOUR), *METHOD_COLOURS.items())
 }
 """Colours of the area below a curve; the area of wrong pairs is hatched."""
 TARGET_COLOURS: Mapping[str, str] = {"A": "#009E73", "B": "#CC79A7"}

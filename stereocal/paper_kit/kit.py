@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import csv
+import io
+from collections.abc import Iterator, Mapping
 from functools import partial
+from typing import Any
 
-from stereocal.calibration.methods import METHODS
+from stereocal.calibration.methods import ALL_METHODS, METHODS
 from stereocal.figures import journal
 from stereocal.matching.application import Outcome
-from stereocal.paper_kit.methods_text import captions_md, methods_md
-from stereocal.paper_kit.references import references_bib
+from stereocal.paper_kit.digests import is_number
+from stereocal.paper_kit.methods_text import captions_md, methods_md, references_bib
 from stereocal.paper_kit.reproduction import ARCHIVE, archive_files
-from stereocal.paper_kit.table import table_csv
 from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import Answer
 
+ENDS = ("value", "low", "high")
+INTERVAL = "_interval"
 WIDTHS = (journal.COLUMN_MM, journal.PAGE_MM)
 
 
@@ -51,3 +55,37 @@ def _figures(answer: Answer) -> Iterator[tuple[str, journal.Draw]]:
             yield "validation_with_refined", partial(journal.draw_validation, summaries)
     yield "errors_by_frame", partial(journal.draw_frame_errors, calibration)
     yield "rig", partial(journal.draw_rig, calibration, answer.recommendation.measure.method)
+
+
+def table_csv(answer: Answer) -> bytes:
+    """One row per method, one column per figure of `summary.json`; errors are fractions.
+
+    A figure with a 95 % interval has `_low` and `_high` beside it; forecast figures begin with
+    `predicted_`. What is unknown is empty. Angles are in the parameter files.
+    """
+    rows = []
+    for method in ALL_METHODS:
+        forecast = answer.forecasts.get(method)
+        held_out = _flat(answer.validation.get(method, {}))
+        if row := {**held_out, **_flat(forecast.figures if forecast else {}, "predicted_")}:
+            rows.append({"method": method, **row})
+    text = io.StringIO()
+    columns = dict.fromkeys(name for row in rows for name in row)
+    writer = csv.DictWriter(text, list(columns) or ["method"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def _flat(figures: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
+    """Single numbers, and the three of each interval."""
+    found: dict[str, float] = {}
+    for name, value in figures.items():
+        if is_number(value):
+            found.setdefault(prefix + name, value)
+        elif isinstance(value, Mapping):
+            stem = prefix + name.removesuffix(INTERVAL)
+            for end in ENDS:
+                if is_number(value.get(end)):
+                    found[stem if end == "value" else f"{stem}_{end}"] = value[end]
+    return found

@@ -1,4 +1,4 @@
-"""The methods section of a paper, in Markdown with citations, from a result."""
+"""The methods section of a paper, in Markdown with citations, from a result, and its references."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from functools import partial
 
 import numpy as np
 
-from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
-from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
+from stereocal.calibration.methods import ALL_METHODS
+from stereocal.evaluation.summary import BOOTSTRAPS
 from stereocal.figures.style import count
 from stereocal.matching.application import Outcome, digest_of
-from stereocal.paper_kit.references import PAPER, PROGRAM
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_CENTRE_PX,
     DEFAULT_DISTANCE,
     DEFAULT_FOCAL,
 )
-from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import SOURCES, Correspondences, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.one_or_two_sets import sure
-from stereocal.verdict.recommendation import NAMES, FileFigures
+from stereocal.verdict.recommendation import NAMES
 from stereocal.version import __version__
 from stereocal.workflow import Answer
 
+PAPER, PROGRAM = "beschi2021", "stereocal"
+"""Keys of the entries."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MOST_FRAMES = 40
 """Frames left out that are named one by one."""
@@ -66,14 +66,16 @@ def _recording(answer: Answer) -> Iterator[str]:
     distances = f"{count(len(rows.bars), 'bar')} with both targets"
     if rows.rigid_object is not None:
         distances = count(len(rows.bars), "known distance")
+    primary, secondary = (
+        f"{width} × {height} px and a focal length of {digits(float(camera.K[0, 0]), 4)} px"
+        for camera in (dataset.primary, dataset.secondary)
+        for width, height in (camera.image_size,)
+    )
     yield (
         f"The stereo system was calibrated with stereocal {__version__} [@{PROGRAM}], "
         f"which implements and extends the procedure of Beschi et al. [@{PAPER}]."
     )
-    yield (
-        f"The primary camera had {_camera(dataset.primary)}, the secondary "
-        f"{_camera(dataset.secondary)}."
-    )
+    yield f"The primary camera had {primary}, the secondary {secondary}."
     yield (
         f"{_object(rows)} {rounded(dataset.target_distance_m, 6)} m apart"
         f"{_known(dataset.target_distance_sigma_m)} was recorded in "
@@ -84,28 +86,16 @@ def _recording(answer: Answer) -> Iterator[str]:
         f"The measured baseline was {rounded(dataset.baseline_m, 6)} "
         f"m{_known(dataset.baseline_sigma_m)}."
     )
-    yield from _points(dataset)
+    by_hand = int(np.sum(rows.source != SOURCES.index("detected")))
+    if by_hand < len(rows):
+        corrected = f"; {count(by_hand, 'pair')} were corrected or set by hand" if by_hand else ""
+        yield f"The targets were detected in the photographs{corrected}."
     if (volume := answer.sets["3d"].volume) is not None:
         yield f"The bars filled depths from {volume.depths} in front of the primary camera."
 
 
-def _camera(camera: Camera) -> str:
-    width, height = camera.image_size
-    return f"{width} × {height} px and a focal length of {digits(float(camera.K[0, 0]), 4)} px"
-
-
 def _known(sigma_m: float | None) -> str:
     return "" if sigma_m is None else f" (standard error {digits(1000 * sigma_m, 2)} mm)"
-
-
-def _points(dataset: Dataset) -> Iterator[str]:
-    """Where the points come from, if that is known."""
-    rows = dataset.correspondences
-    found = {name: int(np.sum(rows.source == at)) for at, name in enumerate(SOURCES)}
-    if found["detected"]:
-        by_hand = len(rows) - found["detected"]
-        corrected = f"; {count(by_hand, 'pair')} were corrected or set by hand" if by_hand else ""
-        yield f"The targets were detected in the photographs{corrected}."
 
 
 def _left_out(answer: Answer) -> Iterator[str]:
@@ -137,23 +127,24 @@ def _them(frames: tuple[int, ...]) -> str:
 def _sets(answer: Answer) -> Iterator[str]:
     calibration = answer.calibration
     settings, search = calibration.settings, calibration.settings.search
+    solver = "minimising the sum of the squared residuals over the five angles of the pose"
+    if settings.essential == "linear":
+        solver = "the normalised eight-point algorithm"
+    lengths = "error of the length of the bar"
+    if settings.known_points:
+        lengths = "distance of the points from their known positions"
     yield (
         f"Sets of parameters were estimated from {count(len(calibration.frames), 'frame')}. The "
-        f"essential matrix was estimated {_solver(settings)}."
-    )
-    lengths = "distance of the points from their known positions"
-    yield (
-        "From there, two Monte Carlo searches changed one of the five angles of the pose at a "
-        "time: one minimised the reprojection error (2D set), the other the "
-        f"{lengths if settings.known_points else 'error of the length of the bar'} (3D set)."
+        f"essential matrix was estimated by {solver}. From there, two Monte Carlo searches changed "
+        "one of the five angles of the pose at a time: one minimised the reprojection error (2D "
+        f"set), the other the {lengths} (3D set)."
     )
     yield (
         f"Steps began at {_step(search.delta)} rad and were multiplied by {search.shrink:g} when "
         f"fewer than {100 * search.acceptance:g} % of at least {search.minimum_moves} moves were "
         f"accepted; the searches ended below {_step(search.delta_min)} rad (seed {search.seed})."
     )
-    if calibration.refined is not None:
-        refined = calibration.refined
+    if (refined := calibration.refined) is not None:
         free = refined.settings.free_distortion
         also = f" and the distortion of the {' and '.join(free)} camera" if free else ""
         yield (
@@ -182,12 +173,6 @@ def _assumed(dataset: Dataset) -> str:
     return f"Standard errors of {listed(unstated)} were assumed." if unstated else ""
 
 
-def _solver(settings: CalibrationSettings) -> str:
-    if settings.essential == "linear":
-        return "by the normalised eight-point algorithm"
-    return "by minimising the sum of the squared residuals over the five angles of the pose"
-
-
 def _step(radians: float) -> str:
     """`0.001`, `2 × 10⁻⁶`."""
     number, _, exponent = f"{radians:g}".partition("e")
@@ -204,14 +189,13 @@ def _validation(answer: Answer) -> Iterator[str]:
     settings = evaluation.settings
     frames = len(answer.calibration.screening.dataset.correspondences.frames)
     refined = answer.calibration.refined
-    follow = refined is not None and refined.clusters.has_runs
-    drawn_together = follow and settings.splits == "runs"
+    follow = refined is not None and refined.clusters.has_runs and settings.splits == "runs"
     yield (
         f"In each of {settings.runs} runs, {settings.calibration_frames} frames drawn at random "
         f"calibrated the system and the other {frames - settings.calibration_frames} tested it "
         f"(seed {settings.calibration.search.seed})."
         + " Frames that follow each other were drawn together."
-        * drawn_together
+        * follow
     )
     yield (
         "Each point of the primary camera was paired with its own and with other points of the "
@@ -226,77 +210,60 @@ def _validation(answer: Answer) -> Iterator[str]:
 def _held_out(answer: Answer) -> Iterator[str]:
     if answer.evaluation is None:
         return
-    found = answer.evaluation.summaries
-    yield "On held-out frames:"
-    yield "; ".join(_figures(method, found[method]) for method in ALL_METHODS if method in found)
-    yield "(figure `validation`, table `table.csv`)."
-
-
-def _figures(method: Method, summary: MethodSummary) -> str:
-    matching, lengths = summary.reprojection, summary.reconstruction
-    found = f"{NAMES[method]} had an FCP of {percent(matching.fcp.value)} % "
-    found += f"({interval(matching.fcp)})"
-    if not np.isfinite(lengths.median.value):
-        return f"{found}, and no bar could be measured"
-    return (
-        f"{found} and a median 3D error of {percent(lengths.median.value)} % "
-        f"({interval(lengths.median)}), with 95 % of bars within {percent(lengths.p95)} %"
-    )
+    every, found = answer.evaluation.summaries, []
+    for method in (method for method in ALL_METHODS if method in every):
+        fcp, lengths = every[method].reprojection.fcp, every[method].reconstruction
+        measured = ", and no bar could be measured"
+        if np.isfinite(lengths.median.value):
+            measured = (
+                f" and a median 3D error of {percent(lengths.median.value)} % "
+                f"({interval(lengths.median)}), with 95 % of bars within {percent(lengths.p95)} %"
+            )
+        of_pairs = f"an FCP of {percent(fcp.value)} % ({interval(fcp)})"
+        found.append(f"{NAMES[method]} had {of_pairs}{measured}")
+    yield f"On held-out frames: {'; '.join(found)} (figure `validation`, table `table.csv`)."
 
 
 def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
     """Which set matched and which measured the points of the project."""
-    used = applied.used
+    used, sets = applied.used, []
+    for method, digest in (used["matching"], used["measuring"]):
+        own = answer.sets.get(method)
+        another = "" if own is not None and digest_of(own) == digest else " of another calibration"
+        sets.append(NAMES[method] + another)
     names = " and ".join(f"`{label}`" for label in used["points"])
-    match, measure = (_named(answer, *used[purpose]) for purpose in ("matching", "measuring"))
     below = rounded(applied.threshold_px, 4)
-    yield f"The points of {names} were matched with {match} below {below} px."
-    yield f"Their positions were reconstructed with {measure}."
-
-
-def _named(answer: Answer, method: Method, digest: str) -> str:
-    """A set that points were matched or measured with."""
-    own = answer.sets.get(method)
-    another = "" if own is not None and digest_of(own) == digest else " of another calibration"
-    return NAMES[method] + another
+    yield f"The points of {names} were matched with {sets[0]} below {below} px."
+    yield f"Their positions were reconstructed with {sets[1]}."
 
 
 def _recommended(answer: Answer) -> Iterator[str]:
     """Which set is recommended for what; no points of the project were matched."""
     found = answer.recommendation
-    match, measure = found.match, found.measure
-    yield f"To match points, {NAMES[match.method]}{match.below} is recommended{_let_in(match)}."
-    yield (
-        f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended"
-        f"{_within(measure, found.forecast_holds)}."
-    )
+    match, measure, let_in = found.match, found.measure, ""
+    held_out, forecast = match.wrong_let_in.held_out, match.wrong_let_in.forecast
+    where, share = "on held-out frames", held_out
+    if held_out is None and forecast is not None:
+        where, share = "in the forecast", forecast.value
+    if share is not None:
+        let_in = f", a threshold that {percent(share)} % of wrong pairs passed {where}"
+    yield f"To match points, {NAMES[match.method]}{match.below} is recommended{let_in}."
+    within = ""
+    # Else the held-out figures have said it.
+    if measure.length_p95.held_out is None and found.forecast_holds:
+        within = measure.length_p95.percents(found.forecast_holds)
+    words = f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended"
+    yield f"{words}{f'; by the forecast, 95 % of lengths are within {within}' if within else ''}."
 
 
 def _verdict(answer: Answer) -> Iterator[str]:
-    found = answer.recommendation
-    if found.verdict is not None and found.forecast_holds:
-        if found.verdict.kind == "one":
-            yield f"One set serves both purposes here ({sure(found.verdict.chance_of_one)} sure)."
-        elif found.verdict.kind == "two":
-            yield f"Two sets are worth it here ({sure(1 - found.verdict.chance_of_one)} sure)."
-
-
-def _let_in(match: FileFigures) -> str:
-    if match.wrong_let_in.held_out is not None:
-        share, where = percent(match.wrong_let_in.held_out), "on held-out frames"
-    elif match.wrong_let_in.forecast is not None:
-        share, where = percent(match.wrong_let_in.forecast.value), "in the forecast"
-    else:
-        return ""
-    return f", a threshold that {share} % of wrong pairs passed {where}"
-
-
-def _within(measure: FileFigures, forecast_holds: bool) -> str:
-    """95 % of length errors where the held-out figures have not said it."""
-    if measure.length_p95.held_out is not None or not forecast_holds:
-        return ""
-    within = measure.length_p95.percents(forecast_holds)
-    return f"; by the forecast, 95 % of lengths are within {within}" if within else ""
+    verdict = answer.recommendation.verdict
+    if verdict is None or not answer.recommendation.forecast_holds:
+        return
+    if verdict.kind == "one":
+        yield f"One set serves both purposes here ({sure(verdict.chance_of_one)} sure)."
+    elif verdict.kind == "two":
+        yield f"Two sets are worth it here ({sure(1 - verdict.chance_of_one)} sure)."
 
 
 def _again(_: Answer) -> Iterator[str]:
@@ -327,3 +294,23 @@ def captions_md(answer: Answer) -> str:
             "best beyond the 95 % intervals (in brackets); level: not apart.",
         )
     return "## Captions\n\n" + "\n\n".join(lines) + "\n"
+
+
+def references_bib() -> bytes:
+    """`references.bib`: the paper of the method, and the program with its version."""
+    return f"""@misc{{{PAPER},
+  author = {{Beschi, Riccardo and Feng, Xiao and Melillo, Stefania and Parisi, Leonardo and
+            Postiglione, Lorena}},
+  title = {{{{Stereo camera system calibration: the need of two sets of parameters}}}},
+  year = {{2021}},
+  eprint = {{2101.05725}},
+  archivePrefix = {{arXiv}},
+  url = {{https://arxiv.org/abs/2101.05725}},
+}}
+
+@software{{{PROGRAM},
+  author = {{{{The developers of stereocal}}}},
+  title = {{{{stereocal}}}},
+  version = {{{__version__}}},
+}}
+""".encode()

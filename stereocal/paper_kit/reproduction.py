@@ -53,15 +53,6 @@ TOLERANCES = (
 
 
 @dataclass(frozen=True, eq=False)
-class ArchivedFile:
-    """A parameter file of an archive."""
-
-    method: Method
-    """The set in it; `parameters_2d.json` may hold the refined one."""
-    content: Mapping[str, Any]
-
-
-@dataclass(frozen=True, eq=False)
 class ReproducibleResult:
     """What an archive holds."""
 
@@ -71,8 +62,8 @@ class ReproducibleResult:
     """None: without a refined set."""
     validation: EvaluationSettings | None
     """None: without a validation."""
-    files: Mapping[str, ArchivedFile]
-    """By name."""
+    files: Mapping[str, Mapping[str, Any]]
+    """Parameter files by name; `parameters_2d.json` may hold the refined set."""
     software: Mapping[str, str]
     processor: Mapping[str, str]
 
@@ -121,7 +112,7 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
             name: {
                 "method": content["method"],
                 "sha256": digest_of(content),
-                "tolerance": asdict(tolerance_of(content["method"])),
+                "tolerance": asdict(tolerance_of(content)),
             }
             for name, content in contents.items()
         },
@@ -160,7 +151,7 @@ def read_archive(path: Path) -> ReproducibleResult:
             CalibrationSettings.from_json(stated["calibration"]),
             None if refined is None else RefineSettings.from_json(refined),
             None if validation is None else EvaluationSettings.from_json(validation),
-            {name: _archived(files, name, entry, path) for name, entry in stated["files"].items()},
+            {name: _archived(files, name, own, path) for name, own in stated["files"].items()},
             dict(stated["software"]),
             dict(stated["processor"]),
         )
@@ -172,7 +163,7 @@ def read_archive(path: Path) -> ReproducibleResult:
 
 def _archived(
     files: Mapping[str, bytes], name: str, entry: Mapping[str, Any], path: Path
-) -> ArchivedFile:
+) -> Mapping[str, Any]:
     if name not in files:
         raise StereocalError(f"{path}: {name} is missing.")
     content = read_json(files[name], f"{path}: {name}")
@@ -180,13 +171,14 @@ def _archived(
         raise StereocalError(
             f"{path}: {name} is not the file that {STATEMENT} describes; it was changed since."
         )
-    (method,) = (each for each in ALL_METHODS if each == entry["method"])
-    return ArchivedFile(method, content)
+    if content["method"] not in NAMES:
+        raise ValueError(content["method"])
+    return content
 
 
-def tolerance_of(method: Method) -> Tolerance:
+def tolerance_of(content: Mapping[str, Any]) -> Tolerance:
     """The tolerance of a set's file. What an archive states is not used: it may be forged."""
-    return ADJUSTED if method == "refined" else SEARCHED
+    return ADJUSTED if content["method"] == "refined" else SEARCHED
 
 
 def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> list[Comparison]:
@@ -196,11 +188,10 @@ def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> 
         sets: by name of the file; one that is missing could not be computed.
     """
     found = []
-    for name, file in archived.files.items():
+    for name, content in archived.files.items():
         now = json.loads(sets[name].dumps()) if name in sets else {}
-        digest = digest_of(now)
-        identical = digest == digest_of(file.content)
-        tolerance = tolerance_of(file.method)
-        unequal = () if identical else tuple(differences(file.content, now, tolerance))
+        digest, tolerance = digest_of(now), tolerance_of(content)
+        identical = digest == digest_of(content)
+        unequal = () if identical else tuple(differences(content, now, tolerance))
         found.append(Comparison(name, digest, identical, tolerance, unequal))
     return found

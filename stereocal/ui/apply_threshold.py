@@ -9,7 +9,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
-from stereocal.figures.pair_errors import describe_pair_errors, plot_pair_errors
+from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points, digest_of, sample_frames
 from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors

@@ -6,9 +6,9 @@ import importlib
 import pkgutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -26,12 +26,12 @@ from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.lengths import check_lengths
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.misfit import misfit_of
-from stereocal.refined.refine import refine
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
-from stereocal.verdict.tradeoff import costs_of, trade_off
+from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests.field.plans import plan
 from tests.figures.test_apply_figures import (
@@ -73,20 +73,32 @@ class Drawn:
     words: str
 
 
-@lru_cache(maxsize=1)
+@cache
+def refined_field() -> RefinedResult:
+    """The refined set of the sample."""
+    return refine(read_dataset(FIELD))
+
+
+@cache
+def curves_of_field() -> TradeOff:
+    """Its trade-off curves, of few points."""
+    found = trade_off(read_dataset(FIELD), points=5)
+    assert found is not None
+    return found
+
+
+@cache
 def every_figure() -> dict[str, Drawn]:
     """By the name of the function without `plot_`; of `points` both meanings of its colour."""
-    dataset = read_dataset(FIELD)
+    dataset, refined, curves = read_dataset(FIELD), refined_field(), curves_of_field()
     calibration = calibrate(dataset, trace=True)
-    refined = refine(dataset)
-    inputs = what_disagrees(refined)
+    inputs, misfit = what_disagrees(refined), misfit_of(refined)
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
-    curves, misfit = trade_off(dataset, points=5), misfit_of(refined)
     settings = EvaluationSettings(CalibrationSettings(), 6, 20, RefineSettings())
     with ThreadPoolExecutor(2) as executor:
         runs = evaluate([dataset, dataset], settings, executor)
         lens = calibrate_lens(search(12, 1), LensSettings(subset=8, repeats=12), executor)
-    assert curves is not None and runs is not None and lens is not None
+    assert runs is not None and lens is not None
     pooled, by_dataset = summarise_all(["one", "two"], runs)
     check = check_lengths(POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
     sets: dict[Method, tuple[Pose, Camera, Camera]] = {
@@ -105,52 +117,36 @@ def every_figure() -> dict[str, Drawn]:
         forecast(plan(name=name, bar_m=bar), rigs=16)
         for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))
     ]
-    planned = plans[0]
-    f = SimpleNamespace(**DRAWS)
+    # What a figure is drawn of, and its text, where that takes something else.
+    given: dict[str, tuple[tuple[Any, ...], ...]] = {
+        "accuracy": ((places, refined), (places,)),
+        "check": ((RESIDUALS,),),
+        "comparison": ((by_dataset,),),
+        "coverage": ((dataset,),),
+        "disagreement": ((inputs,),),
+        "draws": ((lens,),),
+        "gap": ((views, "3d"),),
+        "image": ((views, "3d", 1),),
+        "frame_errors": ((calibration,),),
+        "lengths": ((check,),),
+        "matches": ((pairs, left, "primary", SET.primary.image_size), (pairs, left, right, 1)),
+        "misfit": ((misfit,),),
+        "pair_errors": ((NEAREST, 0.8), (NEAREST, 0.8, CHOICE)),
+        "plan_baselines": ((plans[0],),),
+        "plan_depths": ((plans,),),
+        "plan_map": ((plans[0],),),
+        "points": ((POINTS, "frame", SET), (POINTS,)),
+        "residual_field": ((lens,),),
+        "rig": ((calibration, "3d"),),
+        "story_lengths": ((story,),),
+        "story_lines": ((story,),),
+        "traces": ((calibration,),),
+        "trade_off": ((curves, costs, curves.freed[1]), (curves, costs)),
+        "two_rays": ((story,),),
+        "validation": ((pooled,),),
+        "view_errors": ((lens,),),
+    }
     return {
-        name: Drawn(figure, words)
-        for name, figure, words in (
-            ("accuracy", f.plot_accuracy(places, refined), f.describe_accuracy(places)),
-            ("check", f.plot_check(RESIDUALS), f.describe_check(RESIDUALS)),
-            ("comparison", f.plot_comparison(by_dataset), f.describe_comparison(by_dataset)),
-            ("coverage", f.plot_coverage(dataset), f.describe_coverage(dataset)),
-            ("disagreement", f.plot_disagreement(inputs), f.describe_disagreement(inputs)),
-            ("draws", f.plot_draws(lens), f.describe_draws(lens)),
-            ("gap", f.plot_gap(views, "3d"), f.describe_gap(views, "3d")),
-            ("image", f.plot_image(views, "3d", 1), f.describe_image(views, "3d", 1)),
-            (
-                "frame_errors",
-                f.plot_frame_errors(calibration),
-                f.describe_frame_errors(calibration),
-            ),
-            ("lengths", f.plot_lengths(check), f.describe_lengths(check)),
-            (
-                "matches",
-                f.plot_matches(pairs, left, "primary", SET.primary.image_size),
-                f.describe_matches(pairs, left, right, 1),
-            ),
-            ("misfit", f.plot_misfit(misfit), f.describe_misfit(misfit)),
-            (
-                "pair_errors",
-                f.plot_pair_errors(NEAREST, 0.8),
-                f.describe_pair_errors(NEAREST, 0.8, CHOICE),
-            ),
-            ("plan_baselines", f.plot_plan_baselines(planned), f.describe_plan_baselines(planned)),
-            ("plan_depths", f.plot_plan_depths(plans), f.describe_plan_depths(plans)),
-            ("plan_map", f.plot_plan_map(planned), f.describe_plan_map(planned)),
-            ("points", f.plot_points(POINTS, "frame", SET), f.describe_points(POINTS)),
-            ("residual_field", f.plot_residual_field(lens), f.describe_residual_field(lens)),
-            ("rig", f.plot_rig(calibration, "3d"), f.describe_rig(calibration, "3d")),
-            ("story_lengths", f.plot_story_lengths(story), f.describe_story_lengths(story)),
-            ("story_lines", f.plot_story_lines(story), f.describe_story_lines(story)),
-            ("traces", f.plot_traces(calibration), f.describe_traces(calibration)),
-            (
-                "trade_off",
-                f.plot_trade_off(curves, costs, curves.freed[1]),
-                f.describe_trade_off(curves, costs),
-            ),
-            ("two_rays", f.plot_two_rays(story), f.describe_two_rays(story)),
-            ("validation", f.plot_validation(pooled), f.describe_validation(pooled)),
-            ("view_errors", f.plot_view_errors(lens), f.describe_view_errors(lens)),
-        )
+        name: Drawn(DRAWS[f"plot_{name}"](*own[0]), DRAWS[f"describe_{name}"](*own[-1]))
+        for name, own in given.items()
     }

@@ -79,7 +79,9 @@ def test_long_traces_are_thinned_and_keep_their_ends(calibration: Calibration) -
     assert (line.y[0], line.y[-1]) == (5, 1)
 
 
-def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
+def test_frame_errors_are_those_of_the_result_and_held_out_ones_open(
+    calibration: Calibration,
+) -> None:
     figure = plot_frame_errors(calibration)
     rows = calibration.dataset.correspondences
     bar_frames = rows.frame[rows.bars[:, 0]]
@@ -93,10 +95,6 @@ def test_frame_errors_are_those_of_the_result(calibration: Calibration) -> None:
             assert shown == dict(zip(frames, values, strict=True))
             assert {t.marker.color for t in traces} == {METHOD_COLOURS[method]}
             assert {t.name for t in traces} == {METHOD_NAMES[method]}
-
-
-def test_held_out_frames_have_open_symbols(calibration: Calibration) -> None:
-    figure = plot_frame_errors(calibration)
     for method in METHODS:
         filled, opened, dotted = traces_of(figure, legendgroup=method, yaxis="y")
         assert filled.marker.symbol == METHOD_SYMBOLS[method]

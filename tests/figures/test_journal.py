@@ -10,7 +10,7 @@ import pypdfium2
 import pytest
 from matplotlib.figure import Figure
 
-from stereocal.calibration.methods import METHODS
+from stereocal.calibration.methods import Method
 from stereocal.figures.journal import (
     COLUMN_MM,
     PAGE_MM,
@@ -26,23 +26,26 @@ POINTS_PER_MM = 72 / 25.4
 Drawn = tuple[Callable[[float], Figure], str]
 
 
-def validation(found: Answer, *, refined: bool) -> Drawn:
-    assert found.evaluation is not None
-    summaries = found.evaluation.summaries
-    rows = summaries if refined else {method: summaries[method] for method in METHODS}
-    return partial(draw_validation, rows), "Refined set" if refined else "3D set"
+def validation() -> Drawn:
+    found = of_field().evaluation
+    assert found is not None
+    return partial(draw_validation, found.summaries), "Refined set"
+
+
+def errors(answer: Callable[[], Answer], word: str) -> Drawn:
+    return partial(draw_frame_errors, answer().calibration), word
+
+
+def rig(answer: Callable[[], Answer], method: Method, word: str) -> Drawn:
+    return partial(draw_rig, answer().calibration, method), word
 
 
 DRAWN: dict[str, Callable[[], Drawn]] = {
-    "validation": lambda: validation(of_field(), refined=False),
-    "with refined": lambda: validation(of_field(), refined=True),
-    "errors": lambda: (partial(draw_frame_errors, of_field().calibration), "Length error (%)"),
-    "left out": lambda: (
-        partial(draw_frame_errors, of_recording().calibration),
-        "Dotted: left out",
-    ),
-    "rig": lambda: (partial(draw_rig, of_recording().calibration, "3d"), "secondary"),
-    "flat rig": lambda: (partial(draw_rig, of_field().calibration, "refined"), "From the side"),
+    "validation": validation,
+    "errors": partial(errors, of_field, "Length error (%)"),
+    "left out": partial(errors, of_recording, "Dotted: left out"),
+    "rig": partial(rig, of_recording, "3d", "secondary"),
+    "flat rig": partial(rig, of_field, "refined", "From the side"),
 }
 
 
@@ -76,9 +79,8 @@ def test_the_figure_says_what_the_page_says() -> None:
     """The figures of the Plotly panels: FCP, interval and threshold of the 2D set."""
     found = of_field()
     assert found.evaluation is not None
-    panels = "".join(
-        ElementTree.fromstring(rendered(DRAWN["validation"]()[0], PAGE_MM)["svg"]).itertext()
-    )
+    svg = rendered(validation()[0], PAGE_MM)["svg"]
+    panels = "".join(ElementTree.fromstring(svg).itertext())
     matching = found.evaluation.summaries["2d"].reprojection
     assert f"FCP {100 * matching.fcp.value:.2g} %" in panels
     assert "Correct pairs" in panels

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 
 from stereocal.figures.lens import describe_draws, plot_draws
 from stereocal.figures.residual_field import (
@@ -14,19 +13,10 @@ from stereocal.figures.residual_field import (
     describe_residual_field,
     plot_residual_field,
 )
-from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.preview import preview
 from stereocal.intrinsics.quality import lens_residuals, typical_and_noise_px
-from tests.intrinsics.test_intrinsics import FEW, calibrated, moved, usual
-from tests.lens import facing, photographed, png, search
-
-
-@pytest.fixture(scope="module")
-def bent() -> LensCalibration:
-    """One photograph fits badly."""
-    found = search(30, seed=3)
-    noise = 0.5 * np.random.default_rng(1).normal(size=(48, 2))
-    return calibrated(moved(found, 7, found.views[7].corners + noise))
+from tests.intrinsics.test_intrinsics import FEW, usual
+from tests.lens import facing, photographed, png
 
 
 def test_every_draw_is_in_its_histogram() -> None:

@@ -19,37 +19,21 @@ from stereocal.figures.disagreement import (
 from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
-from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
-from stereocal.verdict.tradeoff import TradeOff, trade_off
+from tests.figures.every_figure import curves_of_field, refined_field
 
 FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
 
 
-@pytest.fixture(scope="module")
-def result() -> RefinedResult:
-    return refine(FIELD)
-
-
-@pytest.fixture(scope="module")
-def curves() -> TradeOff:
-    found = trade_off(FIELD, points=5)
-    assert found is not None
-    return found
-
-
-def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> None:
+def test_trade_off_has_both_curves_all_sets_and_the_point() -> None:
+    curves = curves_of_field()
     costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
     figure = plot_trade_off(curves, costs, curves.freed[2])
     by_name = {trace.name: trace for trace in figure.data}
-    assert list(by_name) == [
-        "Nominal lenses",
-        "Lenses freed",
-        "2D set",
-        "3D set",
-        "The slider's point",
-    ]
+    names = ["Nominal lenses", "Lenses freed", "2D set", "3D set", "The slider's point"]
+    assert list(by_name) == names
     np.testing.assert_allclose(
         by_name["Lenses freed"].y, [1000 * point.cost_3d_m for point in curves.freed]
     )
@@ -63,9 +47,8 @@ def test_trade_off_has_both_curves_all_sets_and_the_point(curves: TradeOff) -> N
 
 
 @pytest.mark.parametrize(("quantity", "unit"), [("distance", " %"), ("point", " mm")])
-def test_accuracy_shows_both_maps_cameras_and_targets(
-    result: RefinedResult, quantity: Quantity, unit: str
-) -> None:
+def test_accuracy_shows_both_maps_cameras_and_targets(quantity: Quantity, unit: str) -> None:
+    result = refined_field()
     maps = [accuracy_map(result, 20, plane) for plane in get_args(Plane)]
     figure = plot_accuracy(maps, result, quantity)
     centre = -result.pose.R.T @ result.pose.T
@@ -94,8 +77,8 @@ def test_an_accused_input_stands_out() -> None:
     assert "Baseline: stated 4.7 m" in describe_disagreement(inputs)
 
 
-def test_the_table_of_inputs_says_stated_and_estimated(result: RefinedResult) -> None:
-    inputs = what_disagrees(result)
+def test_the_table_of_inputs_says_stated_and_estimated() -> None:
+    inputs = what_disagrees(refined_field())
     table = disagreement_table(inputs)
     assert len(table) == len(inputs) <= 8
     baseline = next(item for item in inputs if item.key == "baseline")

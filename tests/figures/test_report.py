@@ -2,7 +2,6 @@
 
 import math
 import re
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html import unescape
 
@@ -10,7 +9,6 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from stereocal import __version__
-from stereocal.evaluation.evaluate import Run, evaluate
 from stereocal.evaluation.summary import summarise
 from stereocal.figures.comparison import describe_comparison
 from stereocal.figures.frame_view import telling_frame, views_of
@@ -22,7 +20,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset
 from stereocal.verdict.recommendation import recommend
 from stereocal.workflow import calibrate
-from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries
+from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, runs_twice
 
 EVIL = "<script>alert(1)</script>"
 
@@ -33,21 +31,13 @@ def dataset() -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def runs(dataset: Dataset) -> list[list[Run]]:
-    with ThreadPoolExecutor(2) as executor:
-        found = evaluate([dataset, dataset], SETTINGS, executor)
-    assert found is not None
-    return found
+def summaries() -> Summaries:
+    return summarise(runs_twice())
 
 
 @pytest.fixture(scope="module")
-def summaries(runs: list[list[Run]]) -> Summaries:
-    return summarise(runs)
-
-
-@pytest.fixture(scope="module")
-def by_dataset(runs: list[list[Run]]) -> dict[str, Summaries]:
-    return {EVIL: summarise(runs[:1]), "second": summarise(runs[1:])}
+def by_dataset() -> dict[str, Summaries]:
+    return {EVIL: summarise(runs_twice()[:1]), "second": summarise(runs_twice()[1:])}
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +49,9 @@ def report(summaries: Summaries, by_dataset: dict[str, Summaries], dataset: Data
     return text.replace(get_plotlyjs(), "")
 
 
-def test_nothing_is_fetched_from_elsewhere(report: str) -> None:
+def test_nothing_is_fetched_from_elsewhere_and_names_and_notes_are_escaped(report: str) -> None:
     assert not re.search(r"https?://", report)
     assert not re.search(r"<script[^>]*\ssrc|<link|<img|@import|url\(", report)
-
-
-def test_names_and_notes_are_escaped(report: str) -> None:
     assert EVIL not in report
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in report
     assert "&lt;img src=x&gt;" in report
@@ -94,13 +81,11 @@ def test_data_settings_angles_and_versions_are_in_it(
     assert f'<th scope="row">stereocal</th><td>{__version__}</td>' in report
 
 
-def test_the_recommendation_comes_first_with_the_frame_that_shows_why(
-    runs: list[list[Run]], dataset: Dataset
-) -> None:
-    calibration = calibrate(dataset)
+def test_the_recommendation_comes_first_with_the_frame_that_shows_why(dataset: Dataset) -> None:
+    calibration, summaries = calibrate(dataset), summarise(runs_twice()[:1])
     recommendation = recommend(calibration, None)
     found = calibration, recommendation
-    text = unescape(report_html(summarise(runs[:1]), {}, [dataset], SETTINGS, recommended=found))
+    text = unescape(report_html(summaries, {}, [dataset], SETTINGS, recommended=found))
     assert recommendation.text in text.split("<h2>")[0]
     frame = telling_frame(calibration)
     assert f"Frame {frame}. {describe_two_sets(views_of(calibration, frame))}" in text

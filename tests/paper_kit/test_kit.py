@@ -9,8 +9,7 @@ from pathlib import Path
 import yaml
 
 from stereocal.paper_kit.kit import paper_kit
-from stereocal.paper_kit.methods_text import methods_md
-from stereocal.paper_kit.references import PAPER, PROGRAM, references_bib
+from stereocal.paper_kit.methods_text import PAPER, PROGRAM, methods_md, references_bib
 from stereocal.verdict.in_words import digits, interval, percent
 from tests.paper_kit.answers import of_field
 
@@ -43,10 +42,8 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
         assert f"{percent(fcp.value)} % ({interval(fcp)})" in text
         assert f"{percent(median.value)} % ({interval(median)})" in text
     use = found.recommendation.match
-    assert use.threshold_px is not None
-    assert use.method == "refined"
+    assert use.threshold_px is not None and use.method == "refined"
     assert f"the refined set below {digits(use.threshold_px, 2)} px is recommended" in text
-    assert "points were matched" not in text and "were reconstructed" not in text
     for words in (
         "25 frames",
         "50 pairs",
@@ -62,9 +59,8 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
         "the refined set",
     ):
         assert words in text, words
-    assert "left out" not in text
-    assert "  " not in text
-    assert ".." not in text
+    for words in ("left out", "  ", "..", "points were matched", "were reconstructed"):
+        assert words not in text
 
 
 def test_the_references_are_those_of_the_citation_file() -> None:
