@@ -7,13 +7,11 @@ ensure_navigation()
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.projects.application import ProjectApplication
 from stereocal.ui.apply import bring_up_to_date, choose_inputs
 from stereocal.ui.apply_results import show_application
-from stereocal.ui.messages import end_here
+from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.project import begin_project, current_project
-from stereocal.ui.texts import escape_markdown
 
 st.title("Apply")
 st.subheader("Which points belong together, and where are they?")
@@ -27,13 +25,8 @@ if project is None:
 
 store = ProjectApplication(project)
 chosen = None
-try:
+with ErrorsShown():
     chosen = choose_inputs(project, store)
     if chosen is not None and chosen.work is not None:
         bring_up_to_date(project, store, chosen.work)
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-try:
-    show_application(project, store, chosen)
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
+show_application(project, store, chosen)

@@ -7,10 +7,8 @@ ensure_navigation()
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.ui.forms import settings_form, settings_of, staleness
-from stereocal.ui.intake import escape_markdown
-from stereocal.ui.messages import end_here, readable
+from stereocal.ui.messages import ErrorsShown, end_here, readable
 from stereocal.ui.navigation import went_on_to
 from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
@@ -31,13 +29,11 @@ pressed = st.button(label, type="primary", key="run")
 values = settings_form(project, dataset)
 show_exchanged(project)
 work = None
-try:
+with ErrorsShown():
     if calibrate_again() or pressed or first:
         press(project, inputs, dataset, settings_of(values), errors_first=not (pressed or first))
         result = readable(lambda: project.calibration)
     work = work_of(project, inputs, dataset, settings_of(values))
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
 show_progress(project, work)
 
 if result is None:

@@ -27,7 +27,7 @@ else:
     with st.expander("How to take the photographs"):
         st.markdown(BOARDS)
     board_to_print(project)
-    store = from_photographs(project, which)
+    store = from_photographs(which)
     show_refusal()
     if store is None:
         st.info("Nothing to calibrate yet: upload photographs of the board.")

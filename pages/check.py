@@ -7,12 +7,10 @@ ensure_navigation()
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.projects.application import ProjectCheck
 from stereocal.ui.check import choose_inputs, show_check
 from stereocal.ui.messages import end_here
 from stereocal.ui.project import begin_project, current_project
-from stereocal.ui.texts import escape_markdown
 
 st.title("Check")
 st.subheader("Has a camera moved?")
@@ -27,9 +25,6 @@ if project is None:
     st.button("I have both as files", on_click=begin_project, key="check_begin")
     end_here()
 
-try:
-    chosen = choose_inputs(project, ProjectCheck(project))
-    if chosen is not None:
-        show_check(chosen)
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
+chosen = choose_inputs(project, ProjectCheck(project))
+if chosen is not None:
+    show_check(chosen)

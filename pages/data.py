@@ -9,22 +9,22 @@ from functools import partial
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui import lengths
+from stereocal.ui.archives import single_files
 from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
-from stereocal.ui.intake import SEVERAL, escape_markdown, show_refusal, take_dataset
-from stereocal.ui.messages import end_here
+from stereocal.ui.intake import SEVERAL, show_refusal, take_dataset
+from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download
 from stereocal.ui.several import several_in
-from stereocal.ui.single_files import single_files
+from stereocal.ui.texts import escape_markdown
 
 st.title("Data")
 st.subheader("Which points did the cameras see, and what did you measure?")
@@ -38,17 +38,12 @@ if project is not None and ProjectRecording(project).is_given:
     st.button("Start a new project", on_click=forget_project, key="forget")
     end_here()
 if project is not None and project.pair is not None:
-    how = "A rig"
     st.info(
         f"This is the pair {escape_markdown(project.pair)} of a rig: the points that both cameras "
         "saw and the rig was fitted to, with the lenses and the baseline of the rig. The refined "
         "set is the rig's; a frame that you leave out here is left out of this pair."
     )
-else:
-    how = choose_kind(project)
-if how == "A rig":
-    pass
-elif how == SEVERAL:
+elif (how := choose_kind(project)) == SEVERAL:
     several_in(project)
     end_here()
 elif how == "Photographs":
@@ -57,10 +52,8 @@ elif how == "A zip":
     zipped = st.file_uploader("Zip with dataset.json", type=["zip"], key="upload_zip")
     take_dataset([zipped] if zipped else [])
 elif how == "A folder":
-    folder = st.file_uploader(
-        "Folder with dataset.json", accept_multiple_files="directory", key="upload_folder"
-    )
-    take_dataset(folder or [])
+    title = "Folder with dataset.json"
+    take_dataset(st.file_uploader(title, accept_multiple_files="directory", key="upload_folder"))
 else:
     single_files(project)
 
@@ -88,11 +81,8 @@ if project is None or not (project.inputs.files or has_photographs(project)):
     end_here()
 
 st.header("What was read", divider="gray")
-try:
+with ErrorsShown(end=True):
     dataset = project.dataset
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    end_here()
 if dataset is None:
     st.warning(f"Still missing: {missing_of(project)}.")
     end_here()

@@ -10,21 +10,10 @@ from dataclasses import replace
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.ui import one_set as page
 from stereocal.ui.fields import choose
 from stereocal.ui.forms import form_values, staleness
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import end_here, readable
-from stereocal.ui.one_set import (
-    show_accuracy,
-    show_disagreement,
-    show_download,
-    show_frames_left_out,
-    show_misfit,
-    show_parameters,
-    show_seeds,
-    show_trade_off,
-    show_verdict,
-)
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.refined import (
     answer_for,
@@ -35,7 +24,7 @@ from stereocal.ui.refined import (
     wait_for_answer,
 )
 from stereocal.ui.screening import is_long, screenings_of
-from stereocal.ui.texts import ONE_SET
+from stereocal.ui.texts import ONE_SET, escape_markdown
 from stereocal.ui.validation import kept_protocol
 
 st.title("One set or two")
@@ -73,23 +62,20 @@ try:
 except StereocalError as error:
     st.error(escape_markdown(str(error)))
     end_here()
-try:
-    show_verdict(answer)
-    place = st.container()
-    show_download(project, answer, calibrated_now)
-    st.header("What disagrees", divider="gray")
-    show_disagreement(inputs)
-    show_frames_left_out(screening, result)
-    views = {
-        "Matching against measuring": lambda: show_trade_off(
-            project, kept, result, settings, calibration
-        ),
-        "How accurate, where": lambda: show_accuracy(project, result, kept, settings),
-        "Residuals by place": lambda: show_misfit(kept, settings),
-        "The refined set": lambda: show_parameters(result),
-    }
-    views[choose(project, "one_set_view", "Look at", views)]()
-    with place:  # last, because the trials take the processor from the rest of the page
-        show_seeds(answer)
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
+page.show_verdict(answer)
+place = st.container()
+page.show_download(project, answer, calibrated_now)
+st.header("What disagrees", divider="gray")
+page.show_disagreement(inputs)
+page.show_frames_left_out(screening, result)
+views = {
+    "Matching against measuring": lambda: page.show_trade_off(
+        project, kept, result, settings, calibration
+    ),
+    "How accurate, where": lambda: page.show_accuracy(project, result, kept, settings),
+    "Residuals by place": lambda: page.show_misfit(kept, settings),
+    "The refined set": lambda: page.show_parameters(result),
+}
+views[choose(project, "one_set_view", "Look at", views)]()
+with place:  # last, because the trials take the processor from the rest of the page
+    page.show_seeds(answer)

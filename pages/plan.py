@@ -8,7 +8,6 @@ ensure_navigation()
 import streamlit as st
 
 from stereocal.ui.intake import show_refusal
-from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.plan import open_plan, show_forecast
 from stereocal.ui.plan_fields import plan_controls
 from stereocal.ui.project import current_project
@@ -20,5 +19,4 @@ project = current_project()
 with st.expander("Open a saved plan"):
     open_plan(project)
 show_refusal()
-with ErrorsShown():
-    show_forecast(project, plan_controls(project))
+show_forecast(project, plan_controls(project))

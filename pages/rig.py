@@ -7,26 +7,21 @@ ensure_navigation()
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.messages import end_here
 from stereocal.ui.project import current_project
 from stereocal.ui.rig import show_rig_page
-from stereocal.ui.texts import escape_markdown
 
 st.title("Rig")
 st.subheader("Do all cameras agree?")
 
 project = current_project()
-try:
-    recording = None if project is None else ProjectRecording(project).read()
-    if project is None or recording is None:
-        st.info(
-            "This page is for recordings of three cameras and more: give their files on the "
-            "Data page, under *Three cameras and more*."
-        )
-        st.page_link("pages/data.py", label="Give it on the Data page")
-        end_here()
-    show_rig_page(project, recording)
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
+recording = None if project is None else ProjectRecording(project).read()
+if project is None or recording is None:
+    st.info(
+        "This page is for recordings of three cameras and more: give their files on the Data page, "
+        "under *Three cameras and more*."
+    )
+    st.page_link("pages/data.py", label="Give it on the Data page")
+    end_here()
+show_rig_page(project, recording)

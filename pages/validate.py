@@ -7,9 +7,7 @@ ensure_navigation()
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
-from stereocal.ui.intake import escape_markdown
-from stereocal.ui.messages import end_here, readable
+from stereocal.ui.messages import ErrorsShown, end_here, readable
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import bring_up_to_date, choose_data, choose_protocol, without_refined
@@ -19,12 +17,9 @@ st.title("Validate")
 st.subheader("How often would a wrong pair be accepted, and how far off is a length?")
 
 project, _, own = project_with_data()
-try:
+with ErrorsShown(end=True):
     datasets = choose_data(project, own)
     settings = choose_protocol(project, datasets)
-except StereocalError as error:
-    st.error(escape_markdown(str(error)))
-    end_here()
 # The paper's figure at once; the refined sets, which other pages need too, after it.
 first = None if with_refined(project).value() else without_refined(project, datasets, settings)
 if first is None:

@@ -21,7 +21,7 @@ from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import show_refusal, take_one
 from stereocal.ui.messages import ErrorsShown, callback, readable
-from stereocal.ui.parameter_upload import PURPOSES, upload_set
+from stereocal.ui.parameter_files import PURPOSES, upload_set
 from stereocal.ui.refined import answer_when_ready, set_in_use, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points

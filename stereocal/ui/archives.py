@@ -1,7 +1,8 @@
-"""Questions about a file of another program that has both cameras, or a whole data set."""
+"""The Data page's three uploaders of single files, and questions about one with both cameras."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -10,9 +11,9 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import THROW, Archive
 from stereocal.formats.archives.easywand import open_easywand
-from stereocal.formats.archives.gather import gather
+from stereocal.formats.archives.gather import gather, holds_bars
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.correspondences_csv import TEMPLATE, write_table
 from stereocal.formats.exchange.exchange import camera_names, has_both_cameras
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_hdf5, is_matlab
@@ -20,44 +21,84 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
+from stereocal.ui import intake
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Fit, choose, setting
-from stereocal.ui.foreign import ask, ask_size
-from stereocal.ui.intake import SEVERAL, clear_refusal, escape_markdown
-from stereocal.ui.texts import escaped_table
-from stereocal.ui.wizard import ask_buttons
+from stereocal.ui.fields import choose_from_menu
+from stereocal.ui.project import project_to_write
+from stereocal.ui.texts import escape_markdown, escaped_table
+from stereocal.ui.wizard import Questions, Use, ask_about, ask_about_bars, ask_size
+
+CAMERA_TITLES = ("Primary camera", "Secondary camera")
+POINT_KINDS = ["csv", "txt", "h5", "hdf5", "mat"]
 
 
-def is_archive(name: str, content: bytes) -> bool:
+def single_files(project: Project | None) -> None:
+    """The uploaders, and questions about a table of another program."""
+    for slot, column in zip(intake.TITLES, st.columns(3), strict=True):
+        with column:
+            intake.in_use(project, slot)
+            single_file(slot)
+    offer("Template for the table", TEMPLATE, "correspondences.csv", "template")
+    if project is not None:
+        ask_about_bars(ProjectApplication(project))
+        ask_about_archive(project)
+
+
+def single_file(slot: Slot) -> None:
+    """An uploader; a file of another program is kept until its questions are answered."""
+    table = slot == "correspondences"
+
+    def take(name: str, content: bytes) -> None:
+        if holds_both(name, content):
+            ProjectApplication(project_to_write()).ask("archive", name, content)
+        elif not table:
+            intake.store_camera(slot, name, content)
+        elif holds_bars(content, name):
+            ProjectApplication(project_to_write()).ask("bars", name, content)
+        else:
+            intake.store_table(name, content)
+
+    upload = st.file_uploader(
+        intake.TITLES[slot],
+        type=POINT_KINDS if table else intake.CAMERA_KINDS,
+        key=f"upload_{slot}",
+        help="Ours, a wand file of Argus or easyWand, points of Argus or DLTdv, or an "
+        "easyWandData.mat."
+        if table
+        else None,
+    )
+    intake.take_one(upload, take)
+
+
+def holds_both(name: str, content: bytes) -> bool:
     """Whether a file has both cameras, or a whole data set."""
     if is_matlab(content) or (name.lower().endswith(".mat") and is_hdf5(content)):
         return True
-    return has_both_cameras(name, content)
+    try:
+        return has_both_cameras(name, content)
+    except StereocalError:  # damaged: its reader reports what is wrong
+        return False
 
 
-def ask_about_archive(store: ProjectApplication) -> None:
+def ask_about_archive(project: Project) -> None:
     """What an archive holds and the questions about it, if there is one."""
-    asked = store.asking("archive")
-    if asked is None:
-        return
-    label, content = asked
-    with st.container(border=True):
+    store = ProjectApplication(project)
+
+    def form(label: str, content: bytes) -> Use:
         st.markdown(f"**{escape_markdown(label)}** is a file of another program.")
-        known = store.project.inputs.baseline_m is not None
-        found = None
-        try:
-            options = _form(store.project, label, content)
-            found = read_once(_gathered, content, label, options, known)
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
-        if found is not None:
-            _show(found, known)
-        ask_buttons(
-            store,
-            "archive",
-            None if found is None else lambda: _use(store, label, found),
-            "Use what was found",
-        )
+        known = project.inputs.baseline_m is not None
+        names = read_once(_cameras_in, content, label)
+        cameras = _cameras(project, names) if len(names) > 2 else None
+        with st.expander("Say what the file does not, or has wrong"):
+            asked, (left, right) = Questions(project, "archive_{}"), st.columns(2)
+            unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
+            size = ask_size(project, "archive", "")
+        options = ExchangeOptions((size, size), cameras, unit, lens_model)
+        found = read_once(_gathered, content, label, options, known)
+        _show(found, known)
+        return partial(_use, store, label, found)
+
+    ask_about(store, "archive", form, "Use what was found")
 
 
 def _gathered(content: bytes, label: str, options: ExchangeOptions, known: bool) -> Archive:
@@ -72,33 +113,14 @@ def _cameras_in(content: bytes, label: str) -> tuple[str, ...]:
     return camera_names(label, content)
 
 
-def _form(project: Project, label: str, content: bytes) -> ExchangeOptions:
-    """The questions: which cameras, and, folded, what the file may not say."""
-    names = read_once(_cameras_in, content, label)
-    cameras = _cameras(project, names) if len(names) > 2 else None
-    with st.expander("Say what the file does not, or has wrong"):
-        left, right = st.columns(2)
-
-        def widget(name: str, usual: Any, fit: Fit) -> dict[str, Any]:
-            return setting(project, f"archive_{name}", usual, fit).widget()
-
-        unit, lens_model = ask(left, "unit", widget), ask(right, "lens_model", widget)
-        size = ask_size(project, "archive", "")
-    return ExchangeOptions(
-        cameras=cameras, unit=unit, image_sizes=(size, size), lens_model=lens_model
-    )
-
-
 def _cameras(project: Project, names: tuple[str, ...]) -> tuple[str, str]:
     """The chosen primary and secondary, by number."""
-    st.caption(f"It has {len(names)} cameras: choose two. For all, choose *{SEVERAL}* above.")
-    chosen = []
-    for k, (column, which) in enumerate(zip(st.columns(2), ("Primary", "Secondary"), strict=True)):
-        key, title = f"archive_camera_{k}", f"{which} camera"
-        one = choose(
-            project, key, title, names, names[k], place=column, tabs_own=False, as_menu=True
-        )
-        chosen.append(one)
+    both = f"choose two. For all, choose *{intake.SEVERAL}* above."
+    st.caption(f"It has {len(names)} cameras: {both}")
+    chosen = [
+        choose_from_menu(project, f"archive_camera_{k}", title, names, names[k], place=place)
+        for k, (place, title) in enumerate(zip(st.columns(2), CAMERA_TITLES, strict=True))
+    ]
     first, second = (str(names.index(name) + 1) for name in chosen)
     return first, second
 
@@ -115,9 +137,8 @@ def _show(found: Archive, baseline_known: bool) -> None:
     elif found.correspondences is not None and not baseline_known:
         st.caption("It has no baseline: enter the measured one below, or say that there is none.")
     if found.throw is not None:
-        offer(
-            "The thrown object, for a world frame", found.throw.to_csv(index=False), THROW, "throw"
-        )
+        content = found.throw.to_csv(index=False)
+        offer("The thrown object, for a world frame", content, THROW, "throw")
 
 
 def _use(store: ProjectApplication, label: str, found: Archive) -> None:
@@ -135,4 +156,3 @@ def _use(store: ProjectApplication, label: str, found: Archive) -> None:
         values["target_distance_m"] = found.target_distance_m
     store.project.give(files, **values)
     store.forget_question("archive")
-    clear_refusal()

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair, Pairing
+from stereocal.intrinsics import stereo_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings
 from stereocal.intrinsics.files import pack_board, unpack_board
-from stereocal.intrinsics.stereo_boards import (
-    STAGES,
-    StereoBoards,
-    find_stereo_boards,
-    lenses_of_boards,
-    recording_of,
-)
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.projects.review import board_corners, board_thumbnail
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
@@ -28,63 +23,63 @@ from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
 from stereocal.ui.holding import first_pairs
 from stereocal.ui.lens import board_form
-from stereocal.ui.messages import readable
+from stereocal.ui.messages import ErrorsShown, readable
 from stereocal.ui.texts import escape_markdown
 
-USUAL = (9, 6)
 OF_BOARDS = "lens from the boards"
 """Label of a lens that was made from the same photographs."""
+
+
+def press_search(work: jobs.Work, what: str, key: str, found: bool, ready: bool) -> None:
+    """The button that begins a search in the photographs, and its progress."""
+    again = " again" * found
+    jobs.start_button(work, f"Find the {what}{again}", key, primary=not found, disabled=not ready)
+    cancelled = "Cancelled. What was found before is unchanged."
+    jobs.show_job(work.project, work.kind, cancelled, work)
+
+
+def held_board(project: Project) -> tuple[BoardPattern | None, bool]:
+    """The form of the board, None if no board is like that, and whether its size is entered."""
+    pattern = None
+    with ErrorsShown():
+        pattern = board_form(project, (9, 6), square_mm=None)
+    entered = project.settings.get("board_square_mm") is not None
+    if pattern is not None and not entered:
+        st.info("Enter the side of a square as measured: all lengths follow from it.")
+    return pattern, entered
 
 
 def boards_in(store: ProjectPhotographs) -> None:
     """What is printed on the board, the search for it, and what was found."""
     project, pairs = store.project, [row.pair for row in store.rows if row.use]
-    try:
-        pattern = board_form(project, USUAL, square_mm=None)
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
+    pattern, entered = held_board(project)
+    if pattern is None:
         return
-    entered = project.settings.get("board_square_mm") is not None
     found = store.boards_found
     if not found:
         _show_first(store, pairs, pattern)
-    if not entered:
-        st.info("Enter the side of a square as measured: all lengths follow from it.")
     given = _lenses_given(store)
-    st.markdown(
-        "The lenses are those of the camera files."
-        if given
-        else "The lenses come from the same photographs."
-    )
+    where = "are those of the camera files" if given else "come from the same photographs"
+    st.markdown(f"The lenses {where}.")
     pairing = Pairing(tuple(pairs), (), (), store.proposal.sentence, ambiguous=False)
     files = {name: path.name for name, path in store.photographs.items()}
     about = {
-        "pairs": [
-            [pair.frame, files.get(pair.primary), files.get(pair.secondary)] for pair in pairs
-        ],
+        "pairs": [[p.frame, files.get(p.primary), files.get(p.secondary)] for p in pairs],
         "board": asdict(pattern),
         "cameras": [camera.to_json() for camera in given or ()],
     }
-    work = jobs.Work(
-        project,
-        "photographs",
-        STAGES,
-        about,
-        lambda job: _find(store, pairing, pattern, given, job),
-    )
-    label = "Find the boards again" if found else "Find the boards"
-    jobs.start_button(
-        work, label, "find_boards", primary=not found, disabled=not pairs or not entered
-    )
-    jobs.show_job(project, "photographs", "Cancelled. What was found before is unchanged.", work)
-    if found and store.found_by != work.digest:
+    run = partial(_find, store, pairing, pattern, given)
+    work = jobs.Work(project, "photographs", stereo_boards.STAGES, about, run)
+    press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
+    if not found:
+        return
+    if store.found_by != work.digest:
         st.warning(
             "The form, the photographs or the camera files have changed since the boards were "
             "found. Find them again."
         )
-    if found:
-        st.success(escape_markdown(found))
-        _show_found(store, pairs)
+    st.success(escape_markdown(found))
+    _show_found(store, pairs)
 
 
 def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: BoardPattern) -> None:
@@ -92,9 +87,8 @@ def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: Board
     files = store.photographs
     with st.spinner("Looking at the first photographs ..."):
         for pair, column in zip(first_pairs(pairs), st.columns(3), strict=False):
-            first, second = (
-                board_corners(files[name], pattern) for name in (pair.primary, pair.secondary)
-            )
+            first = board_corners(files[pair.primary], pattern)
+            second = board_corners(files[pair.secondary], pattern)
             _show_pair(store, pair, (first, second), column)
     st.caption(
         "Corners of this board are dots, the first one is ringed; none are drawn if it is "
@@ -146,24 +140,17 @@ def _find(
     job: jobs.Job,
 ) -> bool:
     """Find the boards and the lenses, and store them; False if cancelled."""
-    boards: StereoBoards | None = find_stereo_boards(
-        store.photographs,
-        pattern,
-        job.executor,
-        job.begin,
-        job.progress,
-        lambda: job.cancelled,
-        job.checkpoints("boards", pack_board, unpack_board),
-        pairing,
+    control = job.progress, lambda: job.cancelled
+    pieces = job.checkpoints("boards", pack_board, unpack_board)
+    boards = stereo_boards.find_stereo_boards(
+        store.photographs, pattern, job.executor, job.begin, *control, pieces, pairing
     )
     if boards is None:
         return False
     cameras, loose = given, dict[int, str]()
     if cameras is None:
-        job.begin(STAGES[2])
-        lenses = lenses_of_boards(
-            boards, LensSettings(), job.executor, job.progress, lambda: job.cancelled
-        )
+        job.begin(stereo_boards.STAGES[2])
+        lenses = stereo_boards.lenses_of_boards(boards, LensSettings(), job.executor, *control)
         if lenses is None:
             return False
         cameras = lenses[0].camera, lenses[1].camera
@@ -174,7 +161,7 @@ def _find(
             for view in seen.views
             if view.name in outlying
         }
-    data = recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
+    data = stereo_boards.recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
     label = None if given else OF_BOARDS
     store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.digest)
     return True

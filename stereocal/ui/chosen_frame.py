@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 import streamlit as st
@@ -16,10 +17,10 @@ from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.system.photograph import read_photograph
+from stereocal.ui import screening as screened
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.review import look_closely
-from stereocal.ui.screening import exchange_again, leave_out, put_back
 
 NAME = "frame"
 """Of the setting; the review of photographs has the same."""
@@ -28,35 +29,32 @@ NAME = "frame"
 def frame_field(project: Project, calibration: Calibration) -> Field:
     """The chosen frame; at first the one that shows best why there are two sets."""
     numbers: list[int] = calibration.dataset.correspondences.frames.tolist()
-    found = setting(project, "chosen_frame", None, one_of(numbers), name=NAME, tabs_own=True)
+    fields = partial(setting, project, "chosen_frame", name=NAME, tabs_own=True)
+    found = fields(None, one_of(numbers))
     if found.value() in numbers:
         return found
-    usual = telling_frame(calibration)
-    return setting(project, "chosen_frame", usual, one_of(numbers), name=NAME, tabs_own=True)
+    return fields(telling_frame(calibration), one_of(numbers))
 
 
 def choose_frame(project: Project, calibration: Calibration) -> int:
     """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
     numbers: list[int] = calibration.dataset.correspondences.frames.tolist()
     field = frame_field(project, calibration)
-    at = numbers.index(field.value())
+    frame: int = field.value()
+    at = numbers.index(frame)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.selectbox("Frame", numbers, width=140, **field.widget())
-        for label, icon, to in (
-            ("Previous frame", ":material/chevron_left:", at - 1),
-            ("Next frame", ":material/chevron_right:", at + 1),
-        ):
+        for way, side, to in (("previous", "left", at - 1), ("next", "right", at + 1)):
             there = 0 <= to < len(numbers)
             st.button(
-                label,
-                icon=icon,
-                key=label.lower().replace(" ", "_"),
+                f"{way.capitalize()} frame",
+                icon=f":material/chevron_{side}:",
+                key=f"{way}_frame",
                 disabled=not there,
-                on_click=callback(field.set),
-                args=(numbers[to] if there else None,),
+                on_click=callback(partial(field.set, numbers[to] if there else None)),
             )
-        _actions(project, calibration, numbers[at])
-    return numbers[at]
+        _actions(project, calibration, frame)
+    return frame
 
 
 def _actions(project: Project, calibration: Calibration, frame: int) -> None:
@@ -64,30 +62,27 @@ def _actions(project: Project, calibration: Calibration, frame: int) -> None:
     screening, inputs = calibration.screening, project.inputs
     # As asked for last: without the frame there may have been no result.
     back = frame in screening.left_out and frame not in inputs.put_back
-    out = back or frame in inputs.left_out
-    st.button(
-        "Put it back" if out else "Leave it out",
-        key="frame_put_back" if out else "frame_leave_out",
-        icon=":material/undo:" if out else ":material/close:",
-        on_click=put_back if out else leave_out,
-        args=(project, frame),
-        help="The result is made again at once.",
-    )
+    again = "The result is made again at once."
+    act = partial(st.button, args=(project, frame))
+    if back or frame in inputs.left_out:
+        icon = ":material/undo:"
+        act("Put it back", "frame_put_back", again, icon=icon, on_click=screened.put_back)
+    else:
+        icon = ":material/close:"
+        act("Leave it out", "frame_leave_out", again, icon=icon, on_click=screened.leave_out)
     if frame in screening.exchanged:
-        st.button(
+        act(
             "Exchange A and B",
-            key="frame_exchange",
+            "frame_exchange",
+            f"In the secondary image. {again}",
             icon=":material/swap_horiz:",
-            on_click=exchange_again,
-            args=(project, frame),
-            help="In the secondary image. The result is made again at once.",
+            on_click=screened.exchange_again,
         )
     if photographed(project) and st.button(
         "Correct it",
         key="frame_correct",
         icon=":material/edit:",
-        on_click=look_closely,
-        args=(ProjectPhotographs(project), frame),
+        on_click=partial(look_closely, ProjectPhotographs(project), frame),
         help="Its photographs on the Data page.",
     ):
         st.switch_page("pages/data.py")
@@ -113,17 +108,16 @@ def state_of(calibration: Calibration, frame: int) -> str:
 
 def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
     """Both photographs of a frame; None for one that is not there."""
-    if not photographed(project):
-        return None, None
-    store = ProjectPhotographs(project)
-    files = store.photographs
-    for found in readable(lambda: store.frames) or ():
-        if found.frame == frame:
-            first, second = (
-                _decoded(files[name].name, files[name], name) if name in files else None
-                for name in found.files
-            )
-            return first, second
+    if photographed(project):
+        store = ProjectPhotographs(project)
+        files = store.photographs
+        for found in readable(lambda: store.frames) or ():
+            if found.frame == frame:
+                first, second = (
+                    _decoded(files[name].name, files[name], name) if name in files else None
+                    for name in found.files
+                )
+                return first, second
     return None, None
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TypeVar
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.frames.frame import STATES, Frame, describe_frames
 from stereocal.frames.review import choose as decide
 from stereocal.frames.review import is_open
@@ -15,7 +15,8 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, thumbnail
 from stereocal.ui.fields import Number, choose, setting
-from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
+from stereocal.ui.refusal import refusing
+from stereocal.ui.texts import escape_markdown
 
 Item = TypeVar("Item")
 ON_A_SHEET = 12
@@ -41,18 +42,13 @@ def show_contact_sheet(
         **{state.capitalize(): [f for f in frames if f.state == state] for state in STATES},
     }
     kinds = [name for name, group in groups.items() if group or name == "All"]
-    chosen = choose(
-        store.project,
-        "sheet_kind",
-        "Show",
-        kinds,
-        format_func=lambda name: f"{name} ({len(groups[name])})",
-    )
-    on_a_sheet(
-        store.project,
-        groups[chosen],
-        lambda frame: _show_frame(store, frame, running, look_closely),
-    )
+
+    def counted(name: str) -> str:
+        return f"{name} ({len(groups[name])})"
+
+    chosen = choose(store.project, "sheet_kind", "Show", kinds, format_func=counted)
+    show = partial(_show_frame, store, running, look_closely)
+    on_a_sheet(store.project, groups[chosen], show)
     st.caption(
         "Each picture: the primary camera on the left, the secondary on the right; A green, B "
         "pink. Sigma is the standard error of a centre."
@@ -62,12 +58,10 @@ def show_contact_sheet(
 def on_a_sheet(project: Project, items: Sequence[Item], show: Callable[[Item], None]) -> None:
     """Twelve of the items, in columns, and which twelve."""
     sheets = -(-len(items) // ON_A_SHEET)
-    sheet = 1
+    sheet, title = 1, f"Sheet (of {sheets})"
     if sheets > 1:
-        of_all = setting(project, "sheet", 1, Number(1, sheets), tabs_own=True)
-        sheet = st.number_input(
-            f"Sheet (of {sheets})", 1, sheets, step=1, width=200, **of_all.widget()
-        )
+        own = setting(project, "sheet", 1, Number(1, sheets), tabs_own=True)
+        sheet = own.number_input(title, width=200)
     on_it = items[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):
         for item, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
@@ -82,7 +76,7 @@ def badge(state: str) -> str:
 
 
 def _show_frame(
-    store: ProjectPhotographs, frame: Frame, running: bool, look_closely: Callable[[int], None]
+    store: ProjectPhotographs, running: bool, look_closely: Callable[[int], None], frame: Frame
 ) -> None:
     alt = f"Both photographs of frame {frame.frame} about the targets found"
     st.image(thumbnail(store, frame), width="stretch", alt=alt)
@@ -114,9 +108,6 @@ def _show_frame(
 
 
 def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
-    try:
-        use = bool(st.session_state[key])
+    use = bool(st.session_state[key])
+    with refusing():
         change_review(store, lambda review: decide(review, number, use))
-        clear_refusal()
-    except StereocalError as error:
-        refuse(error)

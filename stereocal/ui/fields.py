@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import streamlit as st
@@ -208,6 +209,10 @@ def choose(
     if as_menu:
         return (place or st).selectbox(title, known, **widget)
     return (place or st).segmented_control(title, known, required=True, **widget)
+
+
+choose_from_menu = partial(choose, as_menu=True, tabs_own=False)
+"""A choice that changes a result, from a menu."""
 
 
 def begin_page(page: str) -> None:

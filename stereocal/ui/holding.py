@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import streamlit as st
@@ -17,7 +18,6 @@ from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Target, parse
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.pairing import Pair
-from stereocal.frames.thumbnails import eight_bits
 from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -26,8 +26,8 @@ from stereocal.rig.camera import Camera
 from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.lens import board_settings
-from stereocal.ui.messages import callback
-from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
+from stereocal.ui.messages import callback, readable
+from stereocal.ui.picker import Mark, Pick, pick, shown_image
 from stereocal.ui.texts import escape_markdown
 
 KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "Tags"}
@@ -102,11 +102,6 @@ def is_stale(project: Project) -> bool:
     return bool(project.settings.get(FOUND, "bar2x2") != held_text(project))
 
 
-def keep_what_was_found(project: Project, held: str) -> None:
-    """Store the `held_text` of the targets found."""
-    project.keep_settings({FOUND: held})
-
-
 def held_target(project: Project) -> Target:
     """The target of the project; 2x2 targets if what was stated is incomplete."""
     try:
@@ -145,8 +140,8 @@ def ask_what_is_held(store: ProjectPhotographs, pair: Pair | None, fold: bool) -
         )
     else:
         _ask_colours(store, pair, fold)
-    if kind == "balls" and _unfinished(project):
-        return None
+        if _unfinished(project):
+            return None
     try:
         return parse_target(held_text(project))
     except StereocalError as error:
@@ -163,14 +158,18 @@ def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> No
     """A photograph to click the balls in, and their colours to type."""
     project = store.project
     field = _colours(project)
-    file = store.photographs.get(pair.primary) if pair else None
-    if _unfinished(project):
+    unfinished = _unfinished(project)
+    if unfinished:
         which = "B, the other ball" if field.value() else "A, then ball B"
         st.info(f"Click ball {which}, on the lit side.")
-    if file is not None and pair is not None:
-        folded = fold and not _unfinished(project)
+    if pair is not None and (file := store.photographs.get(pair.primary)) is not None:
+        label = "Photograph to pick the colours of the balls in. Enter picks at the cross-hair."
+        folded = fold and not unfinished
         with st.expander("Pick the colours again") if folded else st.container():
-            _pick(store, file, pair.primary)
+            marks = [] if unfinished else _found(store, file, pair.primary)
+            image = readable(lambda: shown_image(file.name, True, file, pair.primary))
+            if image is not None:
+                pick(image, marks, label, "pick_colour", False, partial(_take, project, file))
     st.text_input(
         "Colours of A and B",
         placeholder="red,yellow",
@@ -178,23 +177,6 @@ def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> No
         "`white,white` for balls of one colour, which are told apart by the other frames.",
         **field.widget(),
     )
-
-
-def _pick(store: ProjectPhotographs, file: StoredFile, name: str) -> None:
-    project = store.project
-    marks = [] if _unfinished(project) else _found(store, file, name)
-    label = "Photograph to pick the colours of the balls in. Enter picks at the cross-hair."
-    try:
-        shown = _shown(file.name, file, name)
-    except StereocalError as error:
-        st.warning(escape_markdown(str(error)))
-    else:
-        pick(shown, marks, label, "pick_colour", False, lambda at: _take(project, file, at))
-
-
-@st.cache_data(show_spinner=False, max_entries=4)
-def _shown(digest: str, _file: StoredFile, _name: str) -> Shown:
-    return encode(eight_bits(read_colours(_file, _name)), f"colours-{digest}")
 
 
 @callback
@@ -215,10 +197,8 @@ def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]
     if not isinstance(target, Balls):
         return []
     lens = "" if camera is None else json.dumps(camera.to_json())
-    try:
-        seen = _sighting(file.name, held_text(store.project), lens, file, name)
-    except StereocalError as error:
-        st.warning(escape_markdown(str(error)))
+    seen = readable(lambda: _sighting(file.name, held_text(store.project), lens, file, name))
+    if seen is None:
         return []
     if seen.missing:
         st.warning(f"{seen.missing} Click both balls again, or in the middle of their lit side.")
@@ -248,8 +228,6 @@ def is_coloured(target: Target) -> bool:
 
 def called(target: Target) -> str:
     """What a click moves a centre to."""
-    return (
-        "fitted corner"
-        if isinstance(target, Bar2x2)
-        else ("ball" if isinstance(target, Balls) else "tag")
-    )
+    if isinstance(target, Bar2x2):
+        return "fitted corner"
+    return "ball" if isinstance(target, Balls) else "tag"

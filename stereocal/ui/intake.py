@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
+from typing import Protocol
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
+from streamlit.runtime.scriptrunner import get_script_run_ctx
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, Survey, pack_pair, parse_dataset, parse_survey
@@ -26,6 +31,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
+from stereocal.system.photograph import SUFFIXES
 from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
@@ -36,8 +42,6 @@ from stereocal.ui.refusal import clear_refusal as clear_refusal
 from stereocal.ui.refusal import refuse as refuse
 from stereocal.ui.refusal import show_refusal as show_refusal
 from stereocal.ui.texts import escape_markdown as escape_markdown
-from stereocal.ui.uploads import Upload as Upload
-from stereocal.ui.uploads import free_memory
 
 TITLES: Mapping[Slot, str] = {
     "correspondences": "Table of points (CSV)",
@@ -47,11 +51,23 @@ TITLES: Mapping[Slot, str] = {
 PHOTOGRAPHS = "Photographs"
 SINGLE_FILES, SEVERAL = "Single files", "Three cameras and more"
 GIVEN_AS = (PHOTOGRAPHS, SINGLE_FILES, "A zip", "A folder", SEVERAL)
+PHOTOGRAPH_KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 CAMERA_KINDS = ["json", "yaml", "yml", "xml", "toml", "m", "mat", "ini", "conf"]
 """Suffixes of camera files; the last two are rejected with advice."""
 _SEEN = "uploads_seen"
 Contents = Iterable[tuple[str, bytes]]
 """Photographs, name and content, read one at a time."""
+
+
+class Upload(Protocol):
+    """An uploaded file as Streamlit passes it."""
+
+    name: str
+    file_id: str
+    size: int
+
+    def getvalue(self) -> bytes:
+        """The content."""
 
 
 def given_as(project: Project | None, usual: str) -> Field:
@@ -93,32 +109,25 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
             texts = unzip(content, name, lambda member: not is_photograph(member))
             _try_dataset(texts, name, lambda: zipped_photographs(content, name))
         else:
-            others = [file for file in uploads if not is_photograph(file.name)]
-            texts = {file.name: file.getvalue() for file in others}
-            _try_dataset(texts, "the folder", lambda: uploaded(uploads))
+            texts = {file.name: file.getvalue() for file in uploads if not is_photograph(file.name)}
+            pictures = [file for file in uploads if is_photograph(file.name)]
+            _try_dataset(texts, "the folder", lambda: photographs_of(pictures))
     project = current_project()
     if project is not None and ProjectRecording(project).is_given:
         st.switch_page("pages/rig.py")
     st.rerun()
 
 
-def uploaded(uploads: Sequence[Upload], prefix: str = "") -> Contents:
-    """The photographs among the uploads, name and content.
+def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
+    """The photographs of uploads, including those in zips.
 
     Args:
         prefix: of their names: the folder of a camera.
     """
     for upload in uploads:
-        if is_photograph(upload.name):
-            yield prefix + upload.name, upload.getvalue()
-
-
-def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
-    """The photographs of uploads, including those in zips."""
-    check_uploads(uploads)
-    for upload in uploads:
         if not upload.name.lower().endswith(".zip"):
-            yield from uploaded([upload], prefix)
+            if is_photograph(upload.name):
+                yield prefix + upload.name, upload.getvalue()
             continue
         empty = True
         for name, content in zipped_photographs(upload.getvalue(), upload.name):
@@ -144,44 +153,31 @@ def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectL
             store.add(found)
 
 
-def take_file(slot: Slot, upload: Upload | None) -> None:
-    """Store a table or a camera file."""
-
-    def take(name: str, content: bytes) -> None:
-        if slot != "correspondences":
-            store_camera(slot, name, content)
-        else:
-            _try_files({slot: (name, point_text(content, name))})
-
-    take_one(upload, take)
+def store_table(name: str, content: bytes) -> None:
+    """Store a table of points."""
+    _try_files({"correspondences": (name, point_text(content, name))})
 
 
-def store_camera(slot: Slot, name: str, content: bytes) -> None:
+def store_camera(slot: Slot, name: str, content: bytes, model: LensModel | None = None) -> None:
     """Store a camera file; if it may be a fisheye's, ask."""
-
     try:
-        if format_of(name, content) == "ros":
+        if model is None and format_of(name, content) == "ros":
             content = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
-        camera = read_camera(content, name)
+        camera = read_camera(content, name, model)
     except FourCoefficientsError as error:
-        ask_lens(error, lambda model: _try_camera_as(slot, name, content, model))
-    else:
-        _try_files({slot: (name, content)}, {slot: camera})
-
-
-def _try_camera_as(slot: Slot, name: str, content: bytes, model: LensModel) -> None:
-    """Store a camera file that does not state its lens model."""
-    camera = read_camera(content, name, model)
-    if camera.is_fisheye:  # the stored file must state it
+        ask_lens(error, partial(store_camera, slot, name, content))
+        return
+    if model == "fisheye":  # the stored file must state it
         content = write_camera(camera)
     _try_files({slot: (name, content)}, {slot: camera})
 
 
-def _rows_but(content: bytes, problems: Sequence[RowProblem]) -> tuple[bytes, int]:
-    """A table without its refused rows, and the number of rows left."""
-    rows = read_table(content, TABLE).correspondences
-    left = rows.without_lines(problem.line for problem in problems)
-    return write_table(left), len(left)
+def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
+    """Refuse rows of a table, and offer to leave them out."""
+    rows = read_table(table, TABLE).correspondences
+    rest = rows.without_lines(problem.line for problem in error.problems)
+    label = f"Leave these rows out and use the other {len(rest)}"
+    refuse(error, {label: lambda: use(write_table(rest))} if len(rest) else None)
 
 
 def _try_dataset(
@@ -193,37 +189,36 @@ def _try_dataset(
     """Store a data set; if rows are refused, offer to leave them out."""
     try:
         project = project_to_write()
-        with_photographs = give_dataset(project, files, source, photographs, lens_model)
-        if with_photographs:
+        if give_dataset(project, files, source, photographs, lens_model):
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
         clear_refusal()
     except RefusedRowsError as error:
-        folder = find_description(files, source).folder
-        rest = _rows_but(files[folder + TABLE], error.problems)
-        without = {**files, folder + TABLE: rest[0]}
-        refuse(error, rest[1], lambda: _try_dataset(without, source, photographs, lens_model))
+        name = find_description(files, source).folder + TABLE
+
+        def use(rest: bytes) -> None:
+            _try_dataset({**files, name: rest}, source, photographs, lens_model)
+
+        _offer_rest(error, files[name], use)
     except FourCoefficientsError as error:
-        ask_lens(error, lambda model: _try_dataset(files, source, photographs, model))
+        ask_lens(error, partial(_try_dataset, files, source, photographs))
     except StereocalError as error:
         refuse(error)
 
 
 def _try_files(
-    files: dict[Slot, tuple[str, bytes]], read: Mapping[Slot, Camera | Table] | None = None
+    files: Mapping[Slot, tuple[str, bytes]], read: Mapping[Slot, Camera | Table] | None = None
 ) -> None:
     """Store files; if rows of the table are refused, offer to leave them out."""
     try:
-        project = project_to_write()
-        project.give(files, read=read)
+        project_to_write().give(files, read=read)
         clear_refusal()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
-        if table is None:
-            refuse(error)
-            return
-        name, (rest, left) = table[0], _rows_but(table[1], error.problems)
-        again: dict[Slot, tuple[str, bytes]] = {**files, "correspondences": (name, rest)}
-        refuse(error, left, lambda: _try_files(again))
+        assert table is not None  # it has the rows
+        name, content = table
+        _offer_rest(
+            error, content, lambda rest: _try_files({**files, "correspondences": (name, rest)})
+        )
     except StereocalError as error:
         refuse(error)
 
@@ -255,26 +250,23 @@ def give_dataset(
         description = find_description(files, source)
         folder = description.folder
     found = of_the_bar({name: store.keep(name, content) for name, content in photographs()})
-    slots: dict[Slot, str] = {"primary": "", "secondary": ""}
-    read: dict[Slot, Camera | Table] = {}
     survey: Survey | Dataset
+    given: dict[Slot, tuple[str, bytes]] = {}
+    read: dict[Slot, Camera | Table] = {}
     if found and folder + TABLE not in files:
         survey = parse_survey(files, source, lens_model)
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
-        slots["correspondences"] = TABLE
+        given["correspondences"] = (TABLE, files[folder + TABLE])
         read["correspondences"] = Table(survey.correspondences, [])
-    read |= {"primary": survey.primary, "secondary": survey.secondary}
+    for which, camera in zip(CAMERAS, (survey.primary, survey.secondary), strict=True):
+        name: str = description.entries["cameras"][which]
+        # That of a fisheye must state it.
+        content = write_camera(camera) if camera.is_fisheye else files[folder + name]
+        given[which], read[which] = (name, content), camera
     free = survey.baseline_sigma_m == math.inf
-    slots |= {
-        slot: description.entries["cameras"][slot] for slot in slots if slot != "correspondences"
-    }
-    for which in CAMERAS:
-        camera: Camera = getattr(survey, which)
-        if camera.is_fisheye:  # the stored file must state it
-            files = {**files, folder + slots[which]: write_camera(camera)}
     kept = store.give(
-        {slot: (name, files[folder + name]) for slot, name in slots.items()},
+        given,
         found,
         read,
         name=survey.name,
@@ -295,19 +287,58 @@ def is_new(*uploads: Upload) -> bool:
     return not seen.issuperset(upload.file_id for upload in uploads)
 
 
+def take_uploads(
+    uploads: Sequence[Upload | None], take: Callable[[list[Upload]], object], counter: str = ""
+) -> None:
+    """Have a page take uploads that are not processed yet, and draw it again.
+
+    Args:
+        counter: of the uploader, which a new key empties: else it keeps every file in memory.
+    """
+    fresh = [upload for upload in uploads if upload is not None and is_new(upload)]
+    if not fresh:
+        return
+    with taking(*fresh):
+        check_uploads(fresh)
+        clear_refusal()
+        take(fresh)
+    if counter:
+        st.session_state[counter] += 1
+    st.rerun()
+
+
+def emptied_uploader(
+    label: str,
+    kinds: Sequence[str],
+    key: str,
+    take: Callable[[list[Upload]], object],
+    *,
+    counter: str = "",
+    place: DeltaGenerator | None = None,
+    text: str | None = None,
+) -> None:
+    """An uploader of several files that is emptied when they are taken."""
+    counter = counter or key
+    uploads = (place or st).file_uploader(
+        label,
+        type=kinds,
+        accept_multiple_files=True,
+        key=f"{key}_{st.session_state.setdefault(counter, 0)}",
+        help=text,
+    )
+    take_uploads(uploads, take, counter)
+
+
 def take_new(
     uploads: Upload | Sequence[Upload] | None, take: Callable[[dict[str, bytes]], object]
 ) -> None:
-    """Have a page take uploads that are not processed yet, by name, and draw it again."""
-    given = uploads if isinstance(uploads, Sequence) else [uploads]
-    fresh = [upload for upload in given if upload is not None and is_new(upload)]
-    if not fresh:
-        return
-    with taking(*fresh), st.spinner("Reading."):
-        check_uploads(fresh)
-        clear_refusal()
-        take({upload.name: upload.getvalue() for upload in fresh})
-    st.rerun()
+    """As `take_uploads`, of small files: their contents by name."""
+
+    def read(fresh: Sequence[Upload]) -> None:
+        with st.spinner("Reading."):
+            take({upload.name: upload.getvalue() for upload in fresh})
+
+    take_uploads(uploads if isinstance(uploads, Sequence) else [uploads], read)
 
 
 def take_one(upload: Upload | None, take: Callable[[str, bytes], object]) -> None:
@@ -320,7 +351,8 @@ def taking(*uploads: Upload) -> Iterator[None]:
     """Process uploads inside; then they are no longer new. A StereocalError is shown.
 
     A click ends the script by a BaseException at any access to the session or the page: then the
-    uploads stay new, and the next run processes them.
+    uploads stay new, and the next run processes them. Streamlit would keep the memory of processed
+    ones for the session.
     """
     seen: set[str] = st.session_state.setdefault(_SEEN, set())
     processed = {upload.file_id for upload in uploads}
@@ -334,6 +366,9 @@ def taking(*uploads: Upload) -> Iterator[None]:
         raise
     # The set first: a click can end the script only at the next access to the session.
     seen |= processed
-    free_memory(uploads)
+    run = get_script_run_ctx()
+    if run is not None and isinstance(run.uploaded_file_mgr, MemoryUploadedFileManager):
+        for file_id in processed:
+            run.uploaded_file_mgr.remove_file(run.session_id, file_id)
     # Opening another project has emptied the session.
     st.session_state[_SEEN] = seen

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures.style import count
-from stereocal.intrinsics.boards import BoardSearch, find_boards
+from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
 from stereocal.intrinsics.proposed_board import ProposedBoard
@@ -21,32 +22,28 @@ from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.rig.camera import CAMERAS, LENS_MODELS, CameraName
 from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
-from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import pack
-from stereocal.ui import jobs
-from stereocal.ui.fields import Number, choose, one_of, setting, some_of, yes_or_no
-from stereocal.ui.forms import bounds_of, number_input
-from stereocal.ui.intake import (
-    CAMERA_KINDS,
-    Upload,
-    clear_refusal,
-    escape_markdown,
-    in_use,
-    photographs_of,
-    take_file,
-    take_photographs,
+from stereocal.ui import intake, jobs
+from stereocal.ui.fields import (
+    Number,
+    choose,
+    choose_from_menu,
+    one_of,
+    setting,
+    some_of,
+    yes_or_no,
 )
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.forms import bounds_of, number_input
+from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.project import current_project, project_to_write
-from stereocal.ui.samples import has_sample_photographs, load_sample_boards
-from stereocal.ui.uploads import free_memory
+from stereocal.ui.start import has_sample_photographs, load_sample_boards
+from stereocal.ui.texts import escape_markdown
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
 SQUARE_MM = 30.0
 """Until the user enters the side of a square."""
 STAGES = ("photographs searched", "draws calibrated")
-KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 _ROUND, _MARKER_PART = "boards_round", "board_marker_part"
 
 
@@ -88,60 +85,50 @@ def choose_camera(project: Project | None) -> tuple[CameraName, str]:
 
 def from_file(project: Project | None, which: CameraName) -> None:
     """The uploader of a camera file."""
-    in_use(project, which)
+    intake.in_use(project, which)
     upload = st.file_uploader(
         f"Camera file, {which}: stereocal's JSON, or OpenCV's YAML, XML or JSON",
-        type=CAMERA_KINDS,
+        type=intake.CAMERA_KINDS,
         key=f"upload_lens_{which}",
     )
-    take_file(which, upload)
+    intake.take_one(upload, partial(intake.store_camera, which))
 
 
-def from_photographs(project: Project | None, which: CameraName) -> ProjectLens | None:
+def from_photographs(which: CameraName) -> ProjectLens | None:
     """The uploader, the forms and the calibration; None while there are no photographs."""
-    key = f"upload_boards_{which}_{st.session_state.setdefault(_ROUND, 0)}"
-    uploads = st.file_uploader(
+    intake.emptied_uploader(
         f"Photographs of the board by the {which} camera, or a zip of them",
-        type=KINDS,
-        accept_multiple_files=True,
-        key=key,
+        intake.PHOTOGRAPH_KINDS,
+        f"upload_boards_{which}",
+        partial(_take_boards, which),
+        counter=_ROUND,
     )
-    take_boards(uploads, which)
-    project = current_project()
+    project, work = current_project(), None
     if project is None:
         return None
-    store, work = ProjectLens(project, which), None
+    store, key = ProjectLens(project, which), f"no_boards_{which}"
+    clear = callback(partial(_clear, store))
     try:
         photographs = store.photographs
         if not photographs:
             return None
         left, right = st.columns([3, 1], vertical_alignment="center")
         left.markdown(f"Of the {which} camera: {count(len(photographs), 'photograph')}.")
-        right.button("Remove them", on_click=_clear, args=(store,), key=f"no_boards_{which}")
-        pattern, settings = board_form(project), lens_form(project)
-        work = _act(store, pattern, settings)
+        right.button("Remove them", on_click=clear, key=key)
+        with ErrorsShown():
+            work = _act(store, board_form(project), lens_form(project))
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove them", on_click=_clear, args=(store,), key=f"no_boards_{which}")
+        st.button("Remove them", on_click=clear, key=key)
         return None
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
     last = "Cancelled. What is shown is the last finished lens."
     jobs.show_job(project, job_kind(which), last, work)
     return store
 
 
-def take_boards(uploads: Sequence[Upload], which: CameraName) -> None:
-    """Store uploads, and free their memory."""
-    if not uploads:
-        return
+def _take_boards(which: CameraName, uploads: Sequence[intake.Upload]) -> None:
     store = ProjectLens(project_to_write(), which)
-    clear_refusal()
-    take_photographs(photographs_of(uploads), store)
-    # A new key empties the uploader, which otherwise keeps every file in memory.
-    free_memory(uploads)
-    st.session_state[_ROUND] += 1
-    st.rerun()
+    intake.take_photographs(intake.photographs_of(uploads), store)
 
 
 def board_settings(board: ProposedBoard) -> dict[str, Any]:
@@ -167,55 +154,39 @@ def board_form(
     Raises:
         StereocalError: no board is like that.
     """
-    kinds, corners, side = (CHESSBOARD, CHARUCO), (3, 100), (0.1, 10_000.0)
+    kinds, side = (CHESSBOARD, CHARUCO), (0.1, 10_000.0)
     kind, *places, square = st.columns(4, vertical_alignment="bottom")
     board = choose(project, "board_kind", "Board", kinds, place=kind, tabs_own=False)
+    corners = "Where four squares meet: one less than squares. Paper: 18 and 12."
+    names = (("one", "board_columns"), ("other", "board_rows"))
     columns, rows = (
-        place.number_input(
-            f"Inner corners, {way} way",
-            *corners,
-            step=1,
-            help="Where four squares meet: one less than squares. Paper: 18 and 12.",
-            **setting(project, name, usual, Number(*corners)).widget(),
+        setting(project, name, usual, Number(3, 100)).number_input(
+            f"Inner corners, {way} way", place, help=corners
         )
-        for place, way, name, usual in zip(
-            places, ("one", "other"), ("board_columns", "board_rows"), size, strict=True
-        )
+        for place, (way, name), usual in zip(places, names, size, strict=True)
     )
-    entered = square.number_input(
+    entered = setting(
+        project, "board_square_mm", square_mm, Number(*side, or_none=True)
+    ).number_input(
         "Side of a square (mm)",
-        *side,
-        value=None,
+        square,
         placeholder="measured",
         step=1.0,
         format="%.10g",
         help="The lens does not depend on it; lengths do, where the board gives them.",
-        **setting(project, "board_square_mm", square_mm, Number(*side, or_none=True)).widget(),
     )
     side_mm = entered or SQUARE_MM
-    dictionary, marker_m = None, None
-    if board == CHARUCO:
-        left, right = st.columns(2)
-        part = setting(project, _MARKER_PART, 0.75, Number(0.01, 1.0)).value()
-        marker_mm = float(f"{part * side_mm:.3g}")
-        dictionary = choose(
-            project,
-            "board_dictionary",
-            "Dictionary of the markers",
-            DICTIONARIES,
-            "DICT_4X4_250",
-            place=left,
-            tabs_own=False,
-            as_menu=True,
-        )
-        marker_m = 1e-3 * right.number_input(
-            "Side of a marker (mm)",
-            *side,
-            step=1.0,
-            format="%.10g",
-            **setting(project, "board_marker_mm", marker_mm, Number(*side)).widget(),
-        )
-    return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, marker_m)
+    if board == CHESSBOARD:
+        return BoardPattern(columns, rows, 1e-3 * side_mm)
+    left, right = st.columns(2)
+    part = setting(project, _MARKER_PART, 0.75, Number(0.01, 1.0)).value()
+    title, first = "Dictionary of the markers", "DICT_4X4_250"
+    dictionary = choose_from_menu(
+        project, "board_dictionary", title, DICTIONARIES, first, place=left
+    )
+    own = setting(project, "board_marker_mm", float(f"{part * side_mm:.3g}"), Number(*side))
+    marker_mm = own.number_input("Side of a marker (mm)", right, step=1.0, format="%.10g")
+    return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, 1e-3 * marker_mm)
 
 
 def lens_form(project: Project) -> LensSettings:
@@ -223,84 +194,67 @@ def lens_form(project: Project) -> LensSettings:
     values: dict[str, Any] = {}
     model = setting(project, "lens_model", LENS_MODELS[0], one_of(LENS_MODELS)).value()
     with st.expander("Settings of the calibration"):
-        numbers, switches = st.columns(3), st.columns(2)
+        numbers, switches = iter(st.columns(3)), iter(st.columns(2))
         for name, about in descriptions(LensSettings).items():
+            own = partial(setting, project, f"lens_{name}", about.default)
             if isinstance(about.default, bool):
-                own = setting(project, f"lens_{name}", about.default, yes_or_no)
-                place = switches[len(values) - len(numbers)]
-                values[name] = place.checkbox(
-                    about.title, help=about.help, disabled=model == "fisheye", **own.widget()
+                values[name] = next(switches).checkbox(
+                    about.title,
+                    help=about.help,
+                    disabled=model == "fisheye",
+                    **own(yes_or_no).widget(),
                 )
             elif about.choices:
-                own = setting(project, f"lens_{name}", about.default, one_of(about.choices))
                 values[name] = st.radio(
                     about.title,
                     about.choices,
                     format_func=str.capitalize,
                     help=about.help,
                     horizontal=True,
-                    **own.widget(),
+                    **own(one_of(about.choices)).widget(),
                 )
             else:
-                bounds = bounds_of(about)
-                own = setting(project, f"lens_{name}", about.default, Number(*bounds))
-                values[name] = number_input(numbers[len(values)], about, own)
+                bounded = own(Number(*bounds_of(about)))
+                values[name] = number_input(next(numbers), about, bounded)
     return LensSettings(**values)
 
 
 def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> jobs.Work:
+    """The photographs to leave out, and the press; returns what it begins."""
     search, lens = readable(lambda: store.search), readable(lambda: store.calibration)
-    ready = search is not None and search.pattern == pattern
     leave_out: list[str] = []
-    if ready and search is not None:
-        leave_out = _choose_left_out(store, search)
-    running = jobs.is_running(store.project, job_kind(store.which))
-    current = (
-        ready
-        and search is not None
-        and lens is not None
-        and lens.settings == settings
-        and [view.name for view in lens.search.views]
-        == [view.name for view in search.without(leave_out).views]
-    )
-    work = _work(store, pattern, settings, leave_out)
-    if current:
-        jobs.discard_finished(work)
-    label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
-    jobs.start_button(work, label, f"calibrate_{store.which}", primary=not current)
-    if lens is not None and not current and not running:
-        st.warning(
-            "The form or the photographs have changed since the lens was calibrated. It still "
-            "shows what it was made with."
+    ready = search is not None and search.pattern == pattern
+    current = False
+    if search is not None and ready:
+        names = [view.name for view in search.views]
+        chosen = setting(store.project, f"leave_out_{store.which}", [], some_of(names)).widget()
+        title = "Photographs to leave out"
+        leave_out = st.multiselect(title, names, placeholder="none", **chosen)
+        left = [view.name for view in search.without(leave_out).views]
+        current = (
+            lens is not None
+            and lens.settings == settings
+            and left == [view.name for view in lens.search.views]
         )
-    return work
-
-
-def _choose_left_out(store: ProjectLens, search: BoardSearch) -> list[str]:
-    names = [view.name for view in search.views]
-    left_out = setting(store.project, f"leave_out_{store.which}", [], some_of(names))
-    chosen: list[str] = st.multiselect(
-        "Photographs to leave out", names, placeholder="none", **left_out.widget()
-    )
-    return chosen
-
-
-def _work(
-    store: ProjectLens, pattern: BoardPattern, settings: LensSettings, leave_out: Sequence[str]
-) -> jobs.Work:
+    kind = job_kind(store.which)
     about = {
         "photographs": {name: path.name for name, path in store.photographs.items()},
         "leave_out": list(leave_out),
         "pattern": asdict(pattern),
         "settings": asdict(settings),
     }
-    return jobs.Work(
-        store.project,
-        job_kind(store.which),
-        STAGES,
-        about,
-        lambda job: _calibrate(store, pattern, settings, leave_out, job),
-    )
+    run = partial(_calibrate, store, pattern, settings, leave_out)
+    work = jobs.Work(store.project, kind, STAGES, about, run)
+    if current:
+        jobs.discard_finished(work)
+    label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
+    jobs.start_button(work, label, f"calibrate_{store.which}", primary=not current)
+    if lens is not None and not current and not jobs.is_running(store.project, kind):
+        st.warning(
+            "The form or the photographs have changed since the lens was calibrated. It still "
+            "shows what it was made with."
+        )
+    return work
 
 
 def _calibrate(
@@ -310,34 +264,23 @@ def _calibrate(
     leave_out: Sequence[str],
     job: jobs.Job,
 ) -> bool:
-    def cancelled() -> bool:
-        return job.cancelled
-
+    control = job.executor, job.progress, lambda: job.cancelled
     search = store.search
     if search is None or search.pattern != pattern:
         boards = job.checkpoints("boards", pack_board, unpack_board)
-        search = find_boards(
-            store.photographs, pattern, job.executor, job.progress, cancelled, boards
-        )
+        search = find_boards(store.photographs, pattern, *control, boards)
         if search is None:
             return False
         store.keep_search(search)
     job.begin(STAGES[1])
-    lens = calibrate_lens(
-        search.without(leave_out),
-        settings,
-        job.executor,
-        job.progress,
-        cancelled,
-        pieces=job.checkpoints("draws", pack, unpack_draws),
-    )
+    draws = job.checkpoints("draws", pack, unpack_draws)
+    lens = calibrate_lens(search.without(leave_out), settings, *control, pieces=draws)
     if lens is None:
         return False
     store.keep_calibration(lens)
     return True
 
 
-@callback
 def _clear(store: ProjectLens) -> None:
     jobs.discard(store.project, job_kind(store.which))  # first: a running job needs the photographs
     store.clear()

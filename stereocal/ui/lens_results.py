@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import streamlit as st
 
-from stereocal.errors import StereocalError
-from stereocal.figures.lens import (
-    describe_draws,
-    describe_view_errors,
-    plot_draws,
-    plot_view_errors,
-)
+from stereocal.figures import lens as figures
 from stereocal.figures.residual_field import describe_residual_field, plot_residual_field
 from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
@@ -23,8 +19,9 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import clear_refusal, escape_markdown, refuse
-from stereocal.ui.messages import readable
+from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.refusal import refusing
+from stereocal.ui.texts import escape_markdown
 
 
 @st.cache_data(show_spinner=False, max_entries=8)
@@ -51,19 +48,22 @@ def show_lens(store: ProjectLens) -> None:
     if text := hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)
+    results, without = f"The {lens.settings.repeats} results", "Without distortion"
     views = {
-        f"The {lens.settings.repeats} results": lambda: show_figure(
-            plot_draws(lens), describe_draws(lens), "draws"
+        results: (figures.plot_draws, figures.describe_draws, "draws"),
+        "Photograph by photograph": (
+            figures.plot_view_errors,
+            figures.describe_view_errors,
+            "view_errors",
         ),
-        "Photograph by photograph": lambda: show_figure(
-            plot_view_errors(lens), describe_view_errors(lens), "view_errors"
-        ),
-        "What the lens leaves": lambda: show_figure(
-            plot_residual_field(lens), describe_residual_field(lens), "residual_field"
-        ),
-        "Without distortion": lambda: _show_preview(store, lens),
+        "What the lens leaves": (plot_residual_field, describe_residual_field, "residual_field"),
     }
-    views[choose(store.project, "lens_view", "Look at", views)]()
+    view = choose(store.project, "lens_view", "Look at", [*views, without])
+    if view == without:
+        _show_preview(store, lens)
+    else:
+        plot, describe, key = views[view]
+        show_figure(plot(lens), describe(lens), key)
     st.table(lens_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
@@ -79,8 +79,7 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
         "In use for this project" if used else "Use for this project",
         type="primary",
         disabled=used,
-        on_click=_use,
-        args=(store,),
+        on_click=partial(_use, store),
         key=f"use_lens_{store.which}",
         icon=":material/check:" if used else None,
     )
@@ -103,11 +102,8 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
 
 
 def _use(store: ProjectLens) -> None:
-    try:
+    with refusing():
         store.use()
-        clear_refusal()
-    except StereocalError as error:
-        refuse(error)
 
 
 def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
@@ -118,13 +114,11 @@ def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
         return
     name = choose(store.project, f"preview_{store.which}", "Photograph", names, as_menu=True)
     view = next(view for view in lens.search.views if view.name == name)
-    try:
+    with ErrorsShown():
         marked, straight = preview(photographs[name], lens.camera, view)
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        return
-    left, right = st.columns(2)
-    left.image(marked, caption="As photographed, with the corners that were found", width="stretch")
-    shift = largest_shift_px(lens.camera)
-    caption = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
-    right.image(straight, caption=caption, width="stretch")
+        left, right = st.columns(2)
+        caption = "As photographed, with the corners that were found"
+        left.image(marked, caption=caption, width="stretch")
+        shift = largest_shift_px(lens.camera)
+        caption = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
+        right.image(straight, caption=caption, width="stretch")

@@ -49,16 +49,7 @@ def show_menu() -> StreamlitPage:
         group: [_page(name, title, states.get(name)) for name, title in titles.items()]
         for group, titles in SECTIONS.items()
     }
-    shown = RIG in states
-    of_rig = st.Page(
-        f"pages/{RIG}.py",
-        title="Rig",
-        icon=states[RIG].icon if shown else None,
-        help=states[RIG].words if shown else None,
-        url_path=RIG,
-        visibility="visible" if shown else "hidden",
-    )
-    sections["Calibrate"].insert(1, of_rig)
+    sections["Calibrate"].insert(1, _page(RIG, "Rig", states.get(RIG), hidden=RIG not in states))
     sections["Use"] += [
         st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
         for address, name in OTHER_ADDRESSES.items()
@@ -77,7 +68,7 @@ def ensure_navigation() -> None:
         st.rerun()
 
 
-def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
+def _page(name: str, title: str, state: PageState | None, hidden: bool = False) -> StreamlitPage:
     return st.Page(
         f"pages/{name}.py",
         title=title,
@@ -85,6 +76,7 @@ def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
         help=state.words if state else None,
         url_path="home" if name == "start" else name,  # the first page has no path
         default=name == "start",
+        visibility="hidden" if hidden else "visible",
     )
 
 

@@ -6,19 +6,16 @@ import os
 from itertools import pairwise
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import StreamlitPage
 from streamlit.runtime.scriptrunner import StopException
 
-from stereocal.errors import StereocalError
-from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, TITLES, show_menu
-from stereocal.ui.messages import forget_messages, show_messages
+from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
 from stereocal.ui.page_states import page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
@@ -66,13 +63,10 @@ _NEXT, _PAGE, _WENT_ON = "next_page", "page_at", "went_on_to"
 
 def check_settings() -> None:
     """Show an invalid setting of the server on every page, and stop."""
-    try:
+    with ErrorsShown(end=True):
         ServerSettings.from_environment()
         Limits.from_environment()
         scheduler_of(os.environ)
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        st.stop()
 
 
 def run_page(page: StreamlitPage) -> None:
@@ -85,7 +79,7 @@ def run_page(page: StreamlitPage) -> None:
         several = created is not None and ProjectRecording(created).is_given
         st.switch_page("pages/rig.py" if several else "pages/data.py")
     top = st.container()
-    shown = show_messages(top)
+    told = show_messages(top)
     _take_focus(page)
     begin_page(page.url_path)
     if page.url_path in ("", RIG):  # of the whole project
@@ -93,19 +87,24 @@ def run_page(page: StreamlitPage) -> None:
     project = open_or_none()
     with st.sidebar:
         saved = show_project(project)
+    stopped = None
     try:
         with compiling_shown(top):
             _draw(page)
         _show_next(page)
-    except StopException:
-        end_page()
-        _show_states(project, saved)
-        forget_messages(shown)
-        raise
+    except StopException as stop:
+        stopped = stop
     end_page()
-    _show_states(project, saved)
+    # What the page has changed: the time of the last change, and the states in the menu.
+    show_saved(project, saved)
+    states = page_states(project)
+    if states != st.session_state.get(STATES, {}):
+        st.session_state[STATES] = states
+        show_menu()
     # Messages queued meanwhile; if the page is drawn again, it shows all of them.
-    forget_messages(shown + show_messages(top, shown))
+    forget_messages(told + show_messages(top, told))
+    if stopped is not None:
+        raise stopped
 
 
 def _take_focus(page: StreamlitPage) -> None:
@@ -119,15 +118,6 @@ def _take_focus(page: StreamlitPage) -> None:
             st.html(ARRIVAL.replace("{}", arrived), unsafe_allow_javascript=True)
 
 
-def _show_states(project: Project | None, saved: DeltaGenerator) -> None:
-    """Show what the page has changed: the states in the menu, and the time of the last change."""
-    show_saved(project, saved)
-    states = page_states(project)
-    if states != st.session_state.get(STATES, {}):
-        st.session_state[STATES] = states
-        show_menu()
-
-
 def _show_next(page: StreamlitPage) -> None:
     """The button to the next page; none on Start, which has its own, and on the last page."""
     name = OTHER_ADDRESSES.get(page.url_path, page.url_path)
@@ -138,14 +128,9 @@ def _show_next(page: StreamlitPage) -> None:
             key="next",
             type="primary",
             icon=":material/arrow_forward:",
-            on_click=_go_on,
-            args=(following,),
+            on_click=go_to,
+            args=(following, True),
         )
-
-
-def _go_on(name: str) -> None:
-    st.session_state[_WENT_ON] = name
-    go_to(name)
 
 
 def went_on_to(name: str) -> bool:
@@ -153,16 +138,17 @@ def went_on_to(name: str) -> bool:
     return bool(st.session_state.pop(_WENT_ON, None) == name)
 
 
-def go_to(name: str) -> None:
-    """Open a page (for callbacks)."""
+def go_to(name: str, on: bool = False) -> None:
+    """Open a page (for callbacks); `on` is what `went_on_to` asks for."""
     st.session_state[_NEXT] = f"pages/{name}.py"
+    if on:
+        st.session_state[_WENT_ON] = name
 
 
 def _draw(page: StreamlitPage) -> None:
     try:
-        page.run()
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
+        with ErrorsShown():
+            page.run()
     except OSError as error:
         reason = f"{error.strerror or error}"
         st.error(escape_markdown(f"The project's folder cannot be used: {reason}."))

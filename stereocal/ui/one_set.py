@@ -29,7 +29,7 @@ from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import fragment
-from stereocal.ui.parameter_upload import PURPOSES
+from stereocal.ui.parameter_files import PURPOSES
 from stereocal.ui.results import show_recommendation
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.in_words import digits, left_out_line, percent

@@ -12,6 +12,8 @@ from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.projects.recording import RIG_FILES, ProjectRecording
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Dataset
 from stereocal.ui.forms import form_values, search_values, settings_of, staleness
 from stereocal.ui.refined import refine_settings
 
@@ -21,6 +23,7 @@ ICONS: Mapping[Mark, str] = {
     "stale": ":material/sync_problem:",
     "missing": ":material/radio_button_unchecked:",
 }
+CHANGED = "The data or the settings have changed since this"
 _LOG = logging.getLogger(__name__)
 
 
@@ -46,69 +49,65 @@ def page_states(project: Project | None) -> dict[str, PageState]:
         return {}
     try:
         with project.database.reading():
-            return _states(project)
+            recording = ProjectRecording(project.whole)
+            if not recording.is_given:
+                return _of_two(project)
+            kept = recording.database.file(RIG_FILES, RIG)
+            of_rig = _done_if(kept is not None, "Calibrated together", "Not calibrated yet")
+            if project.pair is None:
+                data = PageState("done", "A recording of several cameras")
+                return {"data": data, "rig": of_rig}
+            return {**_of_two(project), "rig": of_rig}
     except Exception:  # the pages themselves report what is wrong
         _LOG.debug("The states of the pages cannot be read.", exc_info=True)
         return {}
 
 
-def _states(project: Project) -> dict[str, PageState]:
-    recording = ProjectRecording(project.whole)
-    if not recording.is_given:
-        return _of_two(project)
-    kept = recording.database.file(RIG_FILES, RIG)
-    of_rig = (
-        PageState("missing", "Not calibrated yet")
-        if kept is None
-        else PageState("done", "Calibrated together")
-    )
-    if project.pair is None:
-        return {"data": PageState("done", "A recording of several cameras"), "rig": of_rig}
-    return {**_of_two(project), "rig": of_rig}
+def _done_if(done: bool, yes: str, no: str) -> PageState:
+    return PageState("done", yes) if done else PageState("missing", no)
 
 
 def _of_two(project: Project) -> dict[str, PageState]:
     inputs, dataset = project.inputs, project.dataset
-    lenses = [slot for slot in ("primary", "secondary") if slot not in inputs.files]
+    lenses = [slot for slot in CAMERAS if slot not in inputs.files]
+    lacking = f"No lens of the {' and '.join(lenses)} camera yet"
+    applied = ProjectApplication(project).result is not None
+    given = applied or ProjectCheck(project).file(IMAGES) is not None
     found = {
-        "cameras": PageState("missing", f"No lens of the {' and '.join(lenses)} camera yet")
-        if lenses
-        else PageState("done", "Both lenses are known")
+        "cameras": _done_if(not lenses, "Both lenses are known", lacking),
+        "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
+        "check": _done_if(given, "New images are given", "No new bars or points yet"),
     }
     if dataset is None:
-        lacking = f"Missing: {', '.join(inputs.missing)}"
-        data = ("data", "calibrate", "validate", "one_set")
-        without = {name: PageState("missing", lacking) for name in data}
-        return found | without | _applied(project) | _checked(project)
-    frames = count(len(dataset.correspondences.frames), "frame")
-    calibrate, validate = _calibrate(project), _validate(project)
+        missing = PageState("missing", f"Missing: {', '.join(inputs.missing)}")
+        return found | dict.fromkeys(("data", "calibrate", "validate", "one_set"), missing)
+    calibrate, validate = _calibrate(project, dataset), _validate(project, dataset)
+    own = project.settings.get("apply_sets") != "Parameter files"
+    if applied and own and calibrate.mark == "stale":
+        found["apply"] = PageState("stale", "The calibration is out of date")
     return {
         **found,
-        "data": PageState("done", frames),
+        "data": PageState("done", count(len(dataset.correspondences.frames), "frame")),
         "calibrate": calibrate,
         "validate": validate,
         # It shows the results of both.
         "one_set": next((each for each in (calibrate, validate) if each.mark != "done"), validate),
-        **_applied(project, calibrate),
-        **_checked(project),
     }
 
 
-def _calibrate(project: Project) -> PageState:
-    result, dataset = project.calibration, project.dataset
-    assert dataset is not None
+def _calibrate(project: Project, dataset: Dataset) -> PageState:
+    result = project.calibration
     if result is None:
         return PageState("missing", "Not calibrated yet")
     if staleness(result, dataset, form_values(project, dataset)):
-        return PageState("stale", "The data or the settings have changed since this result")
+        return PageState("stale", f"{CHANGED} result")
     left_out = result.screening.left_out
     named = f", {count(len(left_out), 'frame')} left out" if left_out else ""
     return PageState("done", f"Calibrated{named}")
 
 
-def _validate(project: Project) -> PageState:
-    evaluation, dataset = project.evaluation, project.dataset
-    assert dataset is not None
+def _validate(project: Project, dataset: Dataset) -> PageState:
+    evaluation = project.evaluation
     if evaluation is None:
         return PageState("missing", "Not validated yet")
     made_with, kept = evaluation.settings, project.settings
@@ -122,21 +121,5 @@ def _validate(project: Project) -> PageState:
         and (len(evaluation.sha256) > 1 or made_with.refined == refine_settings(project, dataset))
     )
     if not same:
-        return PageState("stale", "The data or the settings have changed since this validation")
+        return PageState("stale", f"{CHANGED} validation")
     return PageState("done", f"Validated, {count(made_with.runs, 'run')}")
-
-
-def _applied(project: Project, calibrate: PageState | None = None) -> dict[str, PageState]:
-    if ProjectApplication(project).result is None:
-        return {"apply": PageState("missing", "No points matched yet")}
-    given = project.settings.get("apply_sets") == "Parameter files"
-    if calibrate is not None and calibrate.mark == "stale" and not given:
-        return {"apply": PageState("stale", "The calibration is out of date")}
-    return {"apply": PageState("done", "Points matched and measured")}
-
-
-def _checked(project: Project) -> dict[str, PageState]:
-    matched = ProjectApplication(project).result is not None
-    if ProjectCheck(project).file(IMAGES) is None and not matched:
-        return {"check": PageState("missing", "No new bars or points yet")}
-    return {"check": PageState("done", "New images are given")}

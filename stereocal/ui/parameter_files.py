@@ -1,24 +1,33 @@
-"""Downloads of the parameter files, ours and in the formats of other programs."""
+"""Parameter files, ours and of other programs: downloads, and the upload on the Apply page."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
-from stereocal.errors import StereocalError
-from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes
+from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.lens_model import FourCoefficientsError
 from stereocal.formats.pixel_origin import PixelOrigin
+from stereocal.formats.units import UnitError
+from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.zip_files import pack_zip
+from stereocal.system.latest import read_once
+from stereocal.system.numbers import rounded
+from stereocal.system.zip_files import pack_zip, unzip
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Fit, choose, setting
-from stereocal.ui.foreign import ask_origin
+from stereocal.ui.fields import choose, one_of
+from stereocal.ui.intake import take_new
+from stereocal.ui.messages import ErrorsShown
+from stereocal.ui.refined import PAPERS
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.wizard import Questions, ask_about, ask_size
 from stereocal.workflow import Answer
 
 FILES: dict[Method, tuple[str, str]] = {
@@ -27,6 +36,8 @@ FILES: dict[Method, tuple[str, str]] = {
     "refined": ("parameters_refined.json", "for both"),
 }
 """Name and purpose of each file, the paper's two first."""
+PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
+KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
 
 
 def parameter_downloads(answer: Answer) -> None:
@@ -35,40 +46,25 @@ def parameter_downloads(answer: Answer) -> None:
     with st.container(horizontal=True):
         for method, rig in answer.sets.items():
             name, purpose = FILES[method]
-            offer(
-                f"{name} · {purpose}",
-                partial(RigParameters.dumps, rig),
-                name,
-                f"download_{method}",
-                primary=method in to_use,
-            )
+            content, key = partial(RigParameters.dumps, rig), f"download_{method}"
+            offer(f"{name} · {purpose}", content, name, key, primary=method in to_use)
 
 
 def hold_downloads() -> None:
     """The buttons before there are files."""
     with st.container(horizontal=True):
         for method, (name, purpose) in FILES.items():
-            st.button(
-                f"{name} · {purpose}",
-                disabled=True,
-                icon=":material/download:",
-                key=f"no_download_{method}",
-            )
+            label, key = f"{name} · {purpose}", f"no_download_{method}"
+            st.button(label, disabled=True, icon=":material/download:", key=key)
 
 
 def other_formats(project: Project, answer: Answer) -> None:
     """A file in the format of another program."""
     left, right = st.columns(2)
     sets, usual = answer.sets, answer.recommendation.match.method
+    named = METHOD_NAMES.__getitem__
     method: Method = choose(
-        project,
-        "format_file",
-        "File",
-        sets,
-        usual,
-        place=left,
-        as_menu=True,
-        format_func=METHOD_NAMES.__getitem__,
+        project, "format_file", "File", sets, usual, place=left, as_menu=True, format_func=named
     )
     chosen: str = choose(
         project,
@@ -79,16 +75,16 @@ def other_formats(project: Project, answer: Answer) -> None:
         as_menu=True,
         format_func=lambda name: FORMATS[name].title,
     )
-    rig, file_name = sets[method], FILES[method][0]
-    try:
-        options = _dlt_options(project, method) if chosen == "dlt" else ExchangeOptions()
-        name, content = packed(export_files(rig, chosen, options), file_name, chosen)
-        for note in export_notes(rig, chosen):
+    with ErrorsShown():
+        options = ExchangeOptions()
+        if chosen == "dlt":
+            asked = Questions(project, f"dlt_{{}}_{method}", short={"first_pixel": "first"})
+            options = replace(options, **vars(asked.origin(PixelOrigin())))
+        files = export_files(sets[method], chosen, options)
+        name, content = packed(files, FILES[method][0], chosen)
+        for note in export_notes(sets[method], chosen):
             st.caption(escape_markdown(note))
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        return
-    offer(f"Download {name}", content, name, "download_format")
+        offer(f"Download {name}", content, name, "download_format")
 
 
 def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, bytes]:
@@ -100,12 +96,64 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
     return f"{stem}_{chosen}.zip", pack_zip(files)
 
 
-def _dlt_options(project: Project, which: str) -> ExchangeOptions:
-    """The form of the pixel origin of DLT coefficients; `which` is part of the widgets' keys."""
+def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
+    """Uploader of a parameter file, and the questions about one of another program."""
+    uploads = st.file_uploader(
+        f"{PURPOSES[use]}: {FILES[PAPERS[use]][0]}",
+        type=KINDS,
+        key=f"upload_set_{use}",
+        accept_multiple_files=True,
+        help="Or parameters_refined.json, which serves both; or the files of another program, all "
+        "of them at once or as a zip.",
+    )
+    take_new(uploads, lambda files: store.offer_set(use, files))
 
-    def widget(name: str, usual: Any, fit: Fit) -> dict[str, Any]:
-        name = "first" if name == "first_pixel" else name
-        return setting(project, f"dlt_{name}_{which}", usual, fit).widget()
+    def form(label: str, content: bytes) -> Callable[[], None] | None:
+        st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
+        short = {"lens_model": "lens"}
+        asked = Questions(project, f"set_{{}}_{use}", tabs_own=True, short=short)
+        name = st.selectbox(
+            "Which program?",
+            list(FORMATS),
+            index=None,
+            format_func=lambda each: FORMATS[each].title,
+            placeholder="choose",
+            **asked.widget("format", None, one_of(list(FORMATS))),
+        )
+        options = _options(asked, use, name)
+        if name is None:
+            return None
+        try:
+            rig = read_once(_imported, content, label, name, options)
+        except (FourCoefficientsError, UnitError) as error:
+            st.info(escape_markdown(error.question))
+            return None
+        st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
+        return lambda: store.keep_set(use, label, rig.dumps().encode())
 
-    origin = ask_origin(widget, PixelOrigin())
-    return ExchangeOptions(corner=origin.corner, first_pixel=origin.first_pixel, flip=origin.flip)
+    ask_about(store, use, form, "Use these parameters")
+
+
+def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -> RigParameters:
+    return import_files(unzip(content, label), name, options, label)
+
+
+def _options(asked: Questions, use: Use, name: str | None) -> ExchangeOptions:
+    left, right = st.columns(2)
+    unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
+    options = ExchangeOptions(unit=unit, lens_model=lens_model)
+    if name == "dlt":
+        options = replace(options, **vars(asked.origin(PixelOrigin())))
+    if name not in ("dlt", "opencv"):  # the others say it
+        return options
+    first, second = (
+        ask_size(
+            asked.project,
+            f"set_size_{use}_{which}",
+            f", {which}",
+            camera.image_size if camera else None,
+            tabs_own=True,
+        )
+        for which, camera in zip(CAMERAS, asked.project.cameras, strict=True)
+    )
+    return replace(options, image_sizes=(first, second))

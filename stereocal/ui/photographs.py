@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import PurePosixPath
 from typing import Literal
 
@@ -19,65 +20,35 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.system.photograph import SUFFIXES
 from stereocal.system.records import plain
-from stereocal.ui import jobs
-from stereocal.ui.archives import ask_about_archive
-from stereocal.ui.boards import boards_in
+from stereocal.ui import holding, intake, jobs
+from stereocal.ui.archives import ask_about_archive, holds_both, single_file
+from stereocal.ui.boards import boards_in, press_search
 from stereocal.ui.fields import choose
-from stereocal.ui.holding import (
-    ask_what_is_held,
-    held_text,
-    holds_board,
-    is_stale,
-    keep_what_was_found,
-    propose_held,
-)
-from stereocal.ui.intake import (
-    CAMERA_KINDS,
-    GIVEN_AS,
-    PHOTOGRAPHS,
-    SEVERAL,
-    SINGLE_FILES,
-    TITLES,
-    Upload,
-    check_uploads,
-    clear_refusal,
-    escape_markdown,
-    given_as,
-    in_use,
-    photographs_of,
-    refuse,
-    store_camera,
-    take_photographs,
-)
-from stereocal.ui.messages import readable
-from stereocal.ui.pairs import ROUND, clear, forget_base, show_pairs
+from stereocal.ui.intake import CAMERA_KINDS, Upload
+from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.pairs import ROUND, clear, show_pairs
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
-from stereocal.ui.single_files import holds_both, take_camera
-from stereocal.ui.uploads import free_memory
+from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
 TOGETHER, FOLDER, APART = "Both cameras together", "A folder", "One camera after the other"
-KINDS = [
-    *sorted(suffix.removeprefix(".") for suffix in (*SUFFIXES, *VIDEO_SUFFIXES)),
-    "zip",
-    *CAMERA_KINDS,
-]
+VIDEO_KINDS = sorted(suffix.removeprefix(".") for suffix in VIDEO_SUFFIXES)
+KINDS = [*intake.PHOTOGRAPH_KINDS, *VIDEO_KINDS, *CAMERA_KINDS]
 
 
 def choose_kind(project: Project | None) -> str:
     """The kind of input data, as the project has some; photographs at first."""
-    usual = PHOTOGRAPHS
+    usual = intake.PHOTOGRAPHS
     if project is not None:
         if ProjectRecording(project).parts:
-            usual = SEVERAL
+            usual = intake.SEVERAL
         elif "correspondences" in project.inputs.files and not has_photographs(project):
-            usual = SINGLE_FILES
-    how = given_as(project, usual)
-    kind: str = st.segmented_control("I have", GIVEN_AS, required=True, **how.widget())
+            usual = intake.SINGLE_FILES
+    how = intake.given_as(project, usual)
+    kind: str = st.segmented_control("I have", intake.GIVEN_AS, required=True, **how.widget())
     return kind
 
 
@@ -110,7 +81,7 @@ def photographs_in(project: Project | None) -> None:
         )
         given = [("", upload) for upload in folder if kind_of(upload.name) == "photograph"]
         if folder and not given:
-            refuse(StereocalError("There is no photograph among these files."))
+            intake.refuse(StereocalError("There is no photograph among these files."))
     else:
         uploads = st.file_uploader(
             "Photographs of both cameras, a zip of them, or two videos; with the camera files, if "
@@ -123,9 +94,13 @@ def photographs_in(project: Project | None) -> None:
             "right.mp4, left.json and right.json.",
         )
         given = [("", upload) for upload in uploads]
-    settings = video_settings(project)
-    _take(given, settings)
-    print_what_is_held(project, _focal_px(project) if project else None)
+    settings, every = video_settings(project), [upload for _, upload in given]
+    # One video of one camera: that of the other is still to come.
+    if len(given) != 1 or not given[0][0] or kind_of(given[0][1].name) != "video":
+        intake.take_uploads(every, lambda _: _store(given, settings), ROUND)
+    cameras = readable(lambda: project.cameras) if project else None
+    focal = [float(min(one.K[0, 0], one.K[1, 1])) for one in cameras or () if one]
+    print_what_is_held(project, min(focal) if len(focal) == 2 else None)
     if project is None:
         return
     show_frames_taken(project)
@@ -138,33 +113,23 @@ def photographs_in(project: Project | None) -> None:
         st.error(escape_markdown(str(error)))
         st.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
         return
-    try:
+    with ErrorsShown():
         if store.photographs:
             _find_targets(store)
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-
-
-def _focal_px(project: Project) -> float | None:
-    """The smaller focal length of the two cameras; None if one is not there or not readable."""
-    cameras = readable(lambda: project.cameras) or (None, None)
-    focal = [float(min(camera.K[0, 0], camera.K[1, 1])) for camera in cameras if camera]
-    return min(focal) if len(focal) == 2 else None
 
 
 def _camera_files(project: Project) -> None:
     """The lenses in use, and uploaders, folded once both are there."""
     for slot, column in zip(CAMERAS, st.columns(2), strict=True):
         with column:
-            in_use(project, slot)
-    lacking = not all(readable(lambda: project.cameras) or ()) and not holds_board(project)
-    with st.expander("Camera files", expanded=lacking):
+            intake.in_use(project, slot)
+    known = all(readable(lambda: project.cameras) or ())
+    with st.expander("Camera files", expanded=not known and not holding.holds_board(project)):
         for slot, column in zip(CAMERAS, st.columns(2), strict=True):
-            key = f"upload_{slot}"
             with column:
-                take_camera(slot, st.file_uploader(TITLES[slot], type=CAMERA_KINDS, key=key))
+                single_file(slot)
         st.page_link("pages/cameras.py", label="Or make them from photographs of a board")
-    ask_about_archive(ProjectApplication(project))
+    ask_about_archive(project)
 
 
 def kind_of(name: str) -> Literal["photograph", "camera", "video"]:
@@ -175,53 +140,38 @@ def kind_of(name: str) -> Literal["photograph", "camera", "video"]:
     return "camera" if suffix.removeprefix(".") in CAMERA_KINDS else "photograph"
 
 
-def _take(given: Sequence[tuple[str, Upload]], settings: VideoSettings) -> None:
-    """Store uploads by what they are, and free their memory.
+def _store(given: Sequence[tuple[str, Upload]], settings: VideoSettings) -> None:
+    """Store uploads by what they are.
 
     Args:
         given: each with the folder of its camera; empty if its name tells the camera.
     """
-    kinds: dict[str, list[tuple[str, Upload]]] = {"photograph": [], "camera": [], "video": []}
-    both_cameras: list[Upload] = []
+    of_kind: dict[str, list[tuple[str, Upload]]] = {"photograph": [], "camera": [], "video": []}
+    archives: list[Upload] = []
     for folder, upload in given:
         kind = kind_of(upload.name)
-        if kind == "camera" and holds_both(upload):
-            both_cameras.append(upload)
+        if kind == "camera" and holds_both(upload.name, upload.getvalue()):
+            archives.append(upload)
         else:
-            kinds[kind].append((folder, upload))
-    if not given or (len(kinds["video"]) == len(given) == 1 and given[0][0]):
-        return  # the other camera's video is still to come
-    uploads = [upload for _, upload in given]
-    clear_refusal()
-    try:
-        check_uploads(uploads)
-        cameras, videos = by_camera(kinds["camera"]), by_camera(kinds["video"])
-        if len(videos) == 1:
-            raise StereocalError("Give the videos of both cameras together.")
-        if kinds["photograph"]:
-            store = ProjectPhotographs(project_to_write())
-            contents = (
-                item
-                for folder, upload in kinds["photograph"]
-                for item in photographs_of([upload], folder)
-            )
-            take_photographs(contents, store)
-            with st.spinner("Looking at the first photographs ..."):
-                propose_held(store)
-        for slot, upload in cameras.items():
-            store_camera(slot, upload.name, upload.getvalue())
-        for upload in both_cameras:
-            name, content = upload.name, upload.getvalue()
-            ProjectApplication(project_to_write()).ask("archive", name, content)
-        if videos:
-            take_videos([videos[camera] for camera in CAMERAS], settings)
-    except StereocalError as error:
-        refuse(error)
-    forget_base()
-    # A new key empties the uploader, which otherwise keeps every file in memory.
-    free_memory(uploads)
-    st.session_state[ROUND] += 1
-    st.rerun()
+            of_kind[kind].append((folder, upload))
+    cameras, videos = by_camera(of_kind["camera"]), by_camera(of_kind["video"])
+    if len(videos) == 1:
+        raise StereocalError("Give the videos of both cameras together.")
+    if photographs := of_kind["photograph"]:
+        store = ProjectPhotographs(project_to_write())
+        contents = (
+            item for folder, one in photographs for item in intake.photographs_of([one], folder)
+        )
+        intake.take_photographs(contents, store)
+        with st.spinner("Looking at the first photographs ..."):
+            holding.propose_held(store)
+    for slot, upload in cameras.items():
+        intake.store_camera(slot, upload.name, upload.getvalue())
+    for upload in archives:
+        application = ProjectApplication(project_to_write())
+        application.ask("archive", upload.name, upload.getvalue())
+    if videos:
+        take_videos([videos[camera] for camera in CAMERAS], settings)
 
 
 def by_camera(given: Sequence[tuple[str, Upload]]) -> dict[CameraName, Upload]:
@@ -252,8 +202,9 @@ def _find_targets(store: ProjectPhotographs) -> None:
     running = jobs.is_running(project, "photographs")
     frames = readable(lambda: store.frames)
     lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
-    target = ask_what_is_held(store, rows[0].pair if rows else None, frames is not None)
-    if holds_board(project):
+    first = rows[0].pair if rows else None
+    target = holding.ask_what_is_held(store, first, frames is not None)
+    if holding.holds_board(project):
         boards_in(store)
         return
     if lacking:
@@ -262,18 +213,11 @@ def _find_targets(store: ProjectPhotographs) -> None:
             " to tell A from B."
         )
     work = _work(store, [row.pair for row in rows], target or BAR)
-    jobs.start_button(
-        work,
-        "Find the targets" if frames is None else "Find the targets again",
-        "find_targets",
-        primary=frames is None,
-        disabled=bool(lacking) or not rows or target is None,
-    )
     # The cheap test first: the digest of thousands of pairs is slow.
     if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
         jobs.discard(project, "photographs")
-    last = "Cancelled. What was found before is unchanged."
-    jobs.show_job(project, "photographs", last, work)
+    ready = bool(rows) and not lacking and target is not None
+    press_search(work, "targets", "find_targets", frames is not None, ready)
     if frames is None:
         return
     if {(f.frame, f.files) for f in frames} != {
@@ -283,26 +227,20 @@ def _find_targets(store: ProjectPhotographs) -> None:
             "The pairs or their photographs have changed since the targets were found. Find them "
             "again."
         )
-    elif is_stale(project):
+    elif holding.is_stale(project):
         st.warning("These are the targets of what you said before that you hold. Find them again.")
     show_frames(store, frames, running)
 
 
 def _work(store: ProjectPhotographs, pairs: Sequence[Pair], target: Target) -> jobs.Work:
     files = {name: path.name for name, path in store.photographs.items()}
-    held = held_text(store.project)
     about = {
         "pairs": [[p.frame, *((n, files.get(n)) for n in (p.primary, p.secondary))] for p in pairs],
         "cameras": [camera and camera.to_json() for camera in store.project.cameras],
         **({} if target == BAR else {"target": plain(target)}),
     }
-    return jobs.Work(
-        store.project,
-        "photographs",
-        STAGES,
-        about,
-        lambda job: _find(store, pairs, target, held, job),
-    )
+    run = partial(_find, store, pairs, target, holding.held_text(store.project))
+    return jobs.Work(store.project, "photographs", STAGES, about, run)
 
 
 def _find(
@@ -311,12 +249,11 @@ def _find(
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file was removed from the project; give it again.")
-    cameras = (primary, secondary)
     searched = store.photographs
     found = detect_frames(
         pairs,
         searched,
-        cameras,
+        (primary, secondary),
         job.executor,
         job.begin,
         job.progress,
@@ -326,6 +263,6 @@ def _find(
     )
     if found is None:
         return False
-    keep_what_was_found(store.project, held)
+    store.project.keep_settings({holding.FOUND: held})
     store.keep_found(found, searched, job.digest)
     return True

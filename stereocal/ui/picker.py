@@ -12,8 +12,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
+
+from stereocal.frames.thumbnails import eight_bits
+from stereocal.projects.files import StoredFile
+from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 
 NAME = "stereocal_picker"
 JPEG_QUALITY = 90
@@ -74,8 +77,10 @@ class Pick:
     """The shift key was held."""
 
 
-def encode(image: npt.NDArray[np.uint8], name: str) -> Shown:
-    """A photograph, grey or in colours, for `pick`; `name` must be unique."""
+@st.cache_data(show_spinner=False, max_entries=16)
+def shown_image(digest: str, coloured: bool, _file: StoredFile, _name: str) -> Shown:
+    """A photograph for `pick`, grey or in colours; `digest` is that of the file."""
+    image = eight_bits(read_image(coloured, _file, _name))
     height, width = image.shape[:2]
     if width * height > MOST_PIXELS:
         shrink = math.sqrt(MOST_PIXELS / (width * height))
@@ -84,7 +89,12 @@ def encode(image: npt.NDArray[np.uint8], name: str) -> Shown:
     done, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     assert done  # an 8-bit array
     source = "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode()
-    return Shown(name, source, width, height)
+    return Shown(digest, source, width, height)
+
+
+def read_image(coloured: bool, file: StoredFile, name: str) -> GreyImage:
+    """A photograph, as `shown_image` shows it."""
+    return read_colours(file, name) if coloured else read_photograph(file, name)
 
 
 def pick(
@@ -107,13 +117,12 @@ def pick(
         if found is not None:
             on_pick(found)
 
-    _component()(
+    # Declared in every run: tests have several runtimes.
+    css, js = (_text(Path(__file__).with_suffix(suffix)) for suffix in (".css", ".js"))
+    st.components.v2.component(NAME, html=HTML, css=css, js=js)(
         key=key,
         data={
-            "id": shown.id,
-            "source": shown.source,
-            "width": shown.width,
-            "height": shown.height,
+            **asdict(shown),
             "marks": [asdict(mark) for mark in marks],
             "label": label,
             "locked": locked,
@@ -129,14 +138,6 @@ def pick_of(sent: Any) -> Pick | None:
     except (TypeError, KeyError, ValueError, OverflowError):
         return None
     return found if math.isfinite(found.u) and math.isfinite(found.v) else None
-
-
-def _component() -> Any:
-    # Declared in every run: tests have several runtimes.
-    here = Path(__file__)
-    return st.components.v2.component(
-        NAME, html=HTML, css=_text(here.with_suffix(".css")), js=_text(here.with_suffix(".js"))
-    )
 
 
 @cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime
+from functools import partial
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -71,16 +72,13 @@ def show_project(project: Project | None) -> DeltaGenerator:
     """The project's name, to change; returns the place for `show_saved`."""
     with suppress(StereocalError):  # reported by the page
         if project is not None:
-            st.text_input("Project", placeholder=title_of(project), **_name(project).widget())
+            key = "project_name"
+            name = Field(key, key, lambda: project.inputs.name, project.rename)
+            st.text_input("Project", placeholder=title_of(project), **name.widget())
             if project.pair is not None:
                 label = f"Pair {escape_markdown(project.pair)}: back to the rig"
                 st.page_link("pages/rig.py", label=label, icon=":material/arrow_back:")
     return st.empty()
-
-
-def _name(project: Project) -> Field:
-    key = "project_name"
-    return Field(key, key, lambda: project.inputs.name, project.rename)
 
 
 def show_saved(project: Project | None, place: DeltaGenerator) -> None:
@@ -104,14 +102,9 @@ def offer_removed() -> bool:
         return False
     date = datetime.fromtimestamp(when).astimezone().strftime("%Y-%m-%d")
     st.warning(f"This project was removed on {date}.")
+    back = partial(bring_project_back, project_id)
     with st.container(horizontal=True):
-        st.button(
-            "Bring it back",
-            key="bring_it_back",
-            type="primary",
-            on_click=bring_project_back,
-            args=(project_id,),
-        )
+        st.button("Bring it back", key="bring_it_back", type="primary", on_click=back)
         st.button("Start a new project", on_click=forget_project)
     return True
 
@@ -124,20 +117,17 @@ def bring_project_back(project_id: str) -> None:
 
 def project_to_write() -> Project:
     """The current project, or a new one."""
-    return current_project() or new_project()
-
-
-def new_project() -> Project:
-    """Create a project and open it."""
-    project = Project.create(default_home())
-    open_project(project.id)
+    project = current_project()
+    if project is None:
+        project = Project.create(default_home())
+        open_project(project.id)
     return project
 
 
 @callback
 def begin_project() -> None:
-    """Create and open a project (a callback)."""
-    new_project()
+    """Create and open a project, where there is none (a callback)."""
+    project_to_write()
 
 
 def open_project(project_id: str, pair: str | None = None) -> None:

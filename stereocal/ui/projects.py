@@ -7,6 +7,9 @@ import os
 import re
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,31 +17,32 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.paper_kit.reproduction import archive_files
+from stereocal.projects import home
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.data_folder import default_home
 from stereocal.projects.database import journal_of
-from stereocal.projects.home import (
-    delete,
-    find_projects,
-    listed,
-    recent_projects,
-    removed_at,
-    removed_projects,
-    title_of,
-)
+from stereocal.projects.home import Card, card_of, title_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.limits import MB
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
-from stereocal.ui.intake import check_uploads, escape_markdown, is_new, taking
-from stereocal.ui.messages import callback, readable
-from stereocal.ui.project import bring_project_back, current_project, offer_removed, open_project
-from stereocal.ui.project_cards import OPENED, REMOVED, date_of, show_cards
+from stereocal.ui.intake import check_uploads, is_new, taking
+from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.project import (
+    bring_project_back,
+    current_project,
+    is_open,
+    offer_removed,
+    open_project,
+)
 from stereocal.ui.refined import answer_of
+from stereocal.ui.texts import escape_markdown
 
 ON_A_PAGE = 9
 T = TypeVar("T")
+_OPENED, _REMOVED = "opened_project", "removed_project"
+"""The project whose card was pressed, which the next run opens; and the one removed last."""
 _UNPACKED = "unpacked_projects"
 """Ids of imported projects by upload: a click may interrupt the opening of one."""
 
@@ -51,10 +55,9 @@ def show_projects() -> Project | None:
     Returns:
         The open project.
     """
-    if opened := st.session_state.pop(OPENED, None):
+    if opened := st.session_state.pop(_OPENED, None):
         open_project(opened)
         st.switch_page("pages/data.py")
-    settings = ServerSettings.from_environment()
     folder = default_home() / "projects"
     if folder.is_dir() and not os.access(folder, os.W_OK):
         st.warning(
@@ -67,52 +70,157 @@ def show_projects() -> Project | None:
             "disks cannot: use one server only for them."
         )
     project = None if offer_removed() else current_project()
-    if not settings.shared:
+    if not ServerSettings.from_environment().shared:
         _offer_undo()
-    if settings.shared:
-        if project is not None:
-            st.markdown("#### The open project")
-            show_cards([listed(project)])
-    else:
         _show_all()
         _show_removed()
+    elif project is not None:
+        st.markdown("#### The open project")
+        _show_cards([home.listed(project)])
     return project
 
 
 def _show_all() -> None:
     """The projects, the one changed last first, page by page, and a search where they are many."""
-    ids = find_projects(default_home())
+    ids = home.find_projects(default_home())
     if not ids:
         return
     st.markdown("#### Your projects")
     search = ""
     if len(ids) > ON_A_PAGE:
         typed = setting(None, "projects_search", "", str)
-        search = st.text_input(
-            f"Search all {len(ids)} projects by name", width=400, **typed.widget()
-        )
-        ids = find_projects(default_home(), search) if search.strip() else ids
+        label = f"Search all {len(ids)} projects by name"
+        search = st.text_input(label, width=400, **typed.widget())
+        ids = home.find_projects(default_home(), search) if search.strip() else ids
     if not ids:
         st.info(f"No project has “{escape_markdown(search.strip())}” in its name.")
-    show_cards(recent_projects(default_home(), _of_page(ids, f"projects_page {search}")))
+    of_page = _of_page(ids, "projects_page", search)
+    _show_cards(home.recent_projects(default_home(), of_page))
 
 
-def _of_page(ids: Sequence[T], name: str) -> Sequence[T]:
+def _of_page(ids: Sequence[T], key: str, search: str = "") -> Sequence[T]:
     """Those of the chosen page, and the choice of another, if there are several.
 
     Args:
-        name: of the choice: another search begins at its first page.
+        search: each begins at its first page.
     """
     pages = -(-len(ids) // ON_A_PAGE)
     if pages < 2:
         return ids
-    page = setting(None, name.split()[0], 1, Number(1, pages), name=name)
+    page = setting(None, key, 1, Number(1, pages), name=f"{key} {search}")
     chosen = st.pagination(pages, **page.widget())
     return ids[(chosen - 1) * ON_A_PAGE : chosen * ON_A_PAGE]
 
 
+def _show_cards(projects: Sequence[home.Listed]) -> None:
+    """What each project holds and what can be done with it, as many in a row as fit."""
+    with st.container(horizontal=True):
+        for one in projects:
+            with st.container(border=True, width=250):
+                (_show_unreadable if one.damaged or one.unreadable else _show)(one)
+
+
+def _date_of(seconds: float) -> str:
+    """A time in seconds since 1970, as shown."""
+    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def _show(one: home.Listed) -> None:
+    try:
+        card = _card(one.id, one.changed)
+    except StereocalError as error:
+        card = Card("cannot be read", str(error))
+    state = ", interrupted" * one.interrupted
+    st.markdown(f"**{escape_markdown(one.title)}**")
+    st.caption(
+        f"{_date_of(one.changed)}, {escape_markdown(card.data)}  \n"
+        f"{escape_markdown(card.result)}{state}"
+    )
+    key = f"name_{one.id}"
+    with st.container(horizontal=True):
+        st.button("Open", key=f"open_{one.id}", on_click=_open, args=(one.id,))
+        with st.popover("More"):
+            rename = partial(_rename, one.id, key)
+            about = "Give it a name"
+            st.text_input("Name", one.title, key=key, placeholder=about, on_change=rename)
+            for label, act in (("Duplicate", _duplicate), ("Remove", _remove)):
+                st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
+
+
+def _show_unreadable(one: home.Listed) -> None:
+    why = one.unreadable or (
+        "the file of this project is damaged. It is kept as it is. Open the project's last backup "
+        "(its zip) below."
+    )
+    st.warning(f"{_date_of(one.changed)}: {escape_markdown(why)}")
+    st.button("Remove", key=f"remove_{one.id}", on_click=_remove, args=(one.id,))
+
+
+@st.cache_data(show_spinner=False, max_entries=500)
+def _card(project_id: str, changed: float) -> Card:
+    assert changed >= 0
+    return card_of(Project.open(default_home(), project_id))
+
+
+@callback
+def _rename(project_id: str, key: str) -> None:
+    Project.open(default_home(), project_id).rename(st.session_state[key].strip())
+
+
+def _open(project_id: str) -> None:
+    # Not opened here: that empties the session, with a name that was typed before the click.
+    st.session_state[_OPENED] = project_id
+
+
+@callback
+def _duplicate(project_id: str) -> None:
+    copy = home.duplicate(default_home(), project_id)
+    if ServerSettings.from_environment().shared:  # there is no list to find it in
+        open_project(copy.id)
+
+
+@callback
+def _remove(project_id: str) -> None:
+    name = ""
+    with suppress(StereocalError):  # a damaged one can be removed too
+        name = title_of(Project.open(default_home(), project_id))
+    home.remove(default_home(), project_id)
+    if not is_open(project_id):  # for the open one, `offer_removed` does
+        st.session_state[_REMOVED] = (project_id, name)
+
+
+def _show_removed() -> None:
+    removed = home.removed_projects(default_home())
+    if not removed:
+        return
+    with st.expander("Removed projects"):
+        for one in _of_page(removed, "removed_page"):
+            text, button = st.columns([6, 2], vertical_alignment="center")
+            title = escape_markdown(one.title or "A damaged project")
+            text.markdown(f"{title}, removed {_date_of(one.changed)}")
+            back = partial(bring_project_back, one.id)
+            delete = callback(partial(home.delete, default_home(), one.id))
+            with button, st.container(horizontal=True):
+                st.button("Bring back", key=f"bring_back_{one.id}", on_click=back)
+                now = "Frees its space on the disk at once."
+                st.button("Delete for good", key=f"delete_{one.id}", on_click=delete, help=now)
+
+
+def _offer_undo() -> None:
+    removed = st.session_state.get(_REMOVED)
+    if removed is None:
+        return
+    project_id, name = removed
+    if home.removed_at(default_home(), project_id) is None:  # brought back elsewhere, or deleted
+        del st.session_state[_REMOVED]
+        return
+    text, button = st.columns([6, 2], vertical_alignment="center")
+    text.info(f"{escape_markdown(name or 'The project')} was removed.")
+    button.button("Undo", key="undo_remove", on_click=bring_project_back, args=(project_id,))
+
+
 def show_storage(project: Project | None) -> None:
-    """Export and import of projects, and what is stored for how long."""
+    """Export of the open project, import of one, and what is stored for how long."""
     with st.expander("Take a project elsewhere, or open one from a zip"):
         _pack_and_unpack(project)
     with st.expander("What is kept, where and for how long"):
@@ -121,22 +229,20 @@ def show_storage(project: Project | None) -> None:
 
 def what_is_kept(settings: ServerSettings) -> str:
     """Where projects are stored, for how long, and their maximum size."""
-    where = "on the server" if settings.shared else f"on this computer, in `{default_home()}`"
+    if settings.shared:
+        where, back = "on the server", "by its address"
+        who = (
+            "Only those who have the address of a project (in the browser's address bar) can open "
+            "it: keep it as a bookmark. There is no list."
+        )
+    else:
+        where = f"on this computer, in `{default_home()}`"
+        back = "from the list of removed projects on this page, or by its address"
+        who = "A project is found in this list, and by its address in the browser."
     life = (
         "until you remove it"
         if math.isinf(settings.keep_days)
         else f"until nobody has changed it for {settings.keep_days:g} days"
-    )
-    who = (
-        "Only those who have the address of a project (in the browser's address bar) can open it: "
-        "keep it as a bookmark. There is no list."
-        if settings.shared
-        else "A project is found in this list, and by its address in the browser."
-    )
-    back = (
-        "by its address"
-        if settings.shared
-        else "from the list of removed projects on this page, or by its address"
     )
     size = (
         "Its size is limited only by the disk."
@@ -151,52 +257,27 @@ def what_is_kept(settings: ServerSettings) -> str:
     )
 
 
-def _show_removed() -> None:
-    removed = removed_projects(default_home())
-    if not removed:
-        return
-    with st.expander("Removed projects"):
-        for one in _of_page(removed, "removed_page"):
-            text, button = st.columns([6, 2], vertical_alignment="center")
-            title = escape_markdown(one.title or "A damaged project")
-            text.markdown(f"{title}, removed {date_of(one.changed)}")
-            with button, st.container(horizontal=True):
-                st.button(
-                    "Bring back",
-                    key=f"bring_back_{one.id}",
-                    on_click=bring_project_back,
-                    args=(one.id,),
-                )
-                st.button(
-                    "Delete for good",
-                    key=f"delete_{one.id}",
-                    on_click=callback(delete),
-                    args=(default_home(), one.id),
-                    help="Frees its space on the disk at once.",
-                )
-
-
 def _pack_and_unpack(project: Project | None) -> None:
     """Export the open project as a zip, and import one."""
     if project is not None:
         name = title_of(project)
         if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
-            _offer_packed(project, name)
+            with ErrorsShown():
+                _offer_packed(project, name)
     upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")
     if upload is None or not is_new(upload):
         return
-    with taking(upload):
+    opened = ""
+    with taking(upload), ErrorsShown():
         unpacked: dict[str, str] = st.session_state.setdefault(_UNPACKED, {})
-        try:
-            if upload.file_id not in unpacked:
-                check_uploads([upload])
-                opened = unpack_project(upload.getvalue(), upload.name, default_home())
-                unpacked[upload.file_id] = opened.id
-        except StereocalError as error:
-            st.error(escape_markdown(str(error)))
-            return
-        open_project(unpacked[upload.file_id])
-    st.switch_page("pages/data.py")
+        if upload.file_id not in unpacked:
+            check_uploads([upload])
+            found = unpack_project(upload.getvalue(), upload.name, default_home())
+            unpacked[upload.file_id] = found.id
+        opened = unpacked[upload.file_id]
+        open_project(opened)
+    if opened:
+        st.switch_page("pages/data.py")
 
 
 def _offer_packed(project: Project, name: str) -> None:
@@ -210,50 +291,22 @@ def _offer_packed(project: Project, name: str) -> None:
             "as it is."
         )
         return
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            target = Path(folder) / "project.zip"
-            with st.spinner("Packing."):
-                pack_project(project, target, _result(project))
-            content = target.read_bytes()
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        return
-    offer(
-        f"Download it ({_size(len(content))})",
-        content,
-        f"{re.sub('[^A-Za-z0-9-]+', '-', name).strip('-') or 'project'}.zip",
-        "download_project",
-    )
+    # The last result, with the parameter files as *Calibrate* offers them.
+    calibration = readable(lambda: project.calibration)
+    answer = None if calibration is None else answer_of(project, calibration)
+    result = {} if answer is None else archive_files(answer, answer.sets)
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "project.zip"
+        with st.spinner("Packing."):
+            pack_project(project, target, result)
+        content = target.read_bytes()
+    packed = len(content)
+    taken = f"{packed / MB:.1f} MB" if packed >= MB else f"{packed / 1e3:.0f} kB"
+    file_name = re.sub("[^A-Za-z0-9-]+", "-", name).strip("-") or "project"
+    offer(f"Download it ({taken})", content, f"{file_name}.zip", "download_project")
     largest = st.get_option("server.maxUploadSize")
-    if len(content) > largest * 2**20:
+    if packed > largest * 2**20:
         st.caption(
             f"This page takes zips of {largest} MB at most: elsewhere, open it with a larger "
             "`STREAMLIT_SERVER_MAX_UPLOAD_SIZE`, or on the command line."
         )
-
-
-def _result(project: Project) -> dict[str, bytes]:
-    """The last result with the parameter files as *Calibrate* offers them; empty without one."""
-    calibration = readable(lambda: project.calibration)
-    answer = None if calibration is None else answer_of(project, calibration)
-    if answer is None:
-        return {}
-    return archive_files(answer, answer.sets)
-
-
-def _size(count: int) -> str:
-    return f"{count / MB:.1f} MB" if count >= MB else f"{count / 1e3:.0f} kB"
-
-
-def _offer_undo() -> None:
-    removed = st.session_state.get(REMOVED)
-    if removed is None:
-        return
-    project_id, name = removed
-    if removed_at(default_home(), project_id) is None:  # brought back elsewhere, or deleted
-        del st.session_state[REMOVED]
-        return
-    text, button = st.columns([6, 2], vertical_alignment="center")
-    text.info(f"{escape_markdown(name or 'The project')} was removed.")
-    button.button("Undo", key="undo_remove", on_click=bring_project_back, args=(project_id,))

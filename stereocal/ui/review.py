@@ -3,48 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
+from stereocal.frames import review as reviewing
 from stereocal.frames.frame import Frame, correspondences_of, name_in
-from stereocal.frames.review import (
-    Edit,
-    Review,
-    beside,
-    centre_at,
-    choose,
-    is_open,
-    next_doubtful,
-    place,
-    swap,
-    target_meant,
-    undo,
-)
+from stereocal.frames.review import Edit, Review, is_open
 from stereocal.frames.review_words import DECIDE, centres_table, describe_residuals, describe_use
-from stereocal.frames.thumbnails import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import TARGETS
-from stereocal.system.photograph import GreyImage, read_colours, read_photograph
-from stereocal.ui.contact_sheet import BADGES, show_contact_sheet
+from stereocal.ui.contact_sheet import badge, show_contact_sheet
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import called, held_target, is_coloured
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import callback
-from stereocal.ui.picker import Mark, Pick, Shown, encode, pick
+from stereocal.ui.picker import Mark, Pick, pick, read_image, shown_image
+from stereocal.ui.texts import escape_markdown
 
 ALL, ONE = "All frames", "One frame"
 ONE_FRAME = "one_frame"
 NEAREST = "Nearest"
 WANTED = (NEAREST, *TARGETS)
 _OUTCOME = "review_said"
+Change = Callable[[Review], tuple[Review, str]]
+"""An edit, and what it did as a sentence."""
 
 
 def _view(store: ProjectPhotographs) -> Field:
@@ -53,8 +43,7 @@ def _view(store: ProjectPhotographs) -> Field:
 
 def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
     """The frame shown; without `numbers` it is not checked."""
-    first = numbers[0] if numbers else 0
-    fit = one_of(numbers) if numbers else int
+    first, fit = (numbers[0], one_of(numbers)) if numbers else (0, int)
     return setting(store.project, "review_frame", first, fit, name="frame", tabs_own=True)
 
 
@@ -73,15 +62,26 @@ def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: boo
         with scrolled_part(ONE_FRAME):
             _show_one(store, running)
     else:
-        show_contact_sheet(store, frames, running, lambda number: look_closely(store, number))
-    _download(frames)
+        show_contact_sheet(store, frames, running, partial(look_closely, store))
+    try:
+        table = write_table(correspondences_of(frames))
+    except StereocalError as error:
+        st.warning(escape_markdown(str(error)))
+        return
+    offer(
+        "Download correspondences.csv",
+        table,
+        "correspondences.csv",
+        "download_correspondences",
+        help="The column source says of each row: detected, corrected (moved by a person to a "
+        "fitted corner) or manual (a raw click).",
+    )
 
 
 def _show_one(store: ProjectPhotographs, running: bool) -> None:
     review = read_review(store)
     frame = _choose_frame(store, review)
-    icon, colour = BADGES[frame.state]
-    st.markdown(f":{colour}-badge[{icon} {frame.state}] {describe_use(frame)}")
+    st.markdown(f"{badge(frame.state)} {describe_use(frame)}")
     # A container, even an empty one, keeps the position of what follows: otherwise the browser
     # would rebuild the photographs.
     with st.container():
@@ -111,65 +111,63 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
 def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     """The frame shown, with buttons for others."""
     numbers = sorted(frame.frame for frame in review.frames)
-    shown = _frame(store, numbers)
-    number: int = shown.value()
-    doubtful = next_doubtful(review.frames, number)
+    field = _frame(store, numbers)
+    number: int = field.value()
     left = sum(is_open(frame) for frame in review.frames)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
-    chosen.selectbox("Frame", numbers, **shown.widget())
+    chosen.selectbox("Frame", numbers, **field.widget())
     with buttons, st.container(horizontal=True):
-        for label, key, step in (("Previous", "p", -1), ("Next", "n", 1)):
-            to = beside(review.frames, number, step)
+        for label, key, shortcut, to in (
+            ("Previous", "previous", "p", reviewing.beside(review.frames, number, -1)),
+            ("Next", "next", "n", reviewing.beside(review.frames, number, 1)),
+            (
+                f"Next to decide ({left} left)",
+                "doubtful",
+                "d",
+                reviewing.next_doubtful(review.frames, number),
+            ),
+        ):
             st.button(
                 label,
-                key=f"review_{label.lower()}",
-                shortcut=key,
-                disabled=to == number,
+                key=f"review_{key}",
+                shortcut=shortcut,
+                disabled=to is None or (to == number and key != "doubtful"),
                 on_click=_go_to,
                 args=(store, to),
             )
-        st.button(
-            f"Next to decide ({left} left)",
-            key="review_doubtful",
-            shortcut="d",
-            disabled=doubtful is None,
-            on_click=_go_to,
-            args=(store, doubtful),
-        )
     return review.frame(number)
 
 
 def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bool) -> None:
     """Buttons to use the frame, leave it out, or undo."""
-    number = frame.frame
+    number, undecided = frame.frame, is_open(frame)
+
+    def button(
+        label: str, key: str, shortcut: str, icon: str, act: Callable[[], None], may: bool
+    ) -> None:
+        st.button(
+            label,
+            key=f"review_{key}",
+            shortcut=shortcut,
+            icon=f":material/{icon}:",
+            disabled=running or not may,
+            on_click=act,
+        )
+
+    def use(now: Review) -> tuple[Review, str]:
+        return reviewing.choose(now, number, True), "It is used."
+
+    def leave_out(now: Review) -> tuple[Review, str]:
+        return reviewing.choose(now, number, False), "It is left out."
+
+    may_use = bool(frame.targets_in_both) and (undecided or not frame.use)
+    may_leave = frame.use or undecided
+    act = partial(edit, store, number)
     with st.container(horizontal=True):
-        st.button(
-            "Use this frame",
-            key="review_use",
-            shortcut="t",
-            icon=":material/check:",
-            disabled=running or not frame.targets_in_both or (frame.use and not is_open(frame)),
-            on_click=edit,
-            args=(store, number, lambda now: choose(now, number, True), "It is used."),
-        )
-        st.button(
-            "Leave it out",
-            key="review_leave",
-            shortcut="x",
-            icon=":material/close:",
-            disabled=running or (not frame.use and not is_open(frame)),
-            on_click=edit,
-            args=(store, number, lambda now: choose(now, number, False), "It is left out."),
-        )
-        st.button(
-            f"Undo ({len(review.edits)})",
-            key="review_undo",
-            shortcut="u",
-            icon=":material/undo:",
-            disabled=running or not review.edits,
-            on_click=take_back,
-            args=(store,),
-        )
+        button("Use this frame", "use", "t", "check", partial(act, use), may_use)
+        button("Leave it out", "leave", "x", "close", partial(act, leave_out), may_leave)
+        undo = f"Undo ({len(review.edits)})"
+        button(undo, "undo", "u", "undo", partial(take_back, store), len(review.edits) > 0)
 
 
 def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, running: bool) -> None:
@@ -178,7 +176,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     try:
         file = _file_of(store, frame, camera)
         coloured = is_coloured(held_target(store.project))
-        shown = _shown(file.name, coloured, file, frame.files[camera])
+        image = shown_image(file.name, coloured, file, frame.files[camera])
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
@@ -188,37 +186,26 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         if at
     ]
     pick(
-        shown,
+        image,
         marks,
         f"Photograph of the {name} camera, frame {frame.frame}. Arrow keys move, plus and minus "
         "zoom, Enter places a target at the cross-hair in the middle.",
         f"pick_{name}",
         running,
-        lambda click: take_pick(store, frame.frame, camera, click),
+        partial(take_pick, store, frame.frame, camera),
     )
+
+    def swap(now: Review) -> tuple[Review, str]:
+        swapped = reviewing.swap(now, frame.frame, camera)
+        return swapped, f"A and B are exchanged in the {name} photograph."
+
     st.button(
         "Swap A and B",
         key=f"swap_{name}",
         icon=":material/swap_horiz:",
         disabled=running or not any(frame.centres[camera]),
-        on_click=edit,
-        args=(
-            store,
-            frame.frame,
-            lambda now: swap(now, frame.frame, camera),
-            f"A and B are exchanged in the {name} photograph.",
-        ),
+        on_click=partial(edit, store, frame.frame, swap),
     )
-
-
-@st.cache_data(show_spinner=False, max_entries=16)
-def _shown(digest: str, coloured: bool, _file: StoredFile, _name: str) -> Shown:
-    """The photograph for the browser, cached by digest."""
-    return encode(eight_bits(_read(coloured, _file, _name)), digest)
-
-
-def _read(coloured: bool, file: StoredFile, name: str) -> GreyImage:
-    return read_colours(file, name) if coloured else read_photograph(file, name)
 
 
 def _file_of(store: ProjectPhotographs, frame: Frame, camera: int) -> StoredFile:
@@ -233,44 +220,45 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
 
     Clicks in a photograph that is no longer shown are ignored.
     """
-    wanted = _target(store).value()
-    raw = click.raw or _raw(store).value()
-    placed = ""
+    wanted, raw = _target(store).value(), click.raw or _raw(store).value()
 
-    def change(now: Review) -> Review:
-        nonlocal placed
+    def change(now: Review) -> tuple[Review, str]:
         frame = now.frame(number)
         file = _file_of(store, frame, camera)
         if file.name != click.id:
-            return now
+            return now, ""
         held = held_target(store.project)
-        image = _read(is_coloured(held), file, frame.files[camera])
+        image = read_image(is_coloured(held), file, frame.files[camera])
         lens = store.project.cameras[camera]
-        centre = centre_at(image, (click.u, click.v), raw, held, lens)
-        target = TARGETS.index(wanted) if wanted in TARGETS else target_meant(frame, camera, centre)
+        centre = reviewing.centre_at(image, (click.u, click.v), raw, held, lens)
+        if wanted in TARGETS:
+            target = TARGETS.index(wanted)
+        else:
+            target = reviewing.target_meant(frame, camera, centre)
         what = "where you clicked" if raw else f"at the {called(held)}"
         sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"
-        placed = (
+        after = reviewing.place(now, number, camera, target, centre)
+        decide = f" {DECIDE}" if is_open(after.frame(number)) else ""
+        return after, (
             f"{TARGETS[target]} in the {CAMERAS[camera]} photograph is now {what}, "
-            f"({centre.u:.2f}, {centre.v:.2f}){sigma}."
+            f"({centre.u:.2f}, {centre.v:.2f}){sigma}.{decide}"
         )
-        after = place(now, number, camera, target, centre)
-        placed += f" {DECIDE}" if is_open(after.frame(number)) else ""
+
+    edit(store, number, change)
+
+
+def edit(store: ProjectPhotographs, number: int, change: Change) -> None:
+    """Apply an edit and report the outcome (a callback)."""
+    done = ""
+
+    def changed(now: Review) -> Review:
+        nonlocal done
+        after, done = change(now)
         return after
 
-    edit(store, number, change, lambda: placed)
-
-
-def edit(
-    store: ProjectPhotographs,
-    number: int,
-    change: Callable[[Review], Review],
-    done: str | Callable[[], str],
-) -> None:
-    """Apply an edit and report the outcome (a callback)."""
     try:
-        change_review(store, change)
-        _say(number, done if isinstance(done, str) else done())
+        change_review(store, changed)
+        _say(number, done)
     except StereocalError as error:
         _say(number, str(error), refused=True)
 
@@ -283,7 +271,7 @@ def take_back(store: ProjectPhotographs) -> None:
     def change(now: Review) -> Review:
         nonlocal undone
         undone = now.edits[-1] if now.edits else None
-        return undo(now)
+        return reviewing.undo(now)
 
     try:
         change_review(store, change)
@@ -322,19 +310,3 @@ def _show_outcome(store: ProjectPhotographs, frame: Frame) -> None:
         fitted = f"to the {called(held_target(store.project))} there"
         where = "to where you click" if _raw(store).value() else fitted
         st.info(f"Click near the middle of a target: it moves {where}.")
-
-
-def _download(frames: Sequence[Frame]) -> None:
-    try:
-        table = write_table(correspondences_of(frames))
-    except StereocalError as error:
-        st.warning(escape_markdown(str(error)))
-        return
-    offer(
-        "Download correspondences.csv",
-        table,
-        "correspondences.csv",
-        "download_correspondences",
-        help="The column source says of each row: detected, corrected (moved by a person to a "
-        "fitted corner) or manual (a raw click).",
-    )

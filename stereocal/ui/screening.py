@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import streamlit as st
 
@@ -23,8 +24,6 @@ from stereocal.ui.messages import callback
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
 _AGAIN = "calibrate_again"
-
-
 MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
 
@@ -72,8 +71,7 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
                 f"Exchange A and B in frame {frame}",
                 key=f"exchange_{frame}",
                 icon=":material/swap_horiz:",
-                on_click=exchange_again,
-                args=(project, frame),
+                on_click=partial(exchange_again, project, frame),
                 help="In the secondary image. The result is made again at once.",
             )
         first = screening.left_out[0]
@@ -81,8 +79,7 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
             f"Look at frame {first}",
             key="look_left_out",
             icon=":material/search:",
-            on_click=look,
-            args=(first,),
+            on_click=partial(look, first),
             help="There it can be put back.",
         )
 
@@ -94,8 +91,7 @@ def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None
             "Calibrate with the time offset",
             key="bring_into_step",
             icon=":material/schedule:",
-            on_click=bring_into_step,
-            args=(project,),
+            on_click=partial(bring_into_step, project),
             help="It becomes an unknown, and the secondary points are shifted by it.",
         )
 
@@ -123,8 +119,7 @@ def show_exchanged(project: Project) -> None:
                 f"Frame {frame}: take the exchange back",
                 key=f"unexchange_{frame}",
                 icon=":material/undo:",
-                on_click=exchange_again,
-                args=(project, frame),
+                on_click=partial(exchange_again, project, frame),
                 help="A and B of this frame were exchanged in the secondary image.",
             )
 
@@ -156,30 +151,18 @@ def put_back(project: Project, frame: int) -> None:
 
 @callback
 def exchange_again(project: Project, frame: int) -> None:
-    """Exchange the targets of a frame, and calibrate again (a callback)."""
-    exchange(project, frame)
-    calibrate_next()
-
-
-def exchange(project: Project, frame: int) -> None:
-    """Exchange A and B in the secondary image: in the review of photographs, else in the table."""
+    """Exchange A and B in the secondary image, and calibrate again (a callback)."""
     if project.inputs.labels.get("correspondences") == TABLE_LABEL:
         change_review(ProjectPhotographs(project), lambda review: swap(review, frame, 1))
     else:
         project.exchange_targets(frame)
+    calibrate_next()
 
 
 def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
-    words = [
-        *dataset.identity,
-        settings.all_frames,
-        settings.frames_put_back,
-        settings.frames_left_out,
-        settings.time_offset,
-        settings.time_drift,
-    ]
-    return json.dumps(words)
+    names = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
+    return json.dumps([*dataset.identity, *(getattr(settings, name) for name in names)])
 
 
 @st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)

@@ -1,36 +1,46 @@
-"""The Data page for three cameras and more: their files, and one table of points."""
+"""The Data page for three cameras and more: their files, and one table of points or photographs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import cycle
 
 import pandas as pd
 import streamlit as st
 
+from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import TABLES
 from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import pack_recording, parse_recording
+from stereocal.formats.recording_files import POINTS, pack_recording, parse_recording, write_points
+from stereocal.frames import several
 from stereocal.frames.pairing import natural
+from stereocal.frames.search import STAGES, pack_detection, unpack_detection
+from stereocal.intrinsics.files import pack_board, unpack_board
+from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
 from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
-from stereocal.ui import jobs
-from stereocal.ui.fields import Fit, Number, setting
-from stereocal.ui.foreign import ask
-from stereocal.ui.intake import CAMERA_KINDS, Upload, escape_markdown, take_new
+from stereocal.system.records import plain
+from stereocal.ui import intake, jobs
+from stereocal.ui.boards import held_board, press_search
+from stereocal.ui.fields import Number, setting
+from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import project_to_write
 from stereocal.ui.rig import work_of
-from stereocal.ui.several_photographs import photographs_of_all
-from stereocal.ui.texts import escaped_table
+from stereocal.ui.texts import escape_markdown, escaped_table
+from stereocal.ui.wizard import Questions
 
 FILES = "Camera files of all cameras, and one table of points or photographs"
 HELP = (
@@ -39,20 +49,15 @@ HELP = (
     "of Argus, easyWand or DLTdv; with camera files only, photographs are asked for. With a "
     "`dataset.json`, nothing is asked."
 )
-_ROUND = "several_round"
+FOUND_BY, UNUSED = "several_found_by", "several_unused"
+_LOOKED = "several_photographs_looked"
 GATHERED: Latest[EveryCamera] = Latest(8)
 
 
 def several_in(project: Project | None) -> None:
     """The uploader, the questions, what was read, and the press."""
-    uploads = st.file_uploader(
-        FILES,
-        type=[*CAMERA_KINDS, "csv", "txt"],
-        accept_multiple_files=True,
-        key=f"upload_several_{st.session_state.setdefault(_ROUND, 0)}",
-        help=HELP,
-    )
-    _take(uploads)
+    kinds = [*intake.CAMERA_KINDS, "csv", "txt"]
+    intake.emptied_uploader(FILES, kinds, "upload_several", _take_parts, text=HELP)
     store = None if project is None else ProjectRecording(project)
     if store is None or not store.parts:
         return
@@ -60,10 +65,14 @@ def several_in(project: Project | None) -> None:
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
     options = ExchangeOptions()
     if DESCRIPTION not in parts:
-        options = _questions(store.project)
+        asked = Questions(store.project, "several_{}")
+        with st.expander("Say what the files do not, or have wrong"):
+            left, right = st.columns(2)
+            lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
+        options = ExchangeOptions(lens_model=lens_model, corner=corner)
         files = {name: part for name, part in parts.items() if not name.lower().endswith(TABLES)}
-        cameras = readable(lambda: _cameras(files, options), told=False) or {}
-        given = len(cameras) > 2 and photographs_of_all(store.project, cameras)
+        cameras = readable(lambda: cameras_in(_contents(files), options), told=False) or {}
+        given = len(cameras) > 2 and _photographs_of_all(store.project, cameras)
         if given and len(files) == len(store.parts):
             return  # the table is still to be made from them
     try:
@@ -72,21 +81,13 @@ def several_in(project: Project | None) -> None:
         st.warning(escape_markdown(str(error)))
         return
     _show(found)
-    st.button(
-        "Calibrate all",
-        type="primary",
-        key="several_run",
-        on_click=_calibrate,
-        args=(store, found.recording),
-    )
+    calibrate = partial(_calibrate, store, found.recording)
+    st.button("Calibrate all", type="primary", key="several_run", on_click=calibrate)
 
 
-def _take(uploads: Sequence[Upload]) -> None:
-    def take(files: dict[str, bytes]) -> None:
-        ProjectRecording(project_to_write()).add_parts(files)
-        st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1  # empties the uploader
-
-    take_new(uploads, take)
+def _take_parts(uploads: Sequence[intake.Upload]) -> None:
+    files = {upload.name: upload.getvalue() for upload in uploads}
+    ProjectRecording(project_to_write()).add_parts(files)
 
 
 def _show_files(store: ProjectRecording) -> None:
@@ -104,17 +105,12 @@ def _show_files(store: ProjectRecording) -> None:
     for name in store.replaced:
         text, button = st.columns([6, 2], vertical_alignment="center")
         text.info(f"{escape_markdown(name)} was replaced.")
-        button.button(
-            "Undo",
-            key=f"undo_{name}",
-            icon=":material/undo:",
-            on_click=callback(store.undo_part),
-            args=(name,),
-        )
+        undo, icon = callback(partial(store.undo_part, name)), ":material/undo:"
+        button.button("Undo", key=f"undo_{name}", icon=icon, on_click=undo)
 
 
-def _cameras(files: dict[str, StoredFile], options: ExchangeOptions) -> dict[str, Camera]:
-    return cameras_in({name: file.read_bytes() for name, file in files.items()}, options)
+def _contents(files: Mapping[str, StoredFile]) -> dict[str, bytes]:
+    return {name: file.read_bytes() for name, file in files.items()}
 
 
 def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptions) -> EveryCamera:
@@ -125,7 +121,7 @@ def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptio
             lengths |= _lengths(project, targets_in(parts[table].read_bytes(), table))
 
     def gathered() -> EveryCamera:
-        files = {each: file.read_bytes() for each, file in parts.items()}
+        files = _contents(parts)
         if DESCRIPTION in files:
             return EveryCamera(parse_recording(files, name), (), ())
         return gather_all(files, options, name, lengths)
@@ -136,33 +132,21 @@ def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptio
 
 def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
     """The places of the targets along the bar that are stated, in metres."""
-    found: dict[str, float] = {}
     if len(targets) < 2:
-        return found
-    for target, column in zip(targets[1:], st.columns(len(targets) - 1), strict=True):
-        field = setting(project, f"several_{target}_m", None, Number(0.0, or_none=True))
-        value = column.number_input(
-            f"{escape_markdown(targets[0])} to {escape_markdown(target)} (m)",
-            min_value=0.0,
-            value=None,
-            step=None,
+        return {}
+    first, *others = targets
+    found = {
+        target: setting(
+            project, f"several_{target}_m", None, Number(0.0, or_none=True)
+        ).number_input(
+            f"{escape_markdown(first)} to {escape_markdown(target)} (m)",
+            column,
             format="%.10g",
             placeholder="measured length, along the bar",
-            **field.widget(),
         )
-        if value:
-            found[target] = value
-    return found
-
-
-def _questions(project: Project) -> ExchangeOptions:
-    def widget(name: str, usual: Any, fit: Fit) -> dict[str, Any]:
-        return setting(project, f"several_{name}", usual, fit).widget()
-
-    with st.expander("Say what the files do not, or have wrong"):
-        left, right = st.columns(2)
-        lens_model, corner = ask(left, "lens_model", widget), ask(right, "corner", widget)
-    return ExchangeOptions(lens_model=lens_model, corner=corner)
+        for target, column in zip(others, st.columns(len(others)), strict=True)
+    }
+    return {target: value for target, value in found.items() if value}
 
 
 def _show(found: EveryCamera) -> None:
@@ -186,3 +170,109 @@ def _calibrate(store: ProjectRecording, recording: Recording) -> None:
     store.give(pack_recording(recording), recording.name)
     jobs.start(work_of(store.project, False))
     go_to("rig")
+
+
+def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool:
+    """The uploaders, one for each camera, and the search; whether there are photographs."""
+    store = ProjectPhotographs(project)
+    folders = several.by_folder(store.photographs, cameras)
+    with st.expander("Photographs of all cameras", expanded=not all(folders.values())):
+        for number, (camera, place) in enumerate(zip(cameras, cycle(st.columns(3)), strict=False)):
+            intake.emptied_uploader(
+                f"{escape_markdown(camera)}: {len(folders[camera]) or 'no'} photographs",
+                intake.PHOTOGRAPH_KINDS,
+                # Of its own for each: others may be receiving files meanwhile.
+                f"upload_of_camera_{number}",
+                partial(_take_photographs, store, camera),
+                place=place,
+                text="Or a zip of them. Name those of one moment alike, apart from the camera.",
+            )
+        if any(folders.values()):
+            clear = callback(store.clear)
+            st.button("Remove all photographs", on_click=clear, key="several_clear")
+    if not any(folders.values()):
+        return False
+    moments = readable(lambda: several.match_names(folders), told=all(folders.values()))
+    if moments is not None:
+        _search(store, cameras, moments)
+    return True
+
+
+def _take_photographs(
+    store: ProjectPhotographs, camera: str, uploads: Sequence[intake.Upload]
+) -> None:
+    intake.take_photographs(intake.photographs_of(uploads, f"{camera}/"), store)
+
+
+def _search(
+    store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: several.Moments
+) -> None:
+    """What is held, the press, and what was not found."""
+    project = store.project
+    pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
+    found_by = project.settings.get(FOUND_BY)
+    files = {name: path.name for name, path in store.photographs.items()}
+    complete = {name for own in moments.values() for name in own} == {*cameras}
+    if complete and st.session_state.get(_LOOKED) != files:
+        with st.spinner("Looking at the first photographs ..."):
+            propose_held(store, pairs)
+        st.session_state[_LOOKED] = files
+    target: Target | BoardPattern | None = ask_what_is_held(store, pairs[0], found_by is not None)
+    entered = True
+    if holds_board(project):
+        pattern, entered = held_board(project)
+        target = pattern
+    about = {
+        "photographs": [
+            {"frame": k, **{c: files[n] for c, n in own.items()}} for k, own in moments.items()
+        ],
+        "cameras": {name: camera.to_json() for name, camera in cameras.items()},
+        "target": None if target is None else [type(target).__name__, plain(target)],
+    }
+    stages = (BOARDS_STAGE,) if holds_board(project) else STAGES
+    work = jobs.Work(
+        project,
+        "photographs",
+        stages,
+        about,
+        lambda job: target is not None and _find(store, cameras, moments, target, job),
+    )
+    ready = target is not None and entered
+    press_search(work, "targets", "find_everywhere", found_by is not None, ready)
+    if found_by is None:
+        return
+    if found_by != work.digest:
+        st.warning("The photographs, the cameras or what is held have changed. Find them again.")
+    unused = project.settings.get(UNUSED) or []
+    st.caption(f"{len(moments)} frames. Photographs not used: {len(unused)}.")
+    if unused:
+        with st.expander("Photographs that are not used"):
+            st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
+
+
+def _find(
+    store: ProjectPhotographs,
+    cameras: Mapping[str, Camera],
+    moments: several.Moments,
+    target: Target | BoardPattern,
+    job: jobs.Job,
+) -> bool:
+    """Find the targets and store their table, of boards the whole recording."""
+    project, recording = store.project, ProjectRecording(store.project)
+    photographs = store.photographs
+    control = job.executor, job.begin, job.progress, lambda: job.cancelled
+    if isinstance(target, BoardPattern):
+        boards = job.checkpoints("boards", pack_board, unpack_board)
+        found = boards_everywhere(moments, photographs, cameras, target, *control, boards)
+        if found is not None:
+            whole = replace(found.recording, name=project.inputs.name or "Rig")
+            recording.give(pack_recording(whole), whole.name)
+    else:
+        seen = job.checkpoints("detections", pack_detection, unpack_detection)
+        found = several.find_everywhere(moments, photographs, cameras, target, *control, seen)
+        if found is not None:
+            recording.add_parts({POINTS: write_points(found.recording)})
+    if found is None:
+        return False
+    project.keep_settings({FOUND_BY: job.digest, UNUSED: [*found.unused]})
+    return True

@@ -5,11 +5,12 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import SUFFIXES
@@ -20,10 +21,11 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
-from stereocal.ui.fields import Number, choose, setting, yes_or_no
+from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.holding import propose_held
-from stereocal.ui.intake import Upload, escape_markdown
+from stereocal.ui.intake import Upload
 from stereocal.ui.project import project_to_write
+from stereocal.ui.texts import escape_markdown
 
 CHOICES: dict[Choice, str] = {
     "still": "The sharpest still frame of each second; of short videos 30",
@@ -48,46 +50,29 @@ def show_frames_taken(project: Project) -> None:
 
 def video_settings(project: Project | None) -> VideoSettings:
     """Which frames to take, folded: the defaults serve most videos."""
+
+    def toggle(place: DeltaGenerator, name: str, title: str, text: str) -> bool:
+        own = setting(project, f"video_{name}", True, yes_or_no)
+        return place.toggle(title, help=text, **own.widget())
+
     with st.expander("Frames of videos"):
-        return _settings(project)
-
-
-def _settings(project: Project | None) -> VideoSettings:
-    left, right = st.columns(2, vertical_alignment="bottom")
-    choice = choose(
-        project,
-        "video_choice",
-        "Take",
-        CHOICES,
-        place=left,
-        tabs_own=False,
-        as_menu=True,
-        format_func=CHOICES.__getitem__,
-    )
-    n = 30
-    if choice == "every":
-        n = right.number_input(
-            "n", min_value=1, step=1, **setting(project, "video_n", 30, Number(1)).widget()
+        left, right = st.columns(2, vertical_alignment="bottom")
+        named = CHOICES.__getitem__
+        choice = choose_from_menu(
+            project, "video_choice", "Take", CHOICES, place=left, format_func=named
         )
-    left, right = st.columns(2, vertical_alignment="bottom")
-    together = left.toggle(
-        "Both videos start at the same moment",
-        help="Otherwise their time stamps are compared as the cameras' clocks wrote them.",
-        **setting(project, "video_together", True, yes_or_no).widget(),
-    )
-    later = None
-    if not together:
-        later = right.number_input(
-            "The secondary's clock is ahead by (s)",
-            step=None,
-            format="%.6g",
-            **setting(project, "video_later_s", 0.0, Number(-1e12)).widget(),
-        )
-    coloured = st.toggle(
-        "Keep the colours",
-        help="Balls are told apart by them. Without, the frames are grey, a third of the size.",
-        **setting(project, "video_coloured", True, yes_or_no).widget(),
-    )
+        n = 30
+        if choice == "every":
+            n = setting(project, "video_n", 30, Number(1)).number_input("n", right)
+        left, right = st.columns(2, vertical_alignment="bottom")
+        clocks = "Otherwise their time stamps are compared as the cameras' clocks wrote them."
+        later = None
+        if not toggle(left, "together", "Both videos start at the same moment", clocks):
+            ahead = setting(project, "video_later_s", 0.0, Number(-1e12))
+            title = "The secondary's clock is ahead by (s)"
+            later = ahead.number_input(title, right, format="%.6g")
+        grey = "Balls are told apart by them. Without, the frames are grey, a third of the size."
+        coloured = toggle(st.container(), "coloured", "Keep the colours", grey)
     return VideoSettings(choice, n, later, coloured)
 
 
@@ -99,39 +84,37 @@ def take_videos(uploads: Sequence[Upload], settings: VideoSettings) -> None:
     """
     if find_spec("av") is None:
         raise StereocalError(MISSING)
-    folder = None
-    try:
-        project = project_to_write()
-        if jobs.is_running(project, "video"):
-            raise StereocalError("The frames of other videos are being taken: wait, or cancel.")
-        folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
-        paths = []
-        for which, upload in zip(CAMERAS, uploads, strict=True):
-            suffix = PurePosixPath(upload.name).suffix.lower()
-            paths.append(folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}")
-            paths[-1].write_bytes(upload.getvalue())
-        project.keep_settings({REPORT: None})
-    except (StereocalError, OSError) as error:
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
-        text = str(error) if isinstance(error, StereocalError) else f"{error.strerror or error}."
-        raise StereocalError(text) from error
-    about: dict[str, Any] = {
-        "videos": [[upload.name, upload.size] for upload in uploads],
-        "settings": [settings.choice, settings.n, settings.later_s, settings.coloured],
-    }
-    first, second = paths
-
-    def run(job: jobs.Job) -> bool:
+    project = project_to_write()
+    if jobs.is_running(project, "video"):
+        raise StereocalError("The frames of other videos are being taken: wait, or cancel.")
+    with ExitStack() as undo:
         try:
-            return _take(project, (first, second), settings, job)
-        finally:
-            shutil.rmtree(first.parent, ignore_errors=True)
+            folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
+            undo.callback(shutil.rmtree, folder, ignore_errors=True)
+            paths = []
+            for which, upload in zip(CAMERAS, uploads, strict=True):
+                suffix = PurePosixPath(upload.name).suffix.lower()
+                paths.append(folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}")
+                paths[-1].write_bytes(upload.getvalue())
+        except OSError as error:
+            raise StereocalError(f"{error.strerror or error}.") from error
+        project.keep_settings({REPORT: None})
+        about = {
+            "videos": [[upload.name, upload.size] for upload in uploads],
+            "settings": [settings.choice, settings.n, settings.later_s, settings.coloured],
+        }
+        first, second = paths
 
-    jobs.start(jobs.Work(project, "video", STAGES, about, run))
-    job = jobs.job_of(project, "video")
-    if job is None or job.state == "failed":  # it may not have been started
-        shutil.rmtree(folder, ignore_errors=True)
+        def run(job: jobs.Job) -> bool:
+            try:
+                return _take(project, (first, second), settings, job)
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
+
+        jobs.start(jobs.Work(project, "video", STAGES, about, run))
+        job = jobs.job_of(project, "video")
+        if job is not None and job.state != "failed":  # else it may not have been started
+            undo.pop_all()
 
 
 def _take(

@@ -26,26 +26,16 @@ _LOG = logging.getLogger(__name__)
 class WarmUp:
     """Progress of the compilation. Its thread writes; pages only read."""
 
-    def __init__(self) -> None:
-        self.done = 0
-        self.total = 0
-        """0 until a compilation begins: everything may be in the cache."""
-        self.over = False
+    done = 0
+    total = 0
+    """0 until a compilation begins: everything may be in the cache."""
+    over = False
 
-    @property
-    def compiling(self) -> bool:
-        """Whether something is being compiled."""
-        return self.total > 0 and not self.over
-
-    @property
-    def share(self) -> float:
-        """Fraction of the functions compiled."""
-        return self.done / max(self.total, 1)
-
-    @property
-    def sentence(self) -> str:
-        """The progress in words."""
-        return f"Compiling once: {self.done} of {self.total} functions"
+    def show(self, bar: DeltaGenerator) -> None:
+        """The progress, if something is being compiled."""
+        if self.total and not self.over:
+            said = f"Compiling once: {self.done} of {self.total} functions"
+            bar.progress(self.done / self.total, said)
 
     def run(self) -> None:
         """Delete old projects, compile, and delete old projects every hour."""
@@ -88,7 +78,7 @@ def compiling_shown(place: DeltaGenerator) -> Iterator[None]:
 
     def show() -> None:
         while not drawn.is_set() and not warm_up().over:
-            _show(bar)
+            warm_up().show(bar)
             drawn.wait(LOOK_EVERY_S)
         bar.empty()
 
@@ -108,12 +98,7 @@ def _show_when(drawn: threading.Event) -> None:
         st.rerun()
     bar = st.empty()  # in place of the bar of the page before
     if drawn.is_set():
-        _show(bar)
-
-
-def _show(bar: DeltaGenerator) -> None:
-    if warm_up().compiling:
-        bar.progress(warm_up().share, warm_up().sentence)
+        warm_up().show(bar)
 
 
 def _sweep() -> None:

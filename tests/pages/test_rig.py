@@ -17,7 +17,7 @@ from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.simulation.several import simulated_rig
-from stereocal.ui.samples import RIG, three_cameras
+from stereocal.ui.start import RIG, three_cameras
 from tests.pages.stored_projects import ROOT, SLOW, go, session, told
 from tests.pages.waiting import wait_until
 from tests.projects.test_recording import rig_text

@@ -21,7 +21,7 @@ from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.page_states import page_states
-from stereocal.ui.samples import RIG, three_cameras
+from stereocal.ui.start import RIG, three_cameras
 
 
 def given() -> dict[str, bytes]:
