@@ -119,8 +119,13 @@ def test_matlab_stereo_parameters() -> None:
     del newer["RotationOfCamera2"], newer["TranslationOfCamera2"]
     pose = np.vstack([np.column_stack([RIG.R, RIG.T]), [0, 0, 0, 1]])
     newer["PoseCamera2"] = {"Dimensionality": 3.0, "A": np.linalg.inv(pose)}
+    newer["RotationOfCamera2"], newer["WorldUnits"] = np.zeros((0, 0)), np.zeros((0, 0))
     found = gather({"stereo.mat": mat({"s": newer}), "wand.csv": wand_csv()}, USUAL)
     assert found.baseline_m == pytest.approx(BASELINE_M)
+    del newer["PoseCamera2"]
+    assert gather({"stereo.mat": mat({"s": newer})}, USUAL).baseline_m is None
+    with pytest.raises(StereocalError, match="neither RotationOfCamera2 nor PoseCamera2"):
+        import_files({"stereo.mat": mat({"s": newer})}, "matlab")
 
 
 @pytest.mark.parametrize("name", ["kalibr", "ros", "opencv", "matlab", "aniposelib"])

@@ -139,7 +139,7 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
                 for k, part in enumerate(PARTS)
             )
             stated = [part.get("WorldUnits") for part in (fields, *(fields[p] for p in PARTS))]
-            known = {WORLD_UNITS[each] for each in stated if each in WORLD_UNITS}
+            known = {WORLD_UNITS[u] for u in stated if isinstance(u, str) and u in WORLD_UNITS}
             return CameraPair(
                 primary,
                 secondary,
@@ -180,7 +180,8 @@ def _camera(fields: Fields, options: ExchangeOptions, k: int, source: str) -> Ca
     tangential = np.zeros(2)
     if "TangentialDistortion" in fields:
         tangential = _required(fields, "TangentialDistortion", (2,), source)
-    size = _required(fields, "ImageSize", (2,), source)[::-1] if "ImageSize" in fields else None
+    size = numbers_of(fields, "ImageSize", source)
+    size = None if size is None else size.ravel()[::-1]
     lens = np.concatenate([radial[:2], tangential, radial[2:]])
     return camera_of(_matrix(fields, source), lens, size, False, options, k, source)
 
@@ -199,11 +200,13 @@ def _matrix(fields: Fields, source: str) -> FloatArray:
 
 def _pose(fields: Fields, source: str) -> Pose | None:
     """RotationOfCamera2 is R transposed; PoseCamera2 is the pose's inverse, its matrix in A."""
-    if fields.get("RotationOfCamera2") is not None:
+    if numbers_of(fields, "RotationOfCamera2", source) is not None:
         R = _required(fields, "RotationOfCamera2", (3, 3), source).T
         return pose_of(R, _required(fields, "TranslationOfCamera2", (3,), source), source)
     pose: Any = fields.get("PoseCamera2")
-    A = numbers_of(pose if isinstance(pose, Mapping) else {"A": pose}, "A", source)
+    A = None
+    if pose is not None:
+        A = numbers_of(pose if isinstance(pose, Mapping) else {"A": pose}, "A", source)
     return None if A is None else pose_of(A, None, f"{source}, PoseCamera2").inverse()
 
 
