@@ -141,7 +141,7 @@ def camera_table(rig: RigFile) -> pd.DataFrame:
                 "rotation ±, °": ", ".join(rounded(value) for value in turn),
                 "position ±, mm": ", ".join(rounded(value) for value in shift),
                 "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
-                "image error, px": rounded(errors[name]) if name in errors else "unknown",
+                "image error, px": "unknown" if errors.get(name) is None else rounded(errors[name]),
             }
         )
     return pd.DataFrame(rows).set_index("camera")

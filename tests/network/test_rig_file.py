@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.figures.rig_report import camera_table
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import rig_notes, rig_sentence
@@ -49,6 +50,13 @@ def test_the_file_reads_back(rig: RigCalibration) -> None:
     assert np.array_equal(read.covariance, rig.covariance)
     assert rig_sentence(read) == rig_sentence(written)
     assert read.to_json() | {"created": 0} == written.to_json() | {"created": 0}
+
+
+def test_a_camera_without_points_that_two_others_see_is_in_the_table(rig: RigCalibration) -> None:
+    file = rig_file(rig)
+    unknown = dict.fromkeys(rig.names[:1])
+    file = replace(file, about={**file.about, "image_errors_px": unknown})
+    assert camera_table(file)["image error, px"].tolist() == ["unknown"] * 3
 
 
 def test_damaged_files_are_refused(rig: RigCalibration) -> None:
