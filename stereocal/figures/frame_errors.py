@@ -134,7 +134,7 @@ def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
 def _frame_title(panels: tuple[FramePanel, FramePanel]) -> str:
     """The title of the frame axis, with notes on values that are not drawn."""
     notes = missing(panels)
-    most = len(panels[0].frames)
+    most = max(len(panel.frames) for panel in panels)  # a frame may have several known distances
     if most > MOST_DRAWN:
         notes.append(f"of each {-(-most // MOST_DRAWN)} neighbouring frames the worst is drawn")
     for panel in panels:
@@ -145,4 +145,4 @@ def _frame_title(panels: tuple[FramePanel, FramePanel]) -> str:
             least = f"{rounded(panel.lowest, 1)} {panel.unit}"
             notes.append(f"{count(below, panel.title.lower())} below {least} out of view")
     lines = [line for note in notes for line in textwrap.wrap(note[0].upper() + note[1:], 44)]
-    return "<br>".join([f"Frame (n = {most})", *lines])
+    return "<br>".join([f"Frame (n = {len(panels[0].frames)})", *lines])
