@@ -47,9 +47,7 @@ class Case:
 
     def compiled_costs(self, times: int) -> float:
         """`times` evaluations in a compiled loop, as the search does them: no call from Python."""
-        p = self.problem
-        T = self.pose.T.copy()
-        return repeat_cost(p.kind, self.pose.R, T, p.rays, p.reference, p.pixel_scale, times)
+        return repeat_cost(self.problem, self.pose.R, self.pose.T.copy(), times)
 
     def compiled_search(self) -> tuple[float, int]:
         """A whole search: its last cost and the number of evaluations."""
@@ -62,16 +60,9 @@ class Case:
 
 
 @compiled
-def repeat_cost(
-    kind: int,
-    R: FloatArray,
-    T: FloatArray,
-    rays: FloatArray,
-    given: FloatArray,
-    pixel_scale: FloatArray,
-    times: int,
-) -> float:
+def repeat_cost(problem: Problem, R: FloatArray, T: FloatArray, times: int) -> float:
     """Sum of `times` costs; T moves by 1e-9 m each time, so that no evaluation can be left out."""
+    kind, rays, given, pixel_scale = problem
     total = 0.0
     for _ in range(times):
         T[0] += 1e-9

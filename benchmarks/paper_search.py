@@ -83,12 +83,9 @@ def least_sum_of_residuals(rays: FloatArray, start: Pose) -> Pose:
 
 @compiled
 def one_count_search(
-    kind: int,
+    problem: Problem,
     angles: FloatArray,
     baseline: float,
-    rays: FloatArray,
-    reference: FloatArray,
-    pixel_scale: FloatArray,
     rng: np.random.Generator,
     minimum_moves: int,
 ) -> int:
@@ -96,6 +93,7 @@ def one_count_search(
 
     Returns the number of evaluations.
     """
+    kind, rays, reference, pixel_scale = problem
     R, T = np.empty((3, 3)), np.empty(3)
     fill_pose(angles, baseline, R, T)
     best = costs.cost(kind, R, T, rays, reference, pixel_scale)
@@ -125,17 +123,9 @@ def searched(problem: Problem, start: Pose, variant: str, seed: int) -> tuple[Po
     if variant == VARIANTS[0]:
         found = minimise(problem, start, SearchSettings(seed=seed))
         return found.pose, found.evaluations
-    angles = np.array(start.angles)
-    evaluations = one_count_search(
-        problem.kind,
-        angles,
-        start.baseline,
-        problem.rays,
-        problem.reference,
-        problem.pixel_scale,
-        np.random.Generator(np.random.PCG64(seed)),
-        1 if variant == VARIANTS[2] else 20,
-    )
+    angles, rng = np.array(start.angles), np.random.Generator(np.random.PCG64(seed))
+    least = 1 if variant == VARIANTS[2] else 20
+    evaluations = one_count_search(problem, angles, start.baseline, rng, least)
     return Pose.from_angles(Angles(*angles.tolist()), start.baseline), evaluations
 
 

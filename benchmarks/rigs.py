@@ -170,18 +170,10 @@ def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list
 def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera]) -> float:
     """Root mean square distance of the images of the odd frames, px."""
     names = list(scene.cameras)
-    rig = RigFile(
-        dict(zip(names, lenses, strict=True)),
-        dict(zip(names, poses, strict=True)),
-        dict.fromkeys(names, 0.0),
-        np.zeros((EACH * len(names) + 1,) * 2),
-        1.0,
-        {},
-    )
     own = placings_of(rows_where(scene.recording, scene.recording.frame % 2 == 1))
     pixels = own.pixels.reshape(-1, len(names), 2)
     pixels = pixels[np.isfinite(pixels[..., 0]).sum(axis=1) > 1]
-    fitter = ViewFitter(rig)
+    fitter = _fitter(dict(zip(names, lenses, strict=True)), dict(zip(names, poses, strict=True)))
     found = fitter.fit(pixels, fitter.rays(pixels))
     return float(np.sqrt(found.chi_square.sum() / np.isfinite(pixels[..., 0]).sum()))
 
@@ -287,8 +279,7 @@ def _tested(
 ) -> None:
     """Print px of the ends and of the middle marker, and length errors, of the best 98 %."""
     names = list(cameras)
-    covariance = np.zeros((EACH * len(names) + 1,) * 2)
-    fitter = ViewFitter(RigFile(cameras, poses, dict.fromkeys(names, 0.0), covariance, 1.0, {}))
+    fitter = _fitter(cameras, poses)
     _, pixels = images_of(recording)
     pixels = pixels[(np.isfinite(pixels[..., 0]).sum(axis=2) > 2).all(axis=1)]
     flat = pixels.reshape(-1, len(names), 2)
@@ -304,6 +295,11 @@ def _tested(
         np.sqrt(_best(some.ravel()).mean()) for some in (squares[:, [0, -1]], squares[:, 1])
     )
     print(f"{program}: {px:.3f} px, middle {middle:.3f} px, {lengths}, {spent_s:.2f} s")
+
+
+def _fitter(cameras: Mapping[str, Camera], poses: Mapping[str, Pose]) -> ViewFitter:
+    late, covariance = dict.fromkeys(cameras, 0.0), np.zeros((EACH * len(cameras) + 1,) * 2)
+    return ViewFitter(RigFile(cameras, poses, late, covariance, 1.0, {}))
 
 
 def _best(values: FloatArray) -> FloatArray:
