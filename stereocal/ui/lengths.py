@@ -24,7 +24,7 @@ from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.intake import clear_refusal, refuse
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.project import project_to_write
+from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
 
 KEPT_ANSWER = "lengths_in_metres"
@@ -75,7 +75,8 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     key = f"{name}_value"
 
     def read() -> float | None:
-        metres = getattr(project.inputs, name) if project else None
+        own = project or current_project()  # the first number makes the project
+        metres = getattr(own.inputs, name) if own else None
         return None if metres is None else float(f"{metres / words.METRES_PER[kept.value()]:.12g}")
 
     def take(number: float | None, unit: str) -> None:

@@ -106,6 +106,12 @@ def test_bad_row_is_listed_and_can_be_left_out(
     assert "49 pairs of points in 25 frames" in messages(app)
 
 
+def test_the_first_number_and_its_unit_may_come_together(app: AppTest, home: Path) -> None:
+    go(app, "data").number_input(key="baseline_m_value").set_value(300.0)
+    app.selectbox(key="baseline_m_unit").set_value("cm").run()
+    assert project_of(app, home).inputs.baseline_m == 3.0
+
+
 def test_lengths_that_cannot_be_are_said_and_the_old_ones_stay(app: AppTest, home: Path) -> None:
     open_sample(app)
     app.number_input(key="target_distance_m_value").set_value(0.0).run()
