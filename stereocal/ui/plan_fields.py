@@ -291,7 +291,7 @@ def _file(project: Project | None, which: CameraName) -> Field:
 
 def _pose_or_none(value: Any) -> Any:
     try:
-        return value and _pose_of(value) and value
+        return None if value is None else _pose_of(value) and value
     except DAMAGED as error:
         raise ValueError(value) from error
 

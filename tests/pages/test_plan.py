@@ -106,3 +106,10 @@ def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
     said = told(app, "caption")
     assert "The plan expected these median length errors: 2D" in said
     assert percent(found.estimate("refined", "median_error_3d").value) in said
+
+
+def test_a_damaged_stored_pose_is_passed_over(home: Path) -> None:
+    project = placed(FULL, home)
+    project.keep_settings({"plan_stated_pose": {}})
+    app = go(session(project), "plan")
+    assert not app.exception and app.select_slider(key="plan_baseline_m").value == 4.5
