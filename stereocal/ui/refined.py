@@ -28,7 +28,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, Number, one_of, setting, some_of, yes_or_no
+from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
 from stereocal.ui.forms import search_values
 from stereocal.ui.lengths import describe_uncertainties
 from stereocal.ui.messages import readable
@@ -114,7 +114,10 @@ def _noise(project: Project) -> Field:
 
 
 def _free(project: Project) -> Field:
-    return setting(project, "free_distortion", [], some_of(CAMERAS))
+    # In the order of the cameras: settings with another order are others.
+    return setting(
+        project, "free_distortion", [], lambda value: [name for name in CAMERAS if name in value]
+    )
 
 
 @st.cache_resource(show_spinner="Refining.", max_entries=16, hash_funcs=BY_CONTENT)

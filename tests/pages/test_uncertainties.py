@@ -11,7 +11,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.refined import refine_settings
-from tests.pages.stored_projects import again, project_of
+from tests.pages.stored_projects import FULL, again, placed, project_of
 from tests.pages.test_pages import open_sample
 
 ROOT = Path(__file__).parents[2]
@@ -51,3 +51,10 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     assert tab.number_input(key="lens_secondary_focal_percent").value == 0.4
     assert tab.number_input(key="lens_secondary_centre_px").value == 6.0
     assert tab.selectbox(key="lens_primary_known").value == "Not stated"
+
+
+def test_freed_lenses_are_the_same_setting_in_any_order(home: Path) -> None:
+    project = placed(FULL, home)
+    project.keep_settings({"free_distortion": ["secondary", "primary"]})
+    settings = refine_settings(project, read(project))
+    assert settings.free_distortion == ("primary", "secondary")
