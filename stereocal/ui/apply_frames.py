@@ -14,7 +14,7 @@ import streamlit as st
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.measured import TITLES, Colour, describe_points, plot_points
 from stereocal.figures.space import VIEWS
-from stereocal.matching.application import Outcome, answer
+from stereocal.matching.application import Outcome, agreement, answer
 from stereocal.matching.lengths import track_columns, tracks_by, usual_tracks
 from stereocal.matching.pairs import pixels_of
 from stereocal.projects.application import ProjectApplication
@@ -46,6 +46,11 @@ class Tables:
     def answer(self) -> str:
         """What they say."""
         return answer(self.pairs, self.points)
+
+    @cached_property
+    def agreement(self) -> str | None:
+        """How many pairs have the same label in both cameras."""
+        return agreement(self.pairs)
 
     @cached_property
     def tracks(self) -> tuple[list[str], str | None]:

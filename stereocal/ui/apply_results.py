@@ -13,7 +13,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures.measured import HEADINGS, IN_WORLD, describe_lengths, plot_lengths
-from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome
 from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
 from stereocal.matching.reconstruction_files import COORDINATES
 from stereocal.projects.application import USES, ProjectApplication
@@ -25,7 +25,7 @@ from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_frames import Tables, are_own, show_frames
 from stereocal.ui.apply_threshold import OPTIONAL
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import choose, one_of, setting
+from stereocal.ui.fields import choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.refined import PAPERS
@@ -121,7 +121,7 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         return
     left, right = st.columns(2)
     title = "Points are told apart by"
-    way = choose(project, "apply_way", title, ways, place=left, tabs_own=False, as_menu=True)
+    way = choose_from_menu(project, "apply_way", title, ways, place=left)
     known = setting(project, "apply_known", known_m, OPTIONAL).number_input(
         "Known length (m)", right, format="%.6g", placeholder="measured length"
     )
@@ -129,9 +129,8 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
     if way != TWO:
         names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
         left, right = st.columns(2)
-        key, menu = "apply_{}_" + way, {"tabs_own": False, "as_menu": True}
-        first = choose(project, key.format("from"), "From", names, place=left, **menu)
-        second = choose(project, key.format("to"), "To", names, names[1], place=right, **menu)
+        first = choose_from_menu(project, f"apply_from_{way}", "From", names, place=left)
+        second = choose_from_menu(project, f"apply_to_{way}", "To", names, names[1], place=right)
         ends = (first, second)
     if known is None:
         st.info("Give the known length.")
@@ -152,7 +151,7 @@ def _show_tables(tables: Tables) -> None:
 def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | None) -> None:
     """The result in words, and the commands that write the same files, with their input."""
     with st.expander("In words, and on the command line"):
-        agreed = agreement(tables.pairs) if tables else None
+        agreed = tables.agreement if tables else None
         for sentence in (*outcome.sentences, agreed, f"Made with: {outcome.made_with}"):
             if sentence:
                 st.caption(escape_markdown(sentence))
