@@ -163,13 +163,15 @@ class Project:
 
     def leave_out(self, frame: int) -> None:
         """Leave a frame out."""
-        back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
-        self._keep_frames(put_back=back - {frame}, left_out=out | {frame})
+        with self.database.transaction():
+            back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
+            self._keep_frames(put_back=back - {frame}, left_out=out | {frame})
 
     def take_in(self, frame: int) -> None:
         """Use a frame that the user or the screening left out."""
-        back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
-        self._keep_frames(put_back=back | ({frame} - out), left_out=out - {frame})
+        with self.database.transaction():
+            back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
+            self._keep_frames(put_back=back | ({frame} - out), left_out=out - {frame})
 
     def _keep_frames(self, **frames: Iterable[int]) -> None:
         self.database.keep_values(INPUT, {name: sorted(own) for name, own in frames.items()})

@@ -214,7 +214,9 @@ def _try_files(
         clear_refusal()
     except RefusedRowsError as error:
         table = files.get("correspondences") or project_to_write().table
-        assert table is not None  # it has the rows
+        if table is None:  # another tab has just removed it
+            refuse(error)
+            return
         name, content = table
         _offer_rest(
             error, content, lambda rest: _try_files({**files, "correspondences": (name, rest)})
