@@ -207,6 +207,11 @@ def by_hand(pair_of_sets: list[Dataset]) -> list[list[Run]]:
     ]
 
 
+def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
+    with ThreadPoolExecutor(3) as threads:
+        assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
+
+
 def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=spawn) as processes:
