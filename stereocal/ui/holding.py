@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -169,6 +170,7 @@ def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> No
             marks = [] if unfinished else _found(store, file, pair.primary)
             image = readable(lambda: shown_image(file.name, True, file, pair.primary))
             if image is not None:
+                image = replace(image, id=f"colours-{image.id}")  # a view of its own
                 pick(image, marks, label, "pick_colour", False, partial(_take, project, file))
     st.text_input(
         "Colours of A and B",

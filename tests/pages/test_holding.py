@@ -46,7 +46,7 @@ def test_balls_are_stated_and_found(balls: Project) -> None:
     assert isinstance(held_target(balls), Balls)
     assert "Find them again" not in messages(app.run())
     app.segmented_control(key="held").set_value("tags").run()
-    assert "what you said before that you hold" in messages(app)
+    assert "what you said before that you hold" in messages(app) and not app.exception
 
 
 def test_tags_are_stated(balls: Project) -> None:
@@ -56,7 +56,7 @@ def test_tags_are_stated(balls: Project) -> None:
     assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled
     app.text_input(key="held_tags").set_value("4X4_50:3,7").run()
     assert held_target(balls) == Tags("4X4_50", (3, 7))
-    assert not app.button(key="find_targets").disabled
+    assert not app.button(key="find_targets").disabled and not app.exception
 
 
 def test_tags_are_printed_before_there_is_a_project(app: AppTest) -> None:
