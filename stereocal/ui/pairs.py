@@ -102,11 +102,5 @@ def clear(store: ProjectPhotographs) -> None:
 
 
 def forget_table() -> None:
-    forget_base()
+    """Have the editor begin with the stored pairs: a new key takes a new first table."""
     st.session_state[ROUND] += 1
-
-
-def forget_base() -> None:
-    """Discard the editor's first table."""
-    for key in (_BASE, _ROWS):
-        st.session_state.pop(key, None)
