@@ -58,6 +58,7 @@ def several_in(project: Project | None) -> None:
     """The uploader, the questions, what was read, and the press."""
     kinds = [*intake.CAMERA_KINDS, "csv", "txt"]
     intake.emptied_uploader(FILES, kinds, "upload_several", _take_parts, text=HELP)
+    intake.show_refusal()
     store = None if project is None else ProjectRecording(project)
     if store is None or not store.parts:
         return

@@ -122,15 +122,28 @@ def test_an_address_that_is_none(address: str, home: Path) -> None:
     ("variable", "sentence"),
     [("MOST_FILE_MB", "at most 1 MB are read"), ("MOST_FILES", "2 files at once are too many")],
 )
+@pytest.mark.parametrize(
+    ("how", "key", "suffix"),
+    [
+        ("Photographs", "upload_photographs_0", "png"),
+        ("Three cameras and more", "upload_several_0", "json"),
+    ],
+)
 def test_limits_hold_on_the_pages(
-    variable: str, sentence: str, home: Path, monkeypatch: pytest.MonkeyPatch
+    variable: str,
+    sentence: str,
+    how: str,
+    key: str,
+    suffix: str,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv(f"STEREOCAL_{variable}", "1")
     app = go(session(begun(home)), "data")
-    app.segmented_control(key="data_how").set_value("Photographs").run()
-    widget = app.file_uploader(key="upload_photographs_0")
-    for name in ("left1.png", "right1.png"):
-        widget.upload(name, bytes(1_200_000))
+    app.segmented_control(key="data_how").set_value(how).run()
+    widget = app.file_uploader(key=key)
+    for name in ("left1", "right1"):
+        widget.upload(f"{name}.{suffix}", bytes(1_200_000))
     app.run()
     assert not tracebacks(app)
     assert sentence in messages(app).replace("\\", "")
