@@ -1,1 +1,1 @@
-"""Readers and writers, one file per format."""
+"""Readers and writers, a file for one format or several that are alike."""

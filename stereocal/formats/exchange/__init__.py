@@ -1,1 +1,1 @@
-"""One file per other program whose calibrations are read and written."""
+"""Camera files of other programs, read and written."""

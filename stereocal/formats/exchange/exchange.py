@@ -146,7 +146,7 @@ def export_files(
     """The files of a format by name.
 
     Args:
-        rig: two cameras; or any number, of which the first is the reference.
+        rig: as for `export`.
     """
     known = _format(name)
     if not (isinstance(rig, Rig) or known.of_rigs):
@@ -171,7 +171,7 @@ def export(
     A single file is written as `path` itself if that has an ending, as `dlt.csv`.
 
     Args:
-        rig: as for `export_files`.
+        rig: two cameras; or any number, each with its name, lens, and pose from the first.
 
     Returns:
         The written files.

@@ -36,7 +36,7 @@ class ExchangeFormat(CameraFormat):
     of_rigs: bool = False
     """Whether any number of cameras can be written; else `primary` and `secondary`."""
     skew: Literal["kept", "ignored", "refused"] = "kept"
-    """In the file but ignored by the other program, or not in the file."""
+    """Ignored: in the file, but unused by the other program. Refused: the file has no place."""
     fisheye: bool = True
     without_lens: bool = False
     coefficients: int | None = None
