@@ -1,9 +1,8 @@
 """Apply: match points and reconstruct them in 3D."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Apply", "Which points belong together, and where are they?")
 
 import streamlit as st
 
@@ -12,9 +11,6 @@ from stereocal.ui.apply import bring_up_to_date, choose_inputs
 from stereocal.ui.apply_results import show_application
 from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.project import begin_project, current_project
-
-st.title("Apply")
-st.subheader("Which points belong together, and where are they?")
 
 project = current_project()
 if project is None:

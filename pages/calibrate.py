@@ -1,9 +1,8 @@
 """Calibrate: one press to the recommendation and the parameter files."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Calibrate", "What is the pose of the cameras, and which set serves what?")
 
 import streamlit as st
 
@@ -16,9 +15,6 @@ from stereocal.ui.press import press, show_progress, work_of
 from stereocal.ui.refined import answer_when_ready
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
-
-st.title("Calibrate")
-st.subheader("What is the pose of the cameras, and which set serves what?")
 
 came = went_on_to("calibrate")
 project, inputs, dataset = project_with_data()

@@ -1,9 +1,8 @@
 """Lenses: the lens of each camera, from photographs of a board or from a camera file."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Lenses", "How does each camera's lens see, and how well is that known?")
 
 import streamlit as st
 
@@ -13,9 +12,6 @@ from stereocal.ui.lens_results import show_lens
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
-
-st.title("Lenses")
-st.subheader("How does each camera's lens see, and how well is that known?")
 
 project = current_project()
 show_cameras_in_use(project)

@@ -1,9 +1,8 @@
 """Check: has a camera moved since the parameters were found?"""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Check", "Has a camera moved?")
 
 import streamlit as st
 
@@ -11,9 +10,6 @@ from stereocal.projects.application import ProjectCheck
 from stereocal.ui.check import choose_inputs, show_check
 from stereocal.ui.messages import end_here
 from stereocal.ui.project import begin_project, current_project
-
-st.title("Check")
-st.subheader("Has a camera moved?")
 
 project = current_project()
 if project is None:

@@ -1,9 +1,8 @@
 """Data: upload of points, cameras and two lengths."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Data", "Which points did the cameras see, and what did you measure?")
 
 from functools import partial
 
@@ -25,9 +24,6 @@ from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import dataset_download
 from stereocal.ui.several import several_in
 from stereocal.ui.texts import escape_markdown
-
-st.title("Data")
-st.subheader("Which points did the cameras see, and what did you measure?")
 
 project = current_project()
 if project is not None and ProjectRecording(project).is_given:

@@ -1,13 +1,9 @@
 """Help: the documentation of this version."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
-
-import streamlit as st
+page_head("Help")
 
 from stereocal.ui.help import show_help
 
-st.title("Help")
 show_help()

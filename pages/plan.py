@@ -1,9 +1,8 @@
 """Plan: will a rig measure what is needed, before anybody drives to the field?"""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Plan", "Will this rig measure what I need?")
 
 import streamlit as st
 
@@ -11,9 +10,6 @@ from stereocal.ui.intake import show_refusal
 from stereocal.ui.plan import open_plan, show_forecast
 from stereocal.ui.plan_fields import plan_controls
 from stereocal.ui.project import current_project
-
-st.title("Plan")
-st.subheader("Will this rig measure what I need?")
 
 project = current_project()
 with st.expander("Open a saved plan"):

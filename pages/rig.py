@@ -1,9 +1,8 @@
 """Rig: three cameras and more, calibrated together."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Rig", "Do all cameras agree?")
 
 import streamlit as st
 
@@ -11,9 +10,6 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.messages import end_here
 from stereocal.ui.project import current_project
 from stereocal.ui.rig import show_rig_page
-
-st.title("Rig")
-st.subheader("Do all cameras agree?")
 
 project = current_project()
 recording = None if project is None else ProjectRecording(project).read()

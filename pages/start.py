@@ -1,9 +1,8 @@
 """Start: the story on a real recording, data to begin with, recent projects, what you need."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Two cameras, a bar, two lengths")
 
 import streamlit as st
 
@@ -12,7 +11,6 @@ from stereocal.ui.project import forget_project
 from stereocal.ui.projects import show_projects, show_storage
 from stereocal.ui.texts import NEEDED, PURPOSE
 
-st.title("Two cameras, a bar, two lengths")
 st.markdown(PURPOSE)
 start.show_story()
 

@@ -1,9 +1,8 @@
 """Validate: errors of the parameter sets on held-out frames."""
 
-from stereocal.ui.menu import ensure_navigation
+from stereocal.ui.menu import page_head
 
-ensure_navigation()
-
+page_head("Validate", "How often would a wrong pair be accepted, and how far off is a length?")
 
 import streamlit as st
 
@@ -12,9 +11,6 @@ from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import bring_up_to_date, choose_data, choose_protocol, without_refined
 from stereocal.ui.validation_results import show_evaluation, with_refined
-
-st.title("Validate")
-st.subheader("How often would a wrong pair be accepted, and how far off is a length?")
 
 project, _, own = project_with_data()
 with ErrorsShown(end=True):

@@ -57,8 +57,8 @@ def show_menu() -> StreamlitPage:
     return st.navigation(sections, expanded=True)
 
 
-def ensure_navigation() -> None:
-    """Run `app.py` instead, if Streamlit has started a page by itself.
+def page_head(title: str, question: str = "") -> None:
+    """The head of a page; but `app.py` runs instead if Streamlit has started the page by itself.
 
     If the first request to a new server is for a bookmarked page, Streamlit runs that file of
     `pages/` alone. One call of `st.navigation` ends that mode.
@@ -66,6 +66,9 @@ def ensure_navigation() -> None:
     if _DRAWN not in st.session_state:
         show_menu()
         st.rerun()
+    st.title(title)
+    if question:
+        st.subheader(question)
 
 
 def _page(name: str, title: str, state: PageState | None, hidden: bool = False) -> StreamlitPage:

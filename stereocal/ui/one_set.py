@@ -27,10 +27,13 @@ from stereocal.ui import jobs, refined
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import escape_markdown
-from stereocal.ui.messages import fragment
+from stereocal.ui.forms import form_values, staleness
+from stereocal.ui.messages import end_here, fragment, readable
 from stereocal.ui.parameter_files import PURPOSES
+from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.results import show_recommendation
+from stereocal.ui.screening import is_long, screenings_of
+from stereocal.ui.texts import ONE_SET, escape_markdown
 from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.in_words import digits, left_out_line, percent
 from stereocal.verdict.tradeoff import costs_of
@@ -43,8 +46,56 @@ MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
 
 
-def show_verdict(answer: Answer) -> None:
-    """The recommendation, the figures behind it, and what would help."""
+def show_page() -> None:
+    """What the data and the form give now, calibrated or not."""
+    project, _, dataset = project_with_data()
+    with st.expander("What the refined set is, and what it may change"):
+        st.markdown(ONE_SET)
+        settings = refined.refine_form(project, dataset)
+    protocol = kept_protocol(project, [dataset])
+    calibration = readable(lambda: project.calibration)
+    current, answer = calibration, None
+    stale = calibration and staleness(calibration, dataset, form_values(project, dataset))
+    if stale:
+        st.warning(f"{stale} This page already shows what the data and the form now give.")
+        current = None
+    if current is not None:
+        answer = refined.answer_when_ready(project, current)
+    calibrated_now = answer is not None
+    if answer is None and (current is not None or is_long(dataset)):
+        if current is None:
+            st.info("For a recording this long, press Calibrate first.")
+            st.page_link("pages/calibrate.py", label="Calibrate")
+        refined.wait_for_answer(project)
+        end_here()
+    (screening,) = screenings_of([dataset], protocol.calibration, current)
+    kept = screening.dataset
+    result = answer.calibration.refined if answer else None
+    if result is None or (current is not None and len(current.held_out_frames)):
+        result = refined.refined_of(kept, settings)
+    if answer is None:
+        found = replace(refined.calibrated(dataset, protocol.calibration), refined=result)
+        answer = refined.answer_for(found, settings, None)
+    _show_verdict(answer)
+    place = st.container()
+    _show_download(project, answer, calibrated_now)
+    st.header("What disagrees", divider="gray")
+    _show_disagreement(answer.inputs)
+    _show_frames_left_out(screening, result)
+    views = {
+        "Matching against measuring": lambda: _show_trade_off(
+            project, kept, result, settings, calibration
+        ),
+        "How accurate, where": lambda: _show_accuracy(project, result, kept, settings),
+        "Residuals by place": lambda: _show_misfit(kept, settings),
+        "The refined set": lambda: _show_parameters(result),
+    }
+    views[choose(project, "one_set_view", "Look at", views)]()
+    with place:  # last, because the trials take the processor from the rest of the page
+        _show_seeds(answer)
+
+
+def _show_verdict(answer: Answer) -> None:
     show_recommendation(answer)
     outlook = answer.outlook
     if outlook is None:
@@ -54,13 +105,11 @@ def show_verdict(answer: Answer) -> None:
     st.caption(escape_markdown("\n\n".join(filter(None, lines))))
 
 
-def show_disagreement(inputs: list[Input]) -> None:
-    """Which input values the images contradict."""
+def _show_disagreement(inputs: list[Input]) -> None:
     accused = [item for item in inputs if item.accused]
     for item in accused:
         st.warning(escape_markdown(item.advice))
-    unknown = undetectable_errors(inputs)
-    if unknown:
+    if unknown := undetectable_errors(inputs):
         st.info(escape_markdown(unknown))
         st.page_link("pages/data.py", label="State it on the Data page")
     elif inputs and not accused:
@@ -77,12 +126,11 @@ def show_disagreement(inputs: list[Input]) -> None:
             )
 
 
-def show_seeds(answer: Answer) -> None:
+def _show_seeds(answer: Answer) -> None:
     """Whether another seed would change which files to use, tried beside the page."""
-    outlook = answer.outlook
+    found, outlook = answer.calibration, answer.outlook
     if outlook is None:
         return
-    found = answer.calibration
     tried = _SEEDS.once(
         refined.key_of(found), lambda: jobs.pool().submit(conclusions_of_seeds, found, outlook)
     )
@@ -99,8 +147,7 @@ def _wait_for_seeds(tried: Future[str]) -> None:
     st.caption("Trying other seeds of the search.")
 
 
-def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
-    """The frames that contradict the others, and those that only the refined set left out."""
+def _show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
     if screening.left_out:
         st.warning(escape_markdown(left_out_line(screening)))
     left_out = result.outlying_frames
@@ -109,6 +156,7 @@ def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
     if not left_out:
         st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
         return
+    # Those that only the refined set left out.
     named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
     more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
     st.warning(
@@ -119,14 +167,13 @@ def show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
 
 
 @fragment
-def show_trade_off(
+def _show_trade_off(
     project: Project,
     dataset: Dataset,
     result: RefinedResult,
     settings: RefineSettings,
     calibration: Calibration | None,
 ) -> None:
-    """The trade-off curve with all methods, and one point of it to inspect and download."""
     curves = refined.curves_when_ready(project, dataset, settings)
     if curves is None:
         return
@@ -160,10 +207,9 @@ def show_trade_off(
     offer("Download the slider's point", own.dumps(), name, "download_point")
 
 
-def show_accuracy(
+def _show_accuracy(
     project: Project, result: RefinedResult, dataset: Dataset, settings: RefineSettings
 ) -> None:
-    """Maps of the rig's accuracy."""
     kinds: dict[str, accuracy.Quantity] = {"a distance": "distance", "a point": "point"}
     quantity = kinds[choose(project, "accuracy_of", "Predicted error of", kinds)]
     maps = refined.maps_of(dataset, settings)
@@ -171,19 +217,15 @@ def show_accuracy(
     show_figure(accuracy.plot_accuracy(maps, result, quantity), words, "accuracy")
 
 
-def show_misfit(dataset: Dataset, settings: RefineSettings) -> None:
+def _show_misfit(dataset: Dataset, settings: RefineSettings) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
     found = refined.misfit_for(dataset, settings)
     wide, narrow = (residual_field.plot_misfit(found, small) for small in (False, True))
     show_figure(wide, residual_field.describe_misfit(found), "misfit", narrow=narrow)
 
 
-def show_download(project: Project, answer: Answer, calibrated_now: bool) -> None:
-    """The refined set's file, and what to use it for.
-
-    Args:
-        calibrated_now: whether the answer is of the last calibration, and its threshold final.
-    """
+def _show_download(project: Project, answer: Answer, calibrated_now: bool) -> None:
+    """`calibrated_now`: the answer is of the last calibration, and its threshold final."""
     name = "parameters_refined.json"
     with st.container(horizontal=True, vertical_alignment="center"):
         offer(
@@ -203,8 +245,7 @@ def show_download(project: Project, answer: Answer, calibrated_now: bool) -> Non
             )
 
 
-def show_parameters(result: RefinedResult) -> None:
-    """The refined set as a table."""
+def _show_parameters(result: RefinedResult) -> None:
     st.table(tables.refined_table(result))
     st.caption(
         f"Noise of an image point {digits(result.sigma_px.value)} px "
