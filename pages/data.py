@@ -13,7 +13,6 @@ from stereocal.figures.tables import contents_table
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui import lengths
 from stereocal.ui.archives import single_files
-from stereocal.ui.closer_looks import COVERAGE, open_clicked_frame
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import SEVERAL, show_refusal, take_dataset
@@ -21,7 +20,7 @@ from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project
-from stereocal.ui.results import dataset_download
+from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
 from stereocal.ui.several import several_in
 from stereocal.ui.texts import escape_markdown
 

@@ -31,17 +31,17 @@ from stereocal.projects.application import (
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.apply import GIVEN, RESULTS, sets_kind
 from stereocal.ui.apply_threshold import ask_noise, noise_field
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import show_refusal, take_one
 from stereocal.ui.messages import readable
-from stereocal.ui.refined import answer_when_ready, wait_for_answer
+from stereocal.ui.parameter_files import Source
 from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
+TITLE = "New bars or matched points"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
@@ -58,22 +58,37 @@ class Chosen:
     smallest: Smallest
 
 
-def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
+def choose_inputs(project: Project) -> Chosen | None:
     """The inputs in one row, with uploaders for files; None if something is missing."""
+    store, source = ProjectCheck(project), Source(project, "check_parameters")
     left, middle, *sizes = st.columns([3, 3, 2, 2])
     with left:
-        found = _choose_parameters(project, store)
+        found = _choose_parameters(source, store)
     with middle:
-        given = _choose_images(project, store)
+        kind = _images_kind(project, store)
+        given = _choose_images(project, store, kind)
         noise = st.container()
     smallest = _smallest(project, *sizes)
-    _take_files(project, store, None if found is None else found[0], found is None or not given)
+    rig = None if found is None else found[0]
+    with st.expander("Parameters and new images from files", expanded=rig is None or not given):
+        if source.asks_for_files():
+            upload = st.file_uploader(
+                "Parameters: parameters_refined.json", type=["json"], key="upload_check_parameters"
+            )
+            take_one(upload, store.keep_parameters)
+        if kind.value() == FILE:
+            upload = st.file_uploader(
+                TITLE,
+                type=["zip", "csv", "txt", "tsv", "parquet"],
+                key="upload_check_images",
+                help="A data set as a zip with dataset.json; or a table of bars like "
+                "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars "
+                "or 50 points are a good start.",
+            )
+            take_one(upload, lambda name, content: store.keep_images(name, content, rig))
     show_refusal()
-    if found is None and _kind(project).value() == RESULTS:
-        wait_for_answer(project)
-    elif found is None:
-        st.info("Still missing: the parameters of the rig.")
-        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
+    if found is None:
+        source.tell_missing("the parameters of the rig")
     if given is None:
         st.info(
             "Still missing: new bars (five are a good start), or matched points without lengths "
@@ -88,12 +103,12 @@ def choose_inputs(project: Project, store: ProjectCheck) -> Chosen | None:
     if not images.bars:
         known = PointNoise(images.stated_px, "columns") if images.stated_px else None
         usual = known or noise_of_calibration(rig) or ""
+        otherwise = (
+            "by the columns that Apply writes, else as exact as the targets of the calibration"
+        )
         with noise:
-            otherwise = (
-                "by the columns that Apply writes, else as exact as the targets of the calibration"
-            )
-            field = noise_field(project, "check_sigma_px")
-            images = images.stating(ask_noise(field, usual, otherwise))
+            stated = ask_noise(noise_field(project, "check_sigma_px"), usual, otherwise)
+        images = images.stating(stated)
     return Chosen(rig, parameters, images, digest, smallest)
 
 
@@ -104,42 +119,37 @@ def _images_kind(project: Project, store: ProjectCheck) -> Field:
     return setting(project, "check_images", usual, one_of(kinds))
 
 
-def _choose_images(project: Project, store: ProjectCheck) -> tuple[str, bytes] | None:
+def _choose_images(project: Project, store: ProjectCheck, kind: Field) -> tuple[str, bytes] | None:
     """Name and content of the new images; None if there are none."""
-    kind, result = _images_kind(project, store), ProjectApplication(project).result
+    result = ProjectApplication(project).result
     if result is not None:
-        st.selectbox("New bars or matched points", [MATCHED, FILE], **kind.widget())
+        st.selectbox(TITLE, [MATCHED, FILE], **kind.widget())
     if result is not None and kind.value() == MATCHED:
         return f"{PAIRS} of Apply", result[1][PAIRS].read_bytes()
-    given = store.file(IMAGES)
-    title = "" if result else "New bars or matched points  \n"
-    st.caption(f"{title}In use: {escape_markdown(given.label) if given else 'none yet'}")
+    return _file_in_use("" if result else TITLE, store, IMAGES)
+
+
+def _file_in_use(title: str, store: ProjectCheck, name: str) -> tuple[str, bytes] | None:
+    given = store.file(name)
+    used = f"In use: {escape_markdown(given.label) if given else 'none yet'}"
+    st.caption(f"{title}  \n{used}" if title else used)
     return None if given is None else (given.label, given.read_bytes())
 
 
-def _kind(project: Project) -> Field:
-    return sets_kind(project, "check_parameters")
-
-
 def _choose_parameters(
-    project: Project, store: ProjectCheck
+    source: Source, store: ProjectCheck
 ) -> tuple[RigParameters, bytes | None] | None:
     """The parameters to check, and their file unless they are the project's."""
-    calibration = readable(lambda: project.calibration)
-    if calibration is not None and _kind(project).value() == RESULTS:
-        answer = answer_when_ready(project, calibration)
-        if answer is None:
-            return None
-        # Of one calibration, the refined set knows the rig best; if it moved, none holds.
-        method: Method = "refined" if "refined" in answer.sets else "2d"
-        st.caption(f"Parameters  \nIn use: this project's {METHOD_NAMES[method].lower()}")
-        return answer.sets[method], None
-    given = store.file(PARAMETERS)
-    st.caption(f"Parameters  \nIn use: {escape_markdown(given.label) if given else 'none yet'}")
-    if given is None:
+    if not source.is_project:
+        given = _file_in_use("Parameters", store, PARAMETERS)
+        return None if given is None else (parameters_in(given[1], given[0]), given[1])
+    answer = source.answer()
+    if answer is None:
         return None
-    content = given.read_bytes()
-    return parameters_in(content, given.label), content
+    # Of one calibration, the refined set knows the rig best; if it moved, none holds.
+    method: Method = "refined" if "refined" in answer.sets else "2d"
+    st.caption(f"Parameters  \nIn use: this project's {METHOD_NAMES[method].lower()}")
+    return answer.sets[method], None
 
 
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
@@ -161,31 +171,6 @@ def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> 
         "Matched points alone do not show it.",
     )
     return Smallest(float(np.radians(turn)), change / 100)
-
-
-def _take_files(
-    project: Project, store: ProjectCheck, rig: RigParameters | None, missing: bool
-) -> None:
-    """Uploaders; folded if nothing is missing."""
-    with st.expander("Parameters and new images from files", expanded=missing):
-        kind = _kind(project)
-        if readable(lambda: project.calibration):
-            st.segmented_control("Parameters", [RESULTS, GIVEN], required=True, **kind.widget())
-        if kind.value() == GIVEN:
-            upload = st.file_uploader(
-                "Parameters: parameters_refined.json", type=["json"], key="upload_check_parameters"
-            )
-            take_one(upload, store.keep_parameters)
-        if _images_kind(project, store).value() == FILE:
-            upload = st.file_uploader(
-                "New bars or matched points",
-                type=["zip", "csv", "txt", "tsv", "parquet"],
-                key="upload_check_images",
-                help="A data set as a zip with dataset.json; or a table of bars like "
-                "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars "
-                "or 50 points are a good start.",
-            )
-            take_one(upload, lambda name, content: store.keep_images(name, content, rig))
 
 
 def show_check(chosen: Chosen) -> None:

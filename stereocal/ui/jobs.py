@@ -25,7 +25,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import ErrorsShown, callback
 from stereocal.ui.refusal import clear_refusal
 from stereocal.ui.texts import escape_markdown
 
@@ -128,12 +128,6 @@ def _cluster(address: str) -> Cluster:
     return cluster(address)
 
 
-def workers() -> Executor:
-    """The executor of jobs: the configured cluster, or the server's own threads."""
-    address = scheduler_of(os.environ)
-    return pool() if address is None else _cluster(address)
-
-
 def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
     """Compute in the pool while a page is drawn, so that sessions add no threads."""
     return pool().submit(function, *arguments, **named).result()
@@ -190,16 +184,17 @@ def start_button(
         clear_refusal()
         start(work)
 
+    disabled = disabled or is_running(work.project, work.kind)
     kind: Literal["primary", "secondary"] = "primary" if primary else "secondary"
-    running = is_running(work.project, work.kind)
-    st.button(label, key=key, type=kind, disabled=disabled or running, on_click=press)
+    st.button(label, key=key, type=kind, disabled=disabled, on_click=press)
 
 
 def _drive(job: Job, run: Callable[[Job], bool]) -> None:
     kept, state = job.kept, "failed"
     assert kept is not None
     try:
-        job.executor = workers()  # in the thread: a cluster may take seconds to answer
+        if address := scheduler_of(os.environ):
+            job.executor = _cluster(address)  # in the thread: it may take seconds to answer
         ended = "done" if run(job) else "cancelled"
         kept.end()
         state = ended
@@ -220,6 +215,27 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
 def on_page(stages: tuple[str, ...]) -> Job:
     """A job that runs while its page is drawn, without checkpoints."""
     return Job(stages, pool())
+
+
+def bring_up_to_date(
+    work: Work, current: bool, short: bool, spinner: str, label: str, key: str, cancelled: str
+) -> None:
+    """Compute short work at once; for long work show a button and progress.
+
+    Args:
+        current: whether its result is there.
+        spinner: what is shown while short work runs.
+        label: of the button, whose key is `key`.
+        cancelled: message for a cancelled job.
+    """
+    if current:
+        discard_finished(work)
+    elif short:
+        with ErrorsShown(), st.spinner(spinner):
+            work.run(on_page(work.stages))
+    elif not (is_running(work.project, work.kind) or can_go_on(work)):
+        start_button(work, label, key)
+    show_job(work.project, work.kind, cancelled, work)
 
 
 def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import streamlit as st
 
@@ -22,10 +22,10 @@ from stereocal.system.latest import read_once
 from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import pack_zip, unzip
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import choose, one_of
+from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.intake import take_new
-from stereocal.ui.messages import ErrorsShown
-from stereocal.ui.refined import PAPERS
+from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.refined import PAPERS, answer_when_ready, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import Questions, ask_about, ask_size
 from stereocal.workflow import Answer
@@ -37,25 +37,64 @@ FILES: dict[Method, tuple[str, str]] = {
 }
 """Name and purpose of each file, the paper's two first."""
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
+RESULTS, GIVEN = "This project's results", "Parameter files"
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
 
 
-def parameter_downloads(answer: Answer) -> None:
-    """A download button for each file; those to use stand out."""
-    to_use = answer.recommendation.use.values()
-    with st.container(horizontal=True):
-        for method, rig in answer.sets.items():
-            name, purpose = FILES[method]
-            content, key = partial(RigParameters.dumps, rig), f"download_{method}"
-            offer(f"{name} · {purpose}", content, name, key, primary=method in to_use)
+@dataclass(frozen=True)
+class Source:
+    """Where a page takes its parameters from: the project's results, if it has any, or files."""
+
+    project: Project
+    key: str
+    """Of the setting."""
+
+    @cached_property
+    def _has_results(self) -> bool:
+        return readable(lambda: self.project.calibration) is not None
+
+    @property
+    def _field(self) -> Field:
+        kinds = [RESULTS, GIVEN] if self._has_results else [GIVEN]
+        return setting(self.project, self.key, kinds[0], one_of(kinds))
+
+    @property
+    def is_project(self) -> bool:
+        """Whether it is the project's results."""
+        return bool(self._field.value() == RESULTS)
+
+    def answer(self) -> Answer | None:
+        """The project's results; None if files are chosen, or while the results are computed."""
+        calibration = self.project.calibration if self.is_project else None
+        return None if calibration is None else answer_when_ready(self.project, calibration)
+
+    def asks_for_files(self) -> bool:
+        """Draw the choice; whether the uploaders are to be drawn."""
+        if self._has_results:
+            kinds, widget = [RESULTS, GIVEN], self._field.widget()
+            st.segmented_control("Parameters", kinds, required=True, **widget)
+        return not self.is_project
+
+    def tell_missing(self, files: str) -> None:
+        """Say which files are missing, or show that the results are being computed."""
+        if self.is_project:
+            wait_for_answer(self.project)
+            return
+        st.info(f"Still missing: {files}.")
+        st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
 
 
-def hold_downloads() -> None:
-    """The buttons before there are files."""
+def parameter_downloads(answer: Answer | None) -> None:
+    """A download button for each file; those to use stand out. None: buttons without files yet."""
     with st.container(horizontal=True):
         for method, (name, purpose) in FILES.items():
-            label, key = f"{name} · {purpose}", f"no_download_{method}"
-            st.button(label, disabled=True, icon=":material/download:", key=key)
+            label = f"{name} · {purpose}"
+            if answer is None:
+                key = f"no_download_{method}"
+                st.button(label, disabled=True, icon=":material/download:", key=key)
+            elif method in answer.sets:
+                content, to_use = answer.sets[method].dumps, answer.recommendation.use.values()
+                offer(label, content, name, f"download_{method}", primary=method in to_use)
 
 
 def other_formats(project: Project, answer: Answer) -> None:

@@ -4,27 +4,37 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.holding import holds_board
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import has_photographs
-from stereocal.ui.project import current_project
+from stereocal.ui.project import begin_project, current_project
 
 
 def missing_of(project: Project) -> str:
     """What a project still lacks for a calibration, in Markdown."""
-    instead = {}
-    if has_photographs(project) and holds_board(project):
+    missing = ", ".join(project.inputs.missing)
+    if not has_photographs(project):
+        return missing
+    if holds_board(project):
         return "the boards in the photographs (press *Find the boards*)"
-    if has_photographs(project):
-        instead["the table of points"] = "the targets in the photographs (press *Find the targets*)"
-    return ", ".join(instead.get(words, words) for words in project.inputs.missing)
+    targets = "the targets in the photographs (press *Find the targets*)"
+    return missing.replace("the table of points", targets)
+
+
+def project_or_begin(needs: str, key: str) -> Project:
+    """The current project; without one, the page says what it needs, and stops."""
+    project = current_project()
+    if project is None:
+        st.info(f"Before this page can answer, it needs {needs}.")
+        st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
+        st.button("I have both as files", on_click=begin_project, key=key)
+        end_here()
+    return project
 
 
 def project_with_data() -> tuple[Project, Inputs, Dataset]:
@@ -33,21 +43,17 @@ def project_with_data() -> tuple[Project, Inputs, Dataset]:
     If an input is missing, the page names it, links to the Data page, and stops.
     """
     project = current_project()
-    try:
-        inputs = project.inputs if project else None
-        dataset = project.dataset_of(inputs) if project and inputs else None
-    except StereocalError as error:
-        st.error(escape_markdown(str(error)))
-        end_here()
+    inputs = project.inputs if project else None
+    dataset = project.dataset_of(inputs) if project and inputs else None
     if project is None or inputs is None or dataset is None:
         if project is not None:
             ask_if_measured(project)
         if project is not None and ProjectRecording(project).is_given:
             st.info("This project holds a recording of several cameras: open a pair of them.")
             st.page_link("pages/rig.py", label="Open a pair on the page Rig")
-            end_here()
-        missing = missing_of(project) if project else "points, cameras and two lengths"
-        st.info(f"Before this page can answer, it needs {missing}.")
-        st.page_link("pages/data.py", label="Give them on the Data page")
+        else:
+            missing = missing_of(project) if project else "points, cameras and two lengths"
+            st.info(f"Before this page can answer, it needs {missing}.")
+            st.page_link("pages/data.py", label="Give them on the Data page")
         end_here()
     return project, inputs, dataset

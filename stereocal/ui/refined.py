@@ -76,16 +76,16 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
         return refine_settings(project, dataset)
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
+    noise, free = _fields(project)
     st.multiselect(
         "Estimate the distortion of",
         CAMERAS,
         placeholder="no camera: as its file says",
         help="k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders.",
-        **_free(project).widget(),
+        **free.widget(),
     )
     with st.expander("Noise of the images"):
-        told = "0: found from the images."
-        _noise(project).number_input("Noise of an image point, px", help=told)
+        noise.number_input("Noise of an image point, px", help="0: found from the images.")
     return refine_settings(project, dataset)
 
 
@@ -95,27 +95,24 @@ def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
     They hold the uncertainties of the lengths, which a data set's digest does not cover. Those of a
     pair of a rig hold what the rig says.
     """
-    search = search_values(project)
     of_rig = project.settings.get(REFINED)
     if of_rig is not None:
         return RefineSettings.from_json(of_rig)
+    search, (noise, free) = search_values(project), _fields(project)
     return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,
-        sigma_px=_noise(project).value() or None,
-        free_distortion=tuple(_free(project).value()),
+        sigma_px=noise.value() or None,
+        free_distortion=tuple(free.value()),
         time_offset=search["time_offset"],
         time_drift=search["time_drift"],
     )
 
 
-def _noise(project: Project) -> Field:
-    return setting(project, "refine_sigma_px", 0.0, Number(0.0, 1e5))
-
-
-def _free(project: Project) -> Field:
-    # In the order of the cameras: settings with another order are others.
-    return setting(
+def _fields(project: Project) -> tuple[Field, Field]:
+    """The image noise, and the cameras whose distortion is free, in the order of `CAMERAS`."""
+    noise = setting(project, "refine_sigma_px", 0.0, Number(0.0, 1e5))
+    return noise, setting(
         project, "free_distortion", [], lambda value: [name for name in CAMERAS if name in value]
     )
 
@@ -144,13 +141,22 @@ def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
 
 
 def answer_of(project: Project, calibration: Calibration) -> Answer | None:
-    """What the last result of a project tells; None while a job validates it.
-
-    The validation gives the threshold: what is shown or downloaded before would be of another one.
-    """
+    """What the last result of a project tells; None while a job validates it."""
     make = answer_maker(project, calibration)
     with st.spinner("Forecasting."):
         return None if make is None else make()
+
+
+def answer_maker(project: Project, calibration: Calibration) -> Callable[[], Answer] | None:
+    """As `answer_of`, for a download: without a page when it is called.
+
+    The validation gives the threshold: what is shown or downloaded before would be of another one.
+    """
+    if jobs.is_running(project, "calibration"):
+        return None
+    settings = refine_settings(project, calibration.dataset)
+    evaluation = readable(lambda: project.calibration_evaluation)
+    return partial(answer_for, calibration, settings, evaluation)
 
 
 def wait_for_answer(project: Project) -> bool:
@@ -160,15 +166,6 @@ def wait_for_answer(project: Project) -> bool:
     st.info("The calibration is being validated: its files come with their thresholds.")
     jobs.show_job(project, "calibration", "Cancelled: the result has no validation.", None)
     return True
-
-
-def answer_maker(project: Project, calibration: Calibration) -> Callable[[], Answer] | None:
-    """As `answer_of`, for a download: without a page when it is called."""
-    if jobs.is_running(project, "calibration"):
-        return None
-    settings = refine_settings(project, calibration.dataset)
-    evaluation = readable(lambda: project.calibration_evaluation)
-    return partial(answer_for, calibration, settings, evaluation)
 
 
 def answer_for(
@@ -215,19 +212,22 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
         # For One set or two, which shows it: 9 s for 20,000 frames.
         return found.outlook is None or bool(found.outlook.advice)
 
-    digest = None if evaluation is None else evaluation.settings.to_json()
-    about = {**_about(calibration.dataset, settings), "evaluation": digest}
-    work = jobs.Work(project, "answer", ("steps",), about, run)
-    made: Answer | None = _when_made(_answer_key(calibration, settings, evaluation), work)
+    key = _answer_key(calibration, settings, evaluation)
+    made: Answer | None = _when_made(
+        key, jobs.Work(project, "answer", ("steps",), {"key": key}, run)
+    )
     return made
 
 
-def _about(dataset: Dataset, settings: RefineSettings) -> dict[str, Any]:
-    return {"dataset": dataset.sha256, "settings": settings.to_json()}
+def _when_made(key: str, work: jobs.Work, at_once: str = "") -> Any:
+    """What is made already; else its job is started, unless it has failed or was cancelled.
 
-
-def _when_made(key: str, work: jobs.Work) -> Any:
-    """What is made already; else its job is started, unless it has failed or was cancelled."""
+    Args:
+        at_once: what is shown while it is made without a job.
+    """
+    if at_once and _made().get(key) is None:
+        with st.spinner(at_once):
+            work.run(jobs.on_page(work.stages))
     found = _made().get(key)
     if found is not None:
         return found
@@ -280,22 +280,17 @@ def curves_when_ready(
 ) -> TradeOff | None:
     """The trade-off: at once, or for a long recording from a job, as in `answer_when_ready`."""
     key = _key(dataset, settings)
-    found: TradeOff | None
-    if not is_long(dataset):
-        with st.spinner("Tracing the trade-off."):
-            found = _made().once(key, lambda: jobs.compute(trade_off, dataset, settings))
-        return found
 
     def run(job: jobs.Job) -> bool:
-        traced = jobs.compute(
-            trade_off, dataset, settings, progress=job.progress, cancelled=lambda: job.cancelled
-        )
+        how: dict[str, Any] = {"progress": job.progress, "cancelled": lambda: job.cancelled}
+        traced = jobs.compute(trade_off, dataset, settings, **how)
         if traced is not None:
             _made().keep(key, traced)
         return traced is not None
 
-    about = _about(dataset, settings)
-    found = _when_made(key, jobs.Work(project, "trade_off", ("fits",), about, run))
+    work = jobs.Work(project, "trade_off", ("fits",), {"key": key}, run)
+    spinner = "" if is_long(dataset) else "Tracing the trade-off."
+    found: TradeOff | None = _when_made(key, work, spinner)
     return found
 
 

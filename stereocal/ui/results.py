@@ -1,36 +1,53 @@
-"""The result on the Calibrate page: recommendation, figures, downloads, and closer looks."""
+"""The Calibrate page: the result with its downloads, and closer looks at it, one at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
+import numpy as np
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.calibration.methods import METHOD_NAMES
+from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.errors import StereocalError
+from stereocal.figures import two_sets
+from stereocal.figures.frame_errors import plot_frame_errors
+from stereocal.figures.frame_panels import describe_frame_errors
+from stereocal.figures.frame_view import FrameView, views_of
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.space import VIEWS
+from stereocal.figures.tables import angles_table, errors_table, forecast_table
+from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.matching.application import Outcome
 from stereocal.projects.application import ProjectApplication
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui.closer_looks import look_at_frame, show_closer_looks
+from stereocal.ui import chosen_frame
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import choose
-from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import fragment, readable
-from stereocal.ui.parameter_files import FILES, hold_downloads, parameter_downloads
-from stereocal.ui.screening import offer_to_bring_into_step, show_left_out
+from stereocal.ui.fields import Field, choose, one_of, setting
+from stereocal.ui.figure import scroll_to, scrolled_part, show_figure
+from stereocal.ui.forms import describe_settings
+from stereocal.ui.messages import callback, fragment, readable
+from stereocal.ui.navigation import go_to
+from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
+from stereocal.ui.review import look_closely
+from stereocal.ui.screening import offer_to_bring_into_step, rerun_if_changed, show_left_out
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure
 from stereocal.workflow import Answer
 
-KIT = "Paper kit · methods, figures, table, archive"
 TILES = ("Wrong pairs let in", "Length error, median", "Threshold")
+FRAMES = "Errors by frame"
+CHART, OPENED = "frames", "opened_frame"
+COVERAGE = "coverage"
+"""Key of the figure of the Data page."""
 
 
 def show_result(project: Project, result: Calibration, answer: Answer | None) -> None:
@@ -52,16 +69,11 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
     show_left_out(project, found, partial(look_at_frame, project, found))
-    if answer:
-        show_tiles(answer)
-        parameter_downloads(answer)
-        applied = readable(lambda: ProjectApplication(project).result)
-        make = partial(_paper_kit, answer, None if applied is None else applied[0])
-        offer(KIT, make, "paper_kit.zip", "download_kit", icon=":material/article:")
-    else:
-        _hold_places()
+    _show_tiles(answer)
+    parameter_downloads(answer)
+    _offer_kit(project, answer)
     _show_rig(project, found, answer)
-    show_closer_looks(project, found, answer)
+    _show_closer_looks(project, found, answer)
 
 
 def show_recommendation(answer: Answer) -> None:
@@ -76,63 +88,56 @@ def show_recommendation(answer: Answer) -> None:
     (st.success if sound else st.info)("\n\n".join([f"**{first}**", *others]))
 
 
-def show_tiles(answer: Answer) -> None:
-    """Wrong pairs let in, length error, and threshold: forecast and held out."""
-    found, screening = answer.recommendation, answer.calibration.screening
-    match = found.match
-    wrong, lengths, threshold = st.columns(3)
-    held = word_of(answer.calibration.dataset)
-    with wrong:
-        counted = f" of {match.wrong_pairs:,} wrong pairs"
-        _tile(TILES[0], match.wrong_let_in, found.forecast_holds, held, counted)
-    with lengths:
-        _tile(TILES[1], found.measure.length_median, found.forecast_holds, held)
-    with threshold, st.container(border=True):
-        value = match.threshold_px
-        st.metric(TILES[2], "unknown" if value is None else f"{digits(value, 2)} px")
-        source = "from held-out frames" if answer.validation else "forecast"
-        frames = len(answer.calibration.dataset.correspondences.frames)
-        st.caption(
-            f"of {FILES[match.method][0]}, {source}  \n"
-            f"{len(screening.left_out)} of {frames} frames left out"
-        )
-
-
-def _hold_places() -> None:
-    """Empty tiles, so that nothing below moves when they are filled."""
+def _show_tiles(answer: Answer | None) -> None:
+    """Wrong pairs let in, length error, and threshold; empty until there is an answer."""
     for title, column in zip(TILES, st.columns(3), strict=True):
         with column, st.container(border=True):
-            st.metric(title, "…")
-            st.caption("being computed  \n…")
-    hold_downloads()
-    st.button(KIT, disabled=True, icon=":material/article:", key="no_download_kit")
+            value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
+            st.metric(title, value)
+            st.caption(words)
 
 
-def _paper_kit(answer: Answer, applied: Outcome | None) -> bytes:
-    from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
+def _tile(title: str, answer: Answer) -> tuple[str, str]:
+    calibration, match = answer.calibration, answer.recommendation.match
+    if title == TILES[0]:
+        return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
+    if title == TILES[1]:
+        return _expected(answer.recommendation.measure.length_median, answer)
+    value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
+    source = "from held-out frames" if answer.validation else "forecast"
+    left_out = f"{len(calibration.screening.left_out)} of {frames} frames left out"
+    of = f"of {FILES[match.method][0]}, {source}  \n{left_out}"
+    return "unknown" if value is None else f"{digits(value, 2)} px", of
 
-    return paper_kit(answer, applied)
 
-
-def _tile(title: str, figure: Figure, forecast_holds: bool, held: str, counted: str = "") -> None:
-    """One figure, the forecast first if it holds, and beneath it the other."""
+def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, str]:
+    """A figure and its words: the forecast first if it holds, and beneath it the other."""
     ahead, held_out = figure.forecast, figure.held_out
     tested = "not yet" if held_out is None else f"{percent(held_out)} %{counted}"
     if held_out == 0.0 and counted:
         tested = f"none{counted}"
-    with st.container(border=True):
-        if ahead is not None and (forecast_holds or held_out is None):
-            st.metric(title, f"{percent(ahead.value)} %")
-            st.caption(f"expected for similar {held}s ({interval(ahead)} %)  \nheld out: {tested}")
-        elif held_out is not None:
-            st.metric(title, f"{percent(held_out)} %")
-            doubted = (
-                f"  \nforecast, which does not hold: {percent(ahead.value)} %" if ahead else ""
-            )
-            st.caption(f"on held-out frames{doubted}")
-        else:
-            st.metric(title, "unknown")
-            st.caption("no forecast, no held-out frames")
+    if ahead is not None and (answer.recommendation.forecast_holds or held_out is None):
+        of = f"{word_of(answer.calibration.dataset)}s ({interval(ahead)} %)"
+        return f"{percent(ahead.value)} %", f"expected for similar {of}  \nheld out: {tested}"
+    if held_out is None:
+        return "unknown", "no forecast, no held-out frames"
+    doubted = f"  \nforecast, which does not hold: {percent(ahead.value)} %" if ahead else ""
+    return f"{percent(held_out)} %", f"on held-out frames{doubted}"
+
+
+def _offer_kit(project: Project, answer: Answer | None) -> None:
+    label, icon = "Paper kit · methods, figures, table, archive", ":material/article:"
+    if answer is None:
+        st.button(label, disabled=True, icon=icon, key="no_download_kit")
+        return
+    applied = readable(lambda: ProjectApplication(project).result)
+
+    def make() -> bytes:
+        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
+
+        return paper_kit(answer, None if applied is None else applied[0])
+
+    offer(label, make, "paper_kit.zip", "download_kit", icon=icon)
 
 
 def dataset_download(dataset: Dataset) -> None:
@@ -155,3 +160,131 @@ def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> No
     view = choose(project, "rig_view", "Seen from", VIEWS, place=right)
     wide, narrow = (plot_rig(found, method, view, small) for small in (False, True))
     show_figure(wide, describe_rig(found, method), "rig", narrow=narrow)
+
+
+def _view(project: Project) -> Field:
+    return setting(project, "view", FRAMES, one_of(list(LOOKS)), tabs_own=True)
+
+
+@callback
+def look_at_frame(project: Project, calibration: Calibration, frame: int) -> None:
+    """Open a frame (a callback)."""
+    _view(project).set(FRAMES)
+    scroll_to(OPENED)
+    chosen_frame.frame_field(project, calibration).set(frame)
+
+
+@callback
+def open_clicked_frame(project: Project) -> None:
+    """Open the frame of a point of the figure of the Data page: its photographs, or its errors."""
+    frame, calibration = _clicked_frame(COVERAGE, f"{COVERAGE}_narrow"), project.calibration
+    if frame is None:
+        return
+    if chosen_frame.photographed(project):
+        look_closely(ProjectPhotographs(project), frame)
+    elif calibration is not None:
+        look_at_frame(project, calibration, frame)
+        go_to("calibrate")
+    else:
+        raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
+
+
+def _clicked_frame(*charts: str) -> int | None:
+    """The frame of the first point that was clicked in one of these figures."""
+    shown = filter(None, map(st.session_state.get, charts))
+    points = [point for each in shown for point in each["selection"]["points"]]
+    return int(np.ravel(points[0]["customdata"])[0]) if points else None
+
+
+@fragment
+def _show_closer_looks(project: Project, found: Calibration, answer: Answer | None) -> None:
+    """A choice of views; only the chosen one is computed."""
+    rerun_if_changed()
+    shown = _view(project)
+    view = st.segmented_control("Look at", list(LOOKS), required=True, **shown.widget())
+    LOOKS[view](project, found, answer)
+
+
+def _show_frames(project: Project, found: Calibration, answer: Answer | None) -> None:
+    chosen = chosen_frame.frame_field(project, found)
+
+    @callback
+    def clicked() -> None:
+        if (frame := _clicked_frame(CHART)) is not None:
+            chosen.set(frame)
+
+    st.caption("Click on a point to open its frame below.")
+    show_figure(
+        plot_frame_errors(found, chosen.value()),
+        describe_frame_errors(found),
+        CHART,
+        on_select=clicked,
+        selection_mode="points",
+    )
+    with scrolled_part(OPENED):
+        frame = chosen_frame.choose_frame(project, found)
+        views = views_of(found, frame)
+        st.markdown(
+            escape_markdown(f"{chosen_frame.state_of(found, frame)} {_in_words(found, views)}")
+        )
+        method = answer.recommendation.match.method if answer else "2d"
+        _show_images(project, frame, views, method, st.columns(2))
+
+
+def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
+    return as_held(two_sets.describe_two_sets(views), found.dataset)
+
+
+def _show_images(
+    project: Project,
+    frame: int,
+    views: dict[Method, FrameView],
+    method: Method,
+    columns: Sequence[DeltaGenerator],
+) -> None:
+    photographs = chosen_frame.photographs_of(project, frame)
+    for camera, (side, column) in enumerate(zip(CAMERAS, columns, strict=True)):
+        with column:
+            st.markdown(f"**{side.capitalize()}**")
+            figure = two_sets.plot_image(views, method, camera, photographs[camera])
+            words = two_sets.describe_image(views, method, camera)
+            show_figure(figure, words, f"image_{side}", fold=False)
+
+
+def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
+    frame = chosen_frame.choose_frame(project, found)
+    views = views_of(found, frame)
+    methods = list(views)
+    method = choose(
+        project, "two_sets_method", "Set", methods, format_func=METHOD_NAMES.__getitem__
+    )
+    st.markdown(f"**{escape_markdown(_in_words(found, views))}**")
+    *images, space = st.columns(3)
+    _show_images(project, frame, views, method, images)
+    with space:
+        st.markdown("**In space, where the rays pass each other**")
+        words = two_sets.describe_gap(views, method)
+        show_figure(two_sets.plot_gap(views, method), words, "gap", fold=False)
+
+
+def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:
+    if answer is not None and answer.outlook is not None:
+        st.table(forecast_table(answer.outlook.predictive, answer.thresholds_px))
+    else:
+        st.table(errors_table(found))
+    st.table(angles_table(found))
+    made_with = describe_settings(found.settings)
+    st.caption(f"Made with: {made_with}, {len(found.frames)} calibration frames.")
+    if answer is not None:
+        st.markdown("**In the format of another program**")
+        other_formats(project, answer)
+
+
+LOOKS = {
+    FRAMES: _show_frames,
+    "Why two sets": _show_two_sets,
+    "Searches": lambda _project, found, _answer: show_figure(
+        plot_traces(found), describe_traces(found), "traces"
+    ),
+    "Parameters": _show_parameters,
+}

@@ -23,7 +23,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
 from stereocal.ui.intake import escape_markdown, show_refusal, take_one
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.refined import refine_settings, wait_for_answer
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.workflow import usual_frames
@@ -40,6 +40,7 @@ STAGES = ("runs",)
 INSTANT = 120
 """Runs of 25 frames that take under a second, and so are computed as the controls move."""
 Runs = Sequence[Sequence[Run]]
+_read = cache(read_dataset)
 _FITS = KeptFits()
 
 
@@ -49,68 +50,62 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
     kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
     kind = choose(project, "validate_on", "Validate on", kinds, tabs_own=False)
     with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
-        _further(project, more)
+        uploads = st.file_uploader(
+            "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
+        )
+        for upload in uploads:
+            take_one(upload, project.add_dataset)
+        show_refusal()
+        for dataset in more:
+            st.markdown(f"- {escape_markdown(dataset.name)}")
+        if more:
+            st.button("Forget them", on_click=callback(project.drop_datasets), key="drop_more")
     if kind == PAPER:
-        return _nineteen()
+        return [_read(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
     return [own, *more] if kind == ALL else [own]
-
-
-@cache
-def _nineteen() -> list[Dataset]:
-    return [read_dataset(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
 
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The form of the protocol: number of runs and of frames."""
-    runs, frames, (fewest, most) = _protocol_fields(project, datasets)
+    runs, frames, splits, bounds = _protocol_fields(project, datasets)
     left, right = st.columns(2)
     about = ABOUT["runs"]
     left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
     about = ABOUT["calibration_frames"]
-    right.slider(about.title, fewest, most, help=about.help, **frames.widget())
-    about = ABOUT["splits"]
-    st.segmented_control(
-        about.title,
-        SPLITS,
-        format_func=SPLITS.__getitem__,
-        required=True,
-        help=about.help,
-        **_splits(project).widget(),
-    )
+    right.slider(about.title, *bounds, help=about.help, **frames.widget())
+    about, titles = ABOUT["splits"], SPLITS.__getitem__
+    shown = {"required": True, "help": about.help, **splits.widget()}
+    st.segmented_control(about.title, SPLITS, format_func=titles, **shown)
     search_form(project)
     return kept_protocol(project, datasets)
 
 
-def _splits(project: Project) -> Field:
-    return setting(project, "validate_splits", ABOUT["splits"].default, one_of([*SPLITS]))
-
-
 def _protocol_fields(
     project: Project, datasets: Sequence[Dataset]
-) -> tuple[Field, Field, tuple[int, int]]:
-    """Fields of the runs and of the frames to calibrate with, and the bounds of the latter."""
-    counted: Sequence[Dataset] = datasets
+) -> tuple[Field, Field, Field, tuple[int, int]]:
+    """Fields of runs, calibration frames and splits, and the bounds of the frames."""
     if not any(map(is_long, datasets)):
         screenings = screenings_of(datasets, settings_of(search_values(project)))
-        counted = [each.dataset for each in screenings]
-    fewest = min(len(each.correspondences.frames) for each in counted)
+        datasets = [each.dataset for each in screenings]
+    fewest = min(len(each.correspondences.frames) for each in datasets)
     most = max(fewest - 2, 2)
     bounds = min(FEWEST_FRAMES, most), most
     return (
         setting(project, "validate_runs", ABOUT["runs"].default, Number(*RUNS)),
         setting(project, "validate_frames", min(usual_frames(fewest), most), Number(*bounds)),
+        setting(project, "validate_splits", ABOUT["splits"].default, one_of([*SPLITS])),
         bounds,
     )
 
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The protocol in the form, also for pages that do not show it."""
-    runs, frames, _ = _protocol_fields(project, datasets)
+    runs, frames, splits, _ = _protocol_fields(project, datasets)
     own = refine_settings(project, datasets[0])
     if len(datasets) > 1:
         own = RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift)
-    search, splits = settings_of(search_values(project)), _splits(project).value()
-    return EvaluationSettings(search, runs.value(), frames.value(), own, splits)
+    search = settings_of(search_values(project))
+    return EvaluationSettings(search, runs.value(), frames.value(), own, splits.value())
 
 
 def without_refined(
@@ -140,19 +135,20 @@ def bring_up_to_date(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> None:
     """Compute short work at once; for long work show a button and progress."""
-    work = _work(project, datasets, settings)
-    if is_current(_last(project), datasets, settings):
-        jobs.discard_finished(work)
-    elif _is_short(datasets, settings):
-        with ErrorsShown(), st.spinner("Validating."):
-            _validate(project, datasets, settings, jobs.on_page(STAGES))
-    elif wait_for_answer(project):  # the press on Calibrate ends in a validation
-        return
-    elif not (jobs.is_running(project, "evaluation") or jobs.can_go_on(work)):
-        label = f"Validate ({settings.runs * len(datasets)} runs)"
-        jobs.start_button(work, label, "validate")
-    last = "Cancelled. What is shown is the last finished validation."
-    jobs.show_job(project, "evaluation", last, work)
+    current, short = is_current(_last(project), datasets, settings), _is_short(datasets, settings)
+    if not (current or short) and wait_for_answer(project):
+        return  # the press on Calibrate ends in a validation
+    about = {"datasets": list(map(digests_of, datasets)), "settings": settings.to_json()}
+    run = partial(_validate, project, datasets, settings)
+    jobs.bring_up_to_date(
+        jobs.Work(project, "evaluation", STAGES, about, run),
+        current,
+        short,
+        spinner="Validating.",
+        label=f"Validate ({settings.runs * len(datasets)} runs)",
+        key="validate",
+        cancelled="Cancelled. What is shown is the last finished validation.",
+    )
 
 
 def _is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:
@@ -160,36 +156,27 @@ def _is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool
     return settings.runs * frames / 25 <= INSTANT
 
 
-def _work(project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings) -> jobs.Work:
-    about = {"datasets": list(map(digests_of, datasets)), "settings": settings.to_json()}
-    run = partial(_validate, project, datasets, settings)
-    return jobs.Work(project, "evaluation", STAGES, about, run)
-
-
 def digests_of(dataset: Dataset) -> list[Any]:
     """All of a data set that a validation depends on."""
     return [dataset.sha256, dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
-
-
-def _yield_to_clicks(_done: int, _total: int) -> None:
-    """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
-    st.session_state.get("clicked")
 
 
 def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
     """Evaluate and store the result; False if cancelled."""
-    screenings = screenings_of(
-        datasets, settings.calibration, readable(lambda: project.calibration, told=False)
-    )
-    kept = [screening.dataset for screening in screenings]
+
+    def yield_to_clicks(_done: int, _total: int) -> None:
+        """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
+        st.session_state.get("clicked")
+
+    calibration = readable(lambda: project.calibration, told=False)
+    kept = [each.dataset for each in screenings_of(datasets, settings.calibration, calibration)]
     runs: Runs | None
     if job.kept is None:  # while the page is drawn
-        last = _last(project)
-        own = replace(settings, refined=None)
+        last, own = _last(project), replace(settings, refined=None)
         paper = last.runs if last is not None and is_current(last, datasets, own) else None
-        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, _yield_to_clicks, paper)
+        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, yield_to_clicks, paper)
     else:
         runs = evaluated(kept, settings, job, lambda: job.cancelled)
     return _keep(project, datasets, settings, runs)
@@ -214,19 +201,6 @@ def evaluated(
     """Evaluate in a job; None if cancelled."""
     pieces = job.checkpoints("runs", pack_runs, unpack_runs)
     return evaluate(datasets, settings, job.executor, job.progress, cancelled, pieces=pieces)
-
-
-def _further(project: Project, more: Sequence[Dataset]) -> None:
-    uploads = st.file_uploader(
-        "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
-    )
-    for upload in uploads:
-        take_one(upload, project.add_dataset)
-    show_refusal()
-    for dataset in more:
-        st.markdown(f"- {escape_markdown(dataset.name)}")
-    if more:
-        st.button("Forget them", on_click=callback(project.drop_datasets), key="drop_more")
 
 
 def _last(project: Project) -> Evaluation | None:
