@@ -6,7 +6,7 @@ import bisect
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import pandas as pd
 import streamlit as st
@@ -23,7 +23,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import IntArray
 from stereocal.ui.apply_threshold import whole_table
 from stereocal.ui.chosen_frame import NAME, frames_photographed, photographs_of
-from stereocal.ui.fields import Field, Number, choose, setting
+from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback, fragment
 from stereocal.ui.texts import escape_markdown
@@ -72,20 +72,18 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     frames = _frames(" ".join(outcome.tables), tables)
     frame = _choose_frame(store, outcome, frames)
     of_frame = result.pairs[result.pairs["frame"] == frame]
-    first, second = (pixels_of(table[table["frame"] == frame]) for table in tables)
+    seen = [pixels_of(table[table["frame"] == frame]) for table in tables]
     own = are_own(store, outcome) or set(frames) <= frames_photographed(store.project)
     photographs = photographs_of(store.project, frame) if own else (None, None)
-    sizes = [camera.image_size for camera in (outcome.rig.primary, outcome.rig.secondary)]
     images, space = st.columns(2)
     with images:
-        for side, size, seen, photograph in zip(
-            CAMERAS, sizes, (first, second), photographs, strict=True
-        ):
+        for side, pixels, photograph in zip(CAMERAS, seen, photographs, strict=True):
             st.markdown(f"**{side.capitalize()}**")
+            size = getattr(outcome.rig, side).image_size
             fits = photograph is not None and photograph.shape[::-1] == size
-            figure = plot_matches(of_frame, seen, side, size, photograph if fits else None)
+            figure = plot_matches(of_frame, pixels, side, size, photograph if fits else None)
             st.plotly_chart(figure, key=f"matches_{side}")
-        st.caption(escape_markdown(describe_matches(of_frame, first, second, frame)))
+        st.caption(escape_markdown(describe_matches(of_frame, seen[0], seen[1], frame)))
     with space:
         _show_space(store.project, outcome, result, None if playing else frame)
 
@@ -94,8 +92,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
 def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
     """The frames with points."""
     assert key
-    both = {int(each) for table in _tables for each in table["frame"].unique()}
-    return sorted(both)
+    return sorted({int(each) for table in _tables for each in table["frame"].unique()})
 
 
 def are_own(store: ProjectApplication, outcome: Outcome) -> bool:
@@ -111,50 +108,43 @@ def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]
     key, bounds = "apply_frame", Number(frames[0], frames[-1])
     name = NAME if are_own(store, outcome) else key
     field = setting(store.project, key, frames[0], bounds, name=name, tabs_own=True)
-    if time.monotonic() - st.session_state.get(_PLAYING, float("inf")) > 0.8 * STEP_S:
-        _step(field, frames)
+    playing = _PLAYING in st.session_state
+    if playing and time.monotonic() - st.session_state[_PLAYING] > 0.8 * STEP_S:
+        at = bisect.bisect_right(frames, field.value())
+        if at == len(frames):  # the last one with points
+            _pause()
+            st.rerun()
+        st.session_state[_PLAYING] = time.monotonic()
+        field.show(frames[at])
     slider, buttons = st.columns([3, 2], vertical_alignment="bottom")
     slider.slider("Frame", frames[0], frames[-1], **field.widget())
     frame = int(field.value())
+
+    def play() -> None:
+        st.session_state[_PLAYING] = time.monotonic()
+        if field.value() >= frames[-1]:
+            field.show(frames[0])
+
     after, before = bisect.bisect_right(frames, frame), bisect.bisect_left(frames, frame) - 1
     with buttons, st.container(horizontal=True):
-        for label, key, to in (("Previous", "p", before), ("Next", "n", after)):
+        for label, to in (("Previous", before), ("Next", after)):
             there = 0 <= to < len(frames)
             st.button(
                 label,
                 key=f"apply_{label.lower()}",
-                shortcut=key,
+                shortcut=label[0].lower(),
                 disabled=not there,
-                on_click=callback(field.set),
-                args=(frames[to] if there else None,),
+                on_click=callback(partial(field.set, frames[to] if there else None)),
             )
-        playing = _PLAYING in st.session_state
         st.button(
             "Pause" if playing else "Play",
             key="apply_play",
             width=110,
             shortcut="k",
             icon=":material/pause:" if playing else ":material/play_arrow:",
-            on_click=_pause if playing else _play,
-            args=() if playing else (field, frames),
+            on_click=_pause if playing else play,
         )
     return frame
-
-
-def _step(field: Field, frames: list[int]) -> None:
-    """The next frame with points, in this tab; at the last one the player stops."""
-    at = bisect.bisect_right(frames, field.value())
-    if at == len(frames):
-        _pause()
-        st.rerun()
-    st.session_state[_PLAYING] = time.monotonic()
-    field.show(frames[at])
-
-
-def _play(field: Field, frames: list[int]) -> None:
-    st.session_state[_PLAYING] = time.monotonic()
-    if field.value() >= frames[-1]:
-        field.show(frames[0])
 
 
 def _pause() -> None:
@@ -166,9 +156,8 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
     with st.container(horizontal=True, vertical_alignment="bottom"):
         view = choose(project, "apply_seen_from", "Seen from", VIEWS)
         with st.popover("Colour, lines"):
-            colour: Colour = choose(
-                project, "apply_colour", "Colour", TITLES, format_func=TITLES.__getitem__
-            )
+            titled = TITLES.__getitem__
+            colour: Colour = choose(project, "apply_colour", "Colour", TITLES, format_func=titled)
             title, ways = "Lines connect points of the same", [NOTHING, *columns]
             column: str = choose(
                 project, "apply_tracks", title, ways, usual or NOTHING, as_menu=True

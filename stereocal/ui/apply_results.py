@@ -37,16 +37,29 @@ FIRST_ROWS = 8
 
 
 def show_application(project: Project, store: ProjectApplication, chosen: Chosen | None) -> None:
-    """The last finished result, even if the form has changed since, and closer looks."""
+    """The last finished result, even if the form has changed since, and closer looks.
+
+    One look at a time, or none; only what is shown is computed.
+    """
     work = None if chosen is None else chosen.work
-    result = store.result
-    tables = None
+    result, tables = store.result, None
     if result is not None:
         tables = _show_result(project, store, *result, work)
     elif work is not None:
         st.info("No result yet.")
-    own = result is not None and are_own(store, result[0])
-    _show_looks(project, chosen, tables, project.inputs.target_distance_m if own else None)
+    looks: dict[str, Callable[[], None]] = {}
+    if tables is not None and result is not None:
+        # A length that is known of the points, if they are the bar's.
+        known_m = project.inputs.target_distance_m if are_own(store, result[0]) else None
+        looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
+    if chosen is not None:
+        looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold)
+    if tables is not None:
+        looks["Tables"] = partial(_show_tables, tables)
+    if looks:
+        shown = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
+        if look := st.segmented_control("Look closer", list(looks), **shown.widget()):
+            looks[look]()
     if result is not None:
         _show_words(store, result[0], tables)
 
@@ -58,7 +71,6 @@ def _show_result(
     files: dict[str, StoredFile],
     work: Application | None,
 ) -> Tables | None:
-    """Answer, figures and downloads."""
     if work is None or outcome.digest != work.digest:
         st.warning(
             "The points, the parameters or the threshold have changed since this result. It was "
@@ -83,29 +95,6 @@ def _show_result(
     return tables
 
 
-def _show_looks(
-    project: Project, chosen: Chosen | None, tables: Tables | None, known_m: float | None
-) -> None:
-    """One closer look at a time, or none; only what is shown is computed.
-
-    Args:
-        known_m: a length that is known of the points, if they are the bar's.
-    """
-    looks: dict[str, Callable[[], None]] = {}
-    if tables is not None:
-        looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
-    if chosen is not None:
-        looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold)
-    if tables is not None:
-        looks["Tables"] = partial(_show_tables, tables)
-    if not looks:
-        return
-    shown = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
-    look = st.segmented_control("Look closer", list(looks), **shown.widget())
-    if look is not None:
-        looks[look]()
-
-
 def _download(file: StoredFile, name: str, primary: bool = False) -> None:
     offer(f"Download {name}", file.read_bytes, name, f"download_{name}", primary=primary)
 
@@ -119,6 +108,12 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
             "track's number), or frames with two points."
         )
         return
+
+    def by_number(name: str) -> tuple[float, str]:
+        with suppress(ValueError):
+            return float(name), name
+        return float("inf"), name
+
     left, right = st.columns(2)
     title = "Points are told apart by"
     way = choose_from_menu(project, "apply_way", title, ways, place=left)
@@ -127,7 +122,7 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
     )
     ends = ("", "")
     if way != TWO:
-        names = sorted(points[way].dropna().astype(str).unique(), key=_by_number)
+        names = sorted(points[way].dropna().astype(str).unique(), key=by_number)
         left, right = st.columns(2)
         first = choose_from_menu(project, f"apply_from_{way}", "From", names, place=left)
         second = choose_from_menu(project, f"apply_to_{way}", "To", names, names[1], place=right)
@@ -189,10 +184,3 @@ def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: St
             raise StereocalError(f"{name} of the last result is damaged.")
         tables.append(table)
     return Tables(*tables)
-
-
-def _by_number(name: str) -> tuple[float, str]:
-    try:
-        return float(name), name
-    except ValueError:
-        return float("inf"), name

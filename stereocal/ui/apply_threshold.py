@@ -74,9 +74,7 @@ class ThresholdForm:
     def choose(
         self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
     ) -> tuple[ThresholdChoice | None, float | None]:
-        """The threshold, and the noise of the points as stated, each in a field that is empty where
-        the points decide; below, what the threshold does.
-        """
+        """The threshold, and the noise of the points as stated: fields that may be empty."""
         stated = setting(self.store.project, "apply_threshold", None, OPTIONAL)
         sigma = noise_field(self.store.project, "apply_sigma_px")
         found, why_none = _chosen(self, stated.value(), sigma.value())
@@ -108,7 +106,13 @@ class ThresholdForm:
             if self.rig.matching_threshold_px is not None:
                 own = rounded(self.rig.matching_threshold_px, 3)
                 st.caption(f"For points like the targets: {own} px.")
-            _show_depths(self.store.project)
+            only, *ends = _depth_fields(self.store.project)
+            told = "Where it is known how far away the points are, fewer wrong pairs fit."
+            st.toggle("Only points at some depths", **only.widget(), help=told)
+            if only.value():
+                titles = ("Nearest (m)", "Farthest (m)")
+                for title, field, column in zip(titles, ends, st.columns(2), strict=True):
+                    field.number_input(title, column, format="%.6g")
         with figure:
             threshold = 0.0 if found is None else found.threshold_px
             nearest = jobs.compute(nearest_errors, self.rig, _sampled(self), self.depths)
@@ -125,11 +129,9 @@ def _chosen(
     form: ThresholdForm, threshold: float | None, sigma_px: float | None
 ) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
+    given = (form.rig, _sampled(form), form.depths, sigma_px, threshold)
     try:
-        sample = _sampled(form)
-        return jobs.compute(
-            choose_threshold, form.rig, sample, form.depths, sigma_px, threshold
-        ), ""
+        return jobs.compute(choose_threshold, *given), ""
     except StereocalError as error:
         return None, str(error)
 
@@ -163,16 +165,3 @@ def chosen_depths(project: Project) -> Depths:
 def _depth_fields(project: Project) -> list[Field]:
     only = setting(project, "apply_only_depths", False, yes_or_no)
     return [only, *(setting(project, f"apply_{end}", None, OPTIONAL) for end in ("near", "far"))]
-
-
-def _show_depths(project: Project) -> None:
-    only, *ends = _depth_fields(project)
-    st.toggle(
-        "Only points at some depths",
-        **only.widget(),
-        help="Where it is known how far away the points are, fewer wrong pairs fit.",
-    )
-    if only.value():
-        titles = ("Nearest (m)", "Farthest (m)")
-        for title, field, column in zip(titles, ends, st.columns(2), strict=True):
-            field.number_input(title, column, format="%.6g")

@@ -30,7 +30,7 @@ from stereocal.ui.intake import CAMERA_KINDS, take_new
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import callback
 from stereocal.ui.navigation import go_to
-from stereocal.ui.plan_fields import LONGEST_NAME, ask_if_fisheye, name_field, show_plan
+from stereocal.ui.plan_fields import LONGEST_NAME, ask_if_fisheye, plan_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import open_project
 from stereocal.ui.texts import escape_markdown
@@ -76,30 +76,28 @@ def open_plan(project: Project | None) -> None:
         key="upload_plan",
         accept_multiple_files=True,
     )
-    # All of them: those that are new may be the ones that were missing.
-    take_new(
-        uploads,
-        lambda _: _take_plan(project, {PurePath(one.name).name: one.getvalue() for one in uploads}),
-    )
 
+    def take(_: object) -> None:
+        # All of them: those that are new may be the ones that were missing.
+        files = {PurePath(one.name).name: one.getvalue() for one in uploads}
+        plans = [name for name, content in files.items() if b"stereocal-plan" in content]
+        if len(plans) != 1:
+            raise StereocalError(
+                "One file of a plan (plan.json) is needed, with the camera files that it names; "
+                f"{len(plans)} of these {len(files)} files are plans."
+            )
+        (plan,) = plans
 
-def _take_plan(project: Project | None, files: dict[str, bytes]) -> None:
-    """Show the plan among uploaded files."""
-    plans = [name for name, content in files.items() if b"stereocal-plan" in content]
-    if len(plans) != 1:
-        raise StereocalError(
-            "One file of a plan (plan.json) is needed, with the camera files that it names; "
-            f"{len(plans)} of these {len(files)} files are plans."
+        def beside(name: str) -> bytes:
+            if PurePath(name).name not in files:
+                raise StereocalError(f"{plan} names the camera file {name}: upload it too.")
+            return files[PurePath(name).name]
+
+        ask_if_fisheye(
+            lambda model: show_plan(project, parse_plan(files[plan], plan, beside, model))
         )
 
-    def beside(name: str) -> bytes:
-        if PurePath(name).name not in files:
-            raise StereocalError(f"{plans[0]} names the camera file {name}: upload it too.")
-        return files[PurePath(name).name]
-
-    ask_if_fisheye(
-        lambda model: show_plan(project, parse_plan(files[plans[0]], plans[0], beside, model))
-    )
+    take_new(uploads, take)
 
 
 def show_forecast(project: Project | None, plan: Plan) -> None:
@@ -131,7 +129,21 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         words = figures.describe_plan_baselines(found)
         show_figure(figures.plot_plan_baselines(found), words, "plan_baselines")
     _compare(project, found, others)
-    _buttons(found)
+    with st.container(horizontal=True):
+        st.button(
+            "Start a project from it",
+            type="primary",
+            key="plan_start",
+            on_click=_start_project,
+            args=(found,),
+            help="A new project with these cameras and uncertainties, and with these lengths until "
+            "they are measured. The forecast is then shown beside the result.",
+        )
+        offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
+        offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")
+        report = partial(figures.plan_report, found)
+        offer("Report", report, "report.html", "download_report.html")
+        field_sheet_to_print(plan)
     planned_targets_to_print(project, plan)
     with st.expander("What each file will do, and how this was computed"):
         st.table(plan_table(found))
@@ -140,7 +152,7 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
 
 def _compare(project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]) -> None:
     """Up to three plans side by side."""
-    kept, named = _compared(project), name_field(project)
+    kept, named = _compared(project), plan_field(project, "name")
     texts = [write_plan(other.plan).decode() for other in others]
     own = write_plan(found.plan).decode()
 
@@ -161,12 +173,10 @@ def _compare(project: Project | None, found: PlanForecast, others: Sequence[Plan
             with column, st.container(border=True):
                 _summary(other, other.plan.name)
                 with st.container(horizontal=True):
-                    for label, key, use, given in (
-                        ("Change this one", "show", change, (other.plan, [*rest, own])),
-                        ("Remove", "drop", kept.set, (rest,)),
-                    ):
-                        press = callback(use)
-                        st.button(label, key=f"plan_{key}_{at}", on_click=press, args=given)
+                    show = callback(partial(change, other.plan, [*rest, own]))
+                    st.button("Change this one", key=f"plan_show_{at}", on_click=show)
+                    drop = callback(partial(kept.set, rest))
+                    st.button("Remove", key=f"plan_drop_{at}", on_click=drop)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST_NAME, **named.widget())
         st.button(
@@ -196,29 +206,8 @@ def _compared(project: Project | None) -> Field:
     )
 
 
-def _buttons(found: PlanForecast) -> None:
-    """A project from the plan; the plan, its forecast, the report, and the field sheet."""
-    with st.container(horizontal=True):
-        st.button(
-            "Start a project from it",
-            type="primary",
-            key="plan_start",
-            on_click=start_project,
-            args=(found,),
-            help="A new project with these cameras and uncertainties, and with these lengths until "
-            "they are measured. The forecast is then shown beside the result.",
-        )
-        for label, make, name in (
-            ("Save plan", partial(write_plan, found.plan), "plan.json"),
-            ("Forecast", found.dumps, "forecast.json"),
-            ("Report", partial(figures.plan_report, found), "report.html"),
-        ):
-            offer(label, make, name, f"download_{name}")
-        field_sheet_to_print(found.plan)
-
-
 @callback
-def start_project(found: PlanForecast) -> None:
+def _start_project(found: PlanForecast) -> None:
     """Create a project as the plan states it, and open its Data page (a callback)."""
     project = Project.create(default_home())
     plan, own = found.plan, found.plan.uncertainty

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -27,7 +28,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
-from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_one
 from stereocal.ui.messages import callback
 from stereocal.ui.refusal import ask_lens
@@ -43,10 +44,10 @@ POSITIVE = Number(0.0)
 MM = Number(SMALLEST_MM, LARGEST_MM)
 TOE_IN_DEG = (-10.0, 60.0)
 LONGEST_NAME = 200
-NAME = "plan_name"
 TOE_IN, HIGHER = "Each camera turned in by (°)", "Secondary higher by (m)"
 BAR, NOISE = "Bar: distance of the two targets (m)", "Noise of a target in the image (px)"
 NOISES = "0.1 to 0.3 px for detected targets; 1 px or more for clicked points."
+Stated = Camera | SensorLens
 
 
 @dataclass(frozen=True)
@@ -85,11 +86,51 @@ _NUMBERS = {
     "height_m": _Control("stated_pose.height_difference_m", HIGHER, 0.0, Number(-1000.0, 1000.0)),
 }
 _SENSOR = {
-    "width_mm": ("Sensor width (mm)", 23.5, MM),
-    "height_mm": ("Sensor height (mm)", 15.6, MM),
-    "width_px": ("Image width (px)", 6000, Number(1)),
-    "height_px": ("Image height (px)", 4000, Number(1)),
+    "width_mm": "Sensor width (mm)",
+    "height_mm": "Sensor height (mm)",
+    "width_px": "Image width (px)",
+    "height_px": "Image height (px)",
 }
+
+
+def _pose_or_none(value: Any) -> Any:
+    try:
+        return None if value is None else _pose_of(value) and value
+    except DAMAGED as error:
+        raise ValueError(value) from error
+
+
+def _pose_of(value: Mapping[str, Any]) -> Pose:
+    return Pose(*(np.array(value[key], dtype=np.float64) for key in ("R", "T")))
+
+
+_FIELDS: dict[str, tuple[Any, Fit]] = {
+    **{name: (asked.scale * asked.usual, asked.bounds) for name, asked in _NUMBERS.items()},
+    "name": ("Plan", str),
+    "alike": (True, yes_or_no),
+    "stated_pose": (None, _pose_or_none),  # R and T; None for cameras that are aimed
+    # Of a camera:
+    "camera": (CHOICES[0], one_of(CHOICES)),
+    "file": (None, lambda text: text and str(text)),  # its text
+    "width_mm": (23.5, MM),
+    "height_mm": (15.6, MM),
+    "width_px": (6000, Number(1)),
+    "height_px": (4000, Number(1)),
+}
+"""The default of each value, and what may be stored."""
+
+
+def plan_field(project: Project | None, name: str, which: str = "") -> Field:
+    """The field of a value of the plan, or of one of its cameras."""
+    usual, fit = _FIELDS[name]
+    return setting(project, f"plan_{which}_{name}" if which else f"plan_{name}", usual, fit)
+
+
+def _focal(project: Project | None, which: CameraName, camera: str) -> Field:
+    """Each camera of the list keeps its own focal length."""
+    usual = COMMON[camera].focal_mm if camera in COMMON else 50.0
+    key = f"plan_{which}_focal"
+    return setting(project, key, usual, MM, name=f"{key}_{camera}")
 
 
 def plan_controls(project: Project | None) -> Plan:
@@ -98,29 +139,28 @@ def plan_controls(project: Project | None) -> Plan:
     Returns:
         The plan that they state.
     """
-    cameras = _cameras(project)
+    alike = plan_field(project, "alike")
+    one = "Both cameras" if alike.value() else "Primary camera, on the left"
+    primary = secondary = _camera(project, "primary", one)
+    st.toggle("Both cameras are alike", **alike.widget())
+    if not alike.value():
+        secondary = _camera(project, "secondary", "Secondary camera, on the right")
     pose = _pose(project)
     near_m, far_m = _ask(project, st.columns(2), "near_m", "far_m")
     bar_m, frames, noise_px = _ask(project, st.columns(3), "bar_m", "frames", "noise_px")
     with st.expander("How well known, and heights"):
         names = ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m")
         *known, _ = _ask(project, st.columns(5), *names)
-    name = str(name_field(project).value()) or "Plan"
-    return Plan(
-        name, *cameras, pose, near_m, far_m, bar_m, int(frames), noise_px, Uncertainty(*known)
-    )
-
-
-def _field(project: Project | None, name: str) -> Field:
-    asked = _NUMBERS[name]
-    return setting(project, f"plan_{name}", asked.scale * asked.usual, asked.bounds)
+    name = str(plan_field(project, "name").value()) or "Plan"
+    sizes = (near_m, far_m, bar_m, int(frames), noise_px)
+    return Plan(name, primary, secondary, pose, *sizes, Uncertainty(*known))
 
 
 def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str) -> list[Any]:
     """Draw fields beside each other; their values in the plan's units."""
     found = []
     for place, name in zip(places, names, strict=True):
-        asked, own = _NUMBERS[name], _field(project, name)
+        asked, own = _NUMBERS[name], plan_field(project, name)
         if asked.options:
             options = sorted({*asked.options, own.value()})
             found.append(place.select_slider(asked.title, options, **own.widget()))
@@ -130,68 +170,42 @@ def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str)
     return found
 
 
-def name_field(project: Project | None) -> Field:
-    """The name of the plan."""
-    return setting(project, NAME, "Plan", str)
-
-
-def _alike(project: Project | None) -> Field:
-    return setting(project, "plan_alike", True, yes_or_no)
-
-
-def _stated_pose(project: Project | None) -> Field:
-    """R and T of a plan that states them; None for cameras that are aimed."""
-    return setting(project, "plan_stated_pose", None, _pose_or_none)
-
-
 def show_plan(project: Project | None, plan: Plan) -> None:
     """Set all controls to a plan."""
-    pose = plan.stated_pose
+    pose, cameras = plan.stated_pose, (plan.stated_primary, plan.stated_secondary)
     stated = None if isinstance(pose, AimedPose) else {"R": pose.R.tolist(), "T": pose.T.tolist()}
-    name_field(project).set(plan.name)
-    _alike(project).set(plan.stated_primary == plan.stated_secondary)
-    _stated_pose(project).set(stated)
+    values = {"name": plan.name, "alike": cameras[0] == cameras[1], "stated_pose": stated}
     for name, asked in _NUMBERS.items():
         if stated is None or not asked.of.startswith("stated_pose."):
-            _field(project, name).set(asked.scale * attrgetter(asked.of)(plan))
-    for which, camera in zip(CAMERAS, (plan.stated_primary, plan.stated_secondary), strict=True):
+            values[name] = asked.scale * attrgetter(asked.of)(plan)
+    for name, value in values.items():
+        plan_field(project, name).set(value)
+    for which, camera in zip(CAMERAS, cameras, strict=True):
         _show_camera(project, which, camera)
 
 
-def _show_camera(project: Project | None, which: CameraName, stated: Camera | SensorLens) -> None:
+def _show_camera(project: Project | None, which: CameraName, stated: Stated) -> None:
     known = (
         name
         for name, common in COMMON.items()
         if isinstance(stated, SensorLens) and common.lens(stated.focal_mm) == stated
     )
-    choice = next(known, OTHER)
+    values: dict[str, Any] = {"camera": next(known, OTHER)}
     # A sensor that is typed has the usual lens.
-    if isinstance(stated, Camera) or (choice == OTHER and stated.model == "fisheye"):
+    if isinstance(stated, Camera) or (values["camera"] == OTHER and stated.model == "fisheye"):
         camera = stated if isinstance(stated, Camera) else stated.camera
-        _file(project, which).set(write_camera(camera).decode())
-        choice = FILE
+        values = {"camera": FILE, "file": write_camera(camera).decode()}
     else:
-        _focal(project, which, choice).set(stated.focal_mm)
-        if choice == OTHER:
-            sizes = (*stated.sensor_mm, *stated.image_size)
-            for name, value in zip(_SENSOR, sizes, strict=True):
-                _sensor(project, which, name).set(value)
-    _choice(project, which).set(choice)
+        _focal(project, which, values["camera"]).set(stated.focal_mm)
+        if values["camera"] == OTHER:
+            values |= zip(_SENSOR, (*stated.sensor_mm, *stated.image_size), strict=True)
+    for name, value in values.items():
+        plan_field(project, name, which).set(value)
 
 
-def _cameras(project: Project | None) -> tuple[Camera | SensorLens, Camera | SensorLens]:
-    alike = _alike(project)
-    one = "Both cameras" if alike.value() else "Primary camera, on the left"
-    primary = _camera(project, "primary", one)
-    st.toggle("Both cameras are alike", **alike.widget())
-    if alike.value():
-        return primary, primary
-    return primary, _camera(project, "secondary", "Secondary camera, on the right")
-
-
-def _camera(project: Project | None, which: CameraName, title: str) -> Camera | SensorLens:
+def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
     left, right = st.columns([3, 2], vertical_alignment="bottom")
-    chosen = left.selectbox(title, CHOICES, **_choice(project, which).widget())
+    chosen = left.selectbox(title, CHOICES, **plan_field(project, "camera", which).widget())
     if chosen == FILE:
         with right:
             return _from_file(project, which)
@@ -201,24 +215,22 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Camera | 
     if chosen != OTHER:
         return COMMON[chosen].lens(focal)
     width, height, across, down = (
-        _sensor(project, which, name).number_input(_SENSOR[name][0], place)
+        plan_field(project, name, which).number_input(_SENSOR[name], place)
         for name, place in zip(_SENSOR, st.columns(4), strict=True)
     )
     return SensorLens(focal, (width, height), (int(across), int(down)))
 
 
 def _from_file(project: Project | None, which: CameraName) -> Camera:
-    kept = _file(project, which)
-    upload = st.file_uploader(
-        f"Camera file, {which}", type=CAMERA_KINDS, key=f"upload_plan_{which}"
-    )
+    kept = plan_field(project, "file", which)
 
     def take(name: str, content: bytes) -> None:
         ask_if_fisheye(
             lambda model: kept.set(write_camera(read_camera(content, name, model)).decode())
         )
 
-    take_one(upload, take)
+    title, key = f"Camera file, {which}", f"upload_plan_{which}"
+    take_one(st.file_uploader(title, type=CAMERA_KINDS, key=key), take)
     if kept.value() is None:
         raise StereocalError(f"Give the file of the {which} camera, or choose a camera above.")
     camera = read_camera(str(kept.value()).encode(), f"{which} camera")
@@ -240,61 +252,20 @@ def ask_if_fisheye(
 
 
 def _pose(project: Project | None) -> Pose | AimedPose:
-    stated = _stated_pose(project)
+    stated = plan_field(project, "stated_pose")
     if stated.value() is not None:
         pose = _pose_of(stated.value())
         left, right = st.columns([3, 2], vertical_alignment="center")
         left.markdown(
             f"Pose of the cameras: R and T of the plan, baseline {rounded(pose.baseline, 4)} m."
         )
-        right.button(
-            "State baseline and toe-in instead",
-            key="plan_aim",
-            on_click=callback(stated.set),
-            args=(None,),
-        )
+        aim = callback(partial(stated.set, None))
+        right.button("State baseline and toe-in instead", key="plan_aim", on_click=aim)
         return pose
     left, right = st.columns(2)
     (baseline_m,) = _ask(project, [left], "baseline_m")
-    turned = _field(project, "toe_in_deg")
-    toe = right.slider(
-        TOE_IN,
-        min(TOE_IN_DEG[0], turned.value()),
-        max(TOE_IN_DEG[1], turned.value()),
-        step=0.5,
-        help="From parallel. Both optical axes then meet in front of the middle of the baseline.",
-        **turned.widget(),
-    )
-    return AimedPose(baseline_m, toe, _field(project, "height_m").value())
-
-
-def _choice(project: Project | None, which: CameraName) -> Field:
-    return setting(project, f"plan_{which}_camera", CHOICES[0], one_of(CHOICES))
-
-
-def _focal(project: Project | None, which: CameraName, camera: str) -> Field:
-    """Each camera of the list keeps its own focal length."""
-    usual = COMMON[camera].focal_mm if camera in COMMON else 50.0
-    name = f"plan_{which}_focal_{camera}"
-    return setting(project, f"plan_{which}_focal", usual, MM, name=name)
-
-
-def _sensor(project: Project | None, which: CameraName, name: str) -> Field:
-    _, usual, bounds = _SENSOR[name]
-    return setting(project, f"plan_{which}_{name}", usual, bounds)
-
-
-def _file(project: Project | None, which: CameraName) -> Field:
-    """The text of the camera file."""
-    return setting(project, f"plan_{which}_file", None, lambda text: text and str(text))
-
-
-def _pose_or_none(value: Any) -> Any:
-    try:
-        return None if value is None else _pose_of(value) and value
-    except DAMAGED as error:
-        raise ValueError(value) from error
-
-
-def _pose_of(value: Mapping[str, Any]) -> Pose:
-    return Pose(*(np.array(value[key], dtype=np.float64) for key in ("R", "T")))
+    turned = plan_field(project, "toe_in_deg")
+    low, high = min(TOE_IN_DEG[0], turned.value()), max(TOE_IN_DEG[1], turned.value())
+    told = "From parallel. Both optical axes then meet in front of the middle of the baseline."
+    toe = right.slider(TOE_IN, low, high, step=0.5, help=told, **turned.widget())
+    return AimedPose(baseline_m, toe, plan_field(project, "height_m").value())

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.inputs import Inputs
@@ -21,7 +21,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
-from stereocal.ui.intake import escape_markdown
+from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import is_long
 from stereocal.ui.validation import INSTANT, digests_of, evaluated, kept_protocol
@@ -75,24 +75,16 @@ def press(
     if is_long(dataset):
         jobs.start(work)
         return
-    protocol = kept_protocol(project, [dataset])
+    protocol, frames = kept_protocol(project, [dataset]), len(dataset.correspondences.frames)
     with st.spinner("Calibrating."):
         _calibrate(project, inputs, dataset, settings, protocol.refined)
-    if _frames(dataset) < FEWEST_TO_VALIDATE:
+    if frames < FEWEST_TO_VALIDATE:
         _conclude(project, protocol)
-        return
-    if errors_first or protocol.runs * _frames(dataset) / 25 > INSTANT:
+    elif errors_first or protocol.runs * frames / 25 > INSTANT:
         jobs.start(work)
-        return
-    try:
-        with st.spinner("Validating."):
+    else:
+        with ErrorsShown(lambda why: st.info(f"Not validated: {why}")), st.spinner("Validating."):
             _validate(project, protocol, jobs.on_page(STAGES))
-    except StereocalError as error:
-        st.info(escape_markdown(f"Not validated: {error}"))
-
-
-def _frames(dataset: Dataset) -> int:
-    return len(dataset.correspondences.frames)
 
 
 def _calibrate(
@@ -113,17 +105,31 @@ def _calibrate(
 
 def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> bool:
     """Evaluate the stored calibration and store the result; False if cancelled."""
+
+    def is_over(digest: str | None) -> bool:
+        return job.cancelled or project.calibration_digest != digest
+
     while True:
         digest, calibration = project.calibration_digest, project.calibration
         if calibration is None:
             return False
         if project.calibration_evaluation is None:
-            found = _evaluation(project, calibration, digest, protocol, job)
-            if found is None and job.cancelled:
+            kept = calibration.screening.dataset
+            most = max(len(kept.correspondences.frames) - 2, 1)
+            settings = replace(
+                protocol,
+                calibration=replace(calibration.settings, calibration_frames=None),
+                calibration_frames=min(protocol.calibration_frames, most),
+                splits="runs",  # of which the tiles are, whatever Validate shows
+            )
+            runs = evaluated([kept], settings, job, partial(is_over, digest))
+            if runs is not None:
+                own = [calibration.dataset.sha256]
+                found = Evaluation(runs, settings, [kept.name], own)
+                project.keep_evaluation(found, of_calibration=True)
+            elif job.cancelled:
                 _conclude(project, protocol)
                 return False
-            if found is not None:
-                project.keep_evaluation(found, of_calibration=True)
         elif project.calibration_digest == digest:
             _conclude(project, protocol)
             return True
@@ -135,29 +141,6 @@ def _conclude(project: Project, protocol: EvaluationSettings) -> None:
     assert calibration is not None and protocol.refined is not None
     found = answer_for(calibration, protocol.refined, project.calibration_evaluation)
     project.keep_recommended(found.recommendation.match.method, found.recommendation.measure.method)
-
-
-def _evaluation(
-    project: Project,
-    calibration: Calibration,
-    digest: str | None,
-    protocol: EvaluationSettings,
-    job: jobs.Job,
-) -> Evaluation | None:
-    """None if cancelled, or if a calibration of another digest was stored meanwhile."""
-    kept = calibration.screening.dataset
-    fitted = min(protocol.calibration_frames, max(_frames(kept) - 2, 1))
-    settings = replace(
-        protocol,
-        calibration=replace(calibration.settings, calibration_frames=None),
-        calibration_frames=fitted,
-        splits="runs",  # of which the tiles are, whatever Validate shows
-    )
-    runs = evaluated(
-        [kept], settings, job, lambda: job.cancelled or project.calibration_digest != digest
-    )
-    own = [calibration.dataset.sha256]
-    return None if runs is None else Evaluation(runs, settings, [kept.name], own)
 
 
 def show_progress(project: Project, work: jobs.Work | None) -> None:

@@ -17,7 +17,6 @@ from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held
@@ -87,15 +86,16 @@ def show_evaluation(
     Args:
         datasets, settings: what the form says now.
     """
+    made_with = describe_protocol(evaluation)
     if not is_current(evaluation, datasets, settings):
         st.warning(
             "The form or the data have changed since this validation. It was computed "
-            f"with: {describe_protocol(evaluation)}"
+            f"with: {made_with}"
         )
     bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
     pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
-    screenings = _screenings(evaluation, datasets, readable(lambda: project.calibration))
+    screenings = _screenings(project, evaluation, datasets)
     _show_answer(pooled, screenings)
     if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
         st.info(escape_markdown(note))
@@ -115,17 +115,13 @@ def show_evaluation(
         _downloads(project, screenings, evaluation, pooled, by_dataset)
     with st.expander("Figures as a table, and the width of the bins"):
         st.table(validation_table(pooled))
-        st.select_slider(
-            "Width of the bins (decades)",
-            BIN_WIDTHS,
-            help="The overlap depends on it a little.",
-            **bins.widget(),
-        )
+        title, told = "Width of the bins (decades)", "The overlap depends on it a little."
+        st.select_slider(title, BIN_WIDTHS, help=told, **bins.widget())
     if len(evaluation.names) > 1:
         st.subheader("Data set by data set")
         words, config = describe_comparison(by_dataset), _saved_as(picture, "comparison")
         show_figure(plot_comparison(by_dataset), words, "comparison", config=config)
-    st.caption(f"Made with: {describe_protocol(evaluation)}")
+    st.caption(f"Made with: {made_with}")
 
 
 def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
@@ -135,18 +131,10 @@ def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
         horizontal=True, vertical_alignment="bottom", horizontal_alignment="distribute"
     ):
         wide = choose(project, "columns", "Show", panels)
-        st.toggle(
-            "With the refined method",
-            **refined.widget(),
-            help="One set, fitted to images and lengths at once. The paper has the other three.",
-        )
-        picture = choose(
-            project,
-            "picture_format",
-            "Save pictures as",
-            FORMATS,
-            help="The camera at the top right of a figure saves it.",
-        )
+        told = "One set, fitted to images and lengths at once. The paper has the other three."
+        st.toggle("With the refined method", help=told, **refined.widget())
+        title, told = "Save pictures as", "The camera at the top right of a figure saves it."
+        picture = choose(project, "picture_format", title, FORMATS, help=told)
     return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
 
 
@@ -160,13 +148,14 @@ def _saved_as(picture: str, name: str) -> dict[str, Any]:
 
 
 def _screenings(
-    evaluation: Evaluation, datasets: Sequence[Dataset], calibration: Calibration | None
+    project: Project, evaluation: Evaluation, datasets: Sequence[Dataset]
 ) -> list[Screening]:
     """The screenings of the validated data sets; empty if one was removed."""
     used = {dataset.sha256: dataset for dataset in datasets}
-    validated = [used[digest] for digest in evaluation.sha256 if digest in used]
-    if len(validated) < len(evaluation.sha256):
+    if not used.keys() >= {*evaluation.sha256}:
         return []
+    validated = [used[digest] for digest in evaluation.sha256]
+    calibration = readable(lambda: project.calibration)
     return screenings_of(validated, evaluation.settings.calibration, calibration)
 
 
@@ -180,8 +169,7 @@ def _show_answer(
         if screening.left_out:
             line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))
-    caution = why_validation_not_trusted(summaries, screenings)
-    if caution:
+    if caution := why_validation_not_trusted(summaries, screenings):
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
     answer = validation_answer(summaries)
     if len(screenings) == 1:
@@ -191,11 +179,10 @@ def _show_answer(
 
 def describe_protocol(evaluation: Evaluation) -> str:
     """Data and settings of an evaluation in one line."""
-    settings = evaluation.settings
+    settings, names = evaluation.settings, evaluation.names
+    named = escape_markdown(", ".join(names[:3])) + " and more" * (len(names) > 3)
     return (
-        f"{escape_markdown(', '.join(evaluation.names[:3]))}"
-        f"{' and more' if len(evaluation.names) > 3 else ''}; {settings.runs} runs, "
-        f"{settings.calibration_frames} calibration frames, "
+        f"{named}; {settings.runs} runs, {settings.calibration_frames} calibration frames, "
         f"{describe_settings(settings.calibration)}."
     )
 
