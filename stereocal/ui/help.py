@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import streamlit as st
@@ -44,10 +44,8 @@ def show_help() -> None:
         st.rerun()
     for text, picture in parts(name):
         st.markdown(text)
-        if picture is not None:
-            alt, path = picture
-            if path.is_file():
-                st.image(str(path), caption=alt, alt=alt)
+        if picture is not None and picture[1].is_file():
+            st.image(str(picture[1]), caption=picture[0], alt=picture[0])
 
 
 def parts(name: str) -> Iterator[tuple[str, tuple[str, Path] | None]]:
@@ -55,36 +53,32 @@ def parts(name: str) -> Iterator[tuple[str, tuple[str, Path] | None]]:
     folder, known = DOCS / Path(name).parent, topics()
     text, end = _TOCTREE.sub("", _text(name).partition("\n")[2]), 0
 
-    def linked(part: str) -> str:
-        return _LINK.sub(lambda link: _to_topic(folder, link, known), part)
+    def to_topic(link: re.Match[str]) -> str:
+        """A link to another page of the help; its words alone where that page is not here."""
+        page = (folder / link[2]).with_suffix("").resolve()
+        root = DOCS.resolve()
+        other = page.relative_to(root).as_posix() if page.is_relative_to(root) else ""
+        return f"[{link[1]}](?{TOPIC}={other}{link[3] or ''})" if other in known else link[1]
 
     for found in _PICTURE.finditer(text):
-        yield linked(text[end : found.start()]), (found["alt"], folder / found["file"])
+        picture = found["alt"], folder / found["file"]
+        yield _LINK.sub(to_topic, text[end : found.start()]), picture
         end = found.end()
-    yield linked(text[end:]), None
-
-
-def _to_topic(folder: Path, link: re.Match[str], known: Collection[str]) -> str:
-    """A link to another page of the help; its words alone where that page is not here."""
-    page = (folder / link[2]).with_suffix("").resolve()
-    if page.is_relative_to(DOCS.resolve()):
-        name = page.relative_to(DOCS.resolve()).as_posix()
-        if name in known:
-            return f"[{link[1]}](?{TOPIC}={name}{link[3] or ''})"
-    return link[1]
+    yield _LINK.sub(to_topic, text[end:]), None
 
 
 def _text(name: str) -> str:
     """A page with what it includes; empty where it is not installed."""
     path = DOCS / f"{name}.md"
-    if not path.is_file():
-        return ""
 
     def included(found: re.Match[str]) -> str:
-        other = path.parent / found[1]
-        return other.read_text(encoding="utf-8") if other.is_file() else ""
+        return _read(path.parent / found[1])
 
-    return _INCLUDE.sub(included, path.read_text(encoding="utf-8"))
+    return _INCLUDE.sub(included, _read(path))
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
 def _listed(name: str) -> list[str]:

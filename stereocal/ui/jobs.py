@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal, ParamSpec, TypeVar
 
 import streamlit as st
@@ -163,14 +164,14 @@ def start(work: Work) -> None:
     """Begin or resume a job, unless one of its kind is running (a callback)."""
     if is_running(work.project, work.kind):
         return
-    job = Job(work.stages, pool())
+    job, database = Job(work.stages, pool()), work.project.database
     try:
-        job.kept = stored_jobs.begin(work.project.database, work.kind, work.stages, work.about)
+        job.kept = stored_jobs.begin(database, work.kind, work.stages, work.about)
         if job.kept is None:
             return
     except StereocalError as error:
         job.sentence, job.state = str(error), "failed"
-    _jobs()[work.project.database, work.kind] = job
+    _jobs()[database, work.kind] = job
     if job.kept is not None:
         threading.Thread(target=_drive, args=(job, work.run), daemon=True, name=work.kind).start()
 
@@ -223,9 +224,8 @@ def bring_up_to_date(
     """Compute short work at once; for long work show a button and progress.
 
     Args:
-        current: whether its result is there.
-        spinner: what is shown while short work runs.
-        label: of the button, whose key is `key`.
+        current: whether its result is stored.
+        spinner, label, key: of short work, and of the button.
         cancelled: message for a cancelled job.
     """
     if current:
@@ -279,9 +279,8 @@ def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work |
     with st.container(horizontal=True):
         if same:
             st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
-        st.button(
-            "Discard", key=f"discard_{kind}", on_click=callback(discard), args=(project, kind)
-        )
+        away = callback(partial(discard, project, kind))
+        st.button("Discard", key=f"discard_{kind}", on_click=away)
 
 
 def discard(project: Project, kind: Kind) -> None:
@@ -318,13 +317,12 @@ def _show_progress(job: Job, kind: Kind) -> None:
 
 @st.fragment(run_every=1.0)
 def _show_elsewhere(project: Project, kind: Kind) -> None:
-    """Show a job that runs on another server."""
     found = stored_jobs.find(project.database, kind)
     if found is None or found[0] != "running":
         st.rerun()
     _show_bars(found[1], "")
-    stop = callback(stored_jobs.ask_to_stop)
-    st.button("Cancel", key=f"stop_{kind}", on_click=stop, args=(project.database, kind))
+    stop = callback(partial(stored_jobs.ask_to_stop, project.database, kind))
+    st.button("Cancel", key=f"stop_{kind}", on_click=stop)
 
 
 def _show_bars(job: Job | Record, left: str) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from stereocal.figures.style import count
 from stereocal.network.rig_file import RIG
@@ -27,8 +26,7 @@ CHANGED = "The data or the settings have changed since this"
 _LOG = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class PageState:
+class PageState(NamedTuple):
     """How far a page is."""
 
     mark: Mark
@@ -53,17 +51,16 @@ def page_states(project: Project | None) -> dict[str, PageState]:
             if not recording.is_given:
                 return _of_two(project)
             kept = recording.database.file(RIG_FILES, RIG)
-            of_rig = _done_if(kept is not None, "Calibrated together", "Not calibrated yet")
+            of_rig = {"rig": _done_if(kept, "Calibrated together", "Not calibrated yet")}
             if project.pair is None:
-                data = PageState("done", "A recording of several cameras")
-                return {"data": data, "rig": of_rig}
-            return {**_of_two(project), "rig": of_rig}
+                return {"data": PageState("done", "A recording of several cameras"), **of_rig}
+            return {**_of_two(project), **of_rig}
     except Exception:  # the pages themselves report what is wrong
         _LOG.debug("The states of the pages cannot be read.", exc_info=True)
         return {}
 
 
-def _done_if(done: bool, yes: str, no: str) -> PageState:
+def _done_if(done: object, yes: str, no: str) -> PageState:
     return PageState("done", yes) if done else PageState("missing", no)
 
 
@@ -71,8 +68,8 @@ def _of_two(project: Project) -> dict[str, PageState]:
     inputs, dataset = project.inputs, project.dataset
     lenses = [slot for slot in CAMERAS if slot not in inputs.files]
     lacking = f"No lens of the {' and '.join(lenses)} camera yet"
-    applied = ProjectApplication(project).result is not None
-    given = applied or ProjectCheck(project).file(IMAGES) is not None
+    applied = ProjectApplication(project).result
+    given = applied or ProjectCheck(project).file(IMAGES)
     found = {
         "cameras": _done_if(not lenses, "Both lenses are known", lacking),
         "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
@@ -111,13 +108,15 @@ def _validate(project: Project, dataset: Dataset) -> PageState:
     if evaluation is None:
         return PageState("missing", "Not validated yet")
     made_with, kept = evaluation.settings, project.settings
+    form = {
+        "validate_splits": made_with.splits,
+        "validate_runs": made_with.runs,
+        "validate_frames": made_with.calibration_frames,
+    }
     same = (
         dataset.sha256 in evaluation.sha256
         and made_with.calibration == settings_of(search_values(project))
-        and made_with.splits == kept.get("validate_splits", made_with.splits)
-        and made_with.runs == kept.get("validate_runs", made_with.runs)
-        and made_with.calibration_frames
-        == kept.get("validate_frames", made_with.calibration_frames)
+        and form == {key: kept.get(key, used) for key, used in form.items()}
         and (len(evaluation.sha256) > 1 or made_with.refined == refine_settings(project, dataset))
     )
     if not same:

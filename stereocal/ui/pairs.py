@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import pandas as pd
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
 from stereocal.projects.photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.intake import escape_markdown
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import ErrorsShown, callback
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
@@ -24,28 +23,27 @@ def show_pairs(store: ProjectPhotographs) -> None:
     sentence = f"{len(store.photographs)} photographs. {proposal.sentence}"
     sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
     (st.success if sure else st.warning)(escape_markdown(sentence))
+
+    @callback
+    def pair_again() -> None:
+        store.keep_rows(None)
+        forget_table()
+
     with st.expander("The pairs: look at them, change them", expanded=not rows):
-        _change_pairs(store, rows)
+        edited = rows_of(_table_of_pairs(store, rows))
+        known: Sequence[PairRow] = st.session_state[_ROWS]
+        with ErrorsShown(lambda why: st.error(f"{why} The last sound table is kept.")):
+            if edited != known:
+                store.keep_rows(edited)
+                st.session_state[_ROWS] = edited
+                st.rerun()
+            elif known != rows:  # other pairs were stored
+                forget_table()
+                st.rerun()
         st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
         left, right = st.columns(2)
-        left.button("Pair by name again", on_click=_pair_again, args=(store,), key="pair_again")
+        left.button("Pair by name again", on_click=pair_again, key="pair_again")
         right.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
-
-
-def _change_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> None:
-    """Show the table; store its changes, and reload it when other pairs are stored."""
-    edited = rows_of(_table_of_pairs(store, rows))
-    known: Sequence[PairRow] = st.session_state[_ROWS]
-    try:
-        if edited != known:
-            store.keep_rows(edited)
-            st.session_state[_ROWS] = edited
-            st.rerun()
-        elif known != rows:
-            forget_table()
-            st.rerun()
-    except StereocalError as error:
-        st.error(escape_markdown(f"{error} The last sound table is kept."))
 
 
 def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
@@ -53,7 +51,8 @@ def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.Da
     key = f"pairs_{st.session_state[ROUND]}"
     if key not in st.session_state or _BASE not in st.session_state:
         st.session_state[_BASE], st.session_state[_ROWS] = table_of(rows), list(rows)
-    names = sorted(store.photographs)
+    column, names = st.column_config, sorted(store.photographs)
+    photograph = column.SelectboxColumn(options=names, required=True)
     base: pd.DataFrame = st.session_state[_BASE]
     edited: pd.DataFrame = st.data_editor(
         base,
@@ -61,12 +60,9 @@ def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.Da
         num_rows="dynamic",
         hide_index=True,
         column_config={
-            "Use": st.column_config.CheckboxColumn(default=True, width="small"),
-            "Frame": st.column_config.NumberColumn(step=1, width="small", required=True),
-            **{
-                name: st.column_config.SelectboxColumn(options=names, required=True)
-                for name in COLUMNS[2:]
-            },
+            "Use": column.CheckboxColumn(default=True, width="small"),
+            "Frame": column.NumberColumn(step=1, width="small", required=True),
+            **dict.fromkeys(COLUMNS[2:], photograph),
         },
     )
     return edited
@@ -86,12 +82,6 @@ def rows_of(table: pd.DataFrame) -> list[PairRow]:
         for use, frame, primary, secondary in table[list(COLUMNS)].itertuples(index=False)
         if pd.notna(frame) and pd.notna(primary) and pd.notna(secondary)
     ]
-
-
-@callback
-def _pair_again(store: ProjectPhotographs) -> None:
-    store.keep_rows(None)
-    forget_table()
 
 
 @callback
