@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -11,14 +12,12 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
-from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.apply_threshold import Depths, ThresholdForm, chosen_depths
+from stereocal.ui.apply_threshold import ThresholdForm, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import show_refusal, take_one
 from stereocal.ui.messages import ErrorsShown, callback, readable
@@ -30,36 +29,21 @@ from stereocal.ui.world import choose_world
 
 OWN, FILES = "The bar's own points", "Two point files"
 POINT_KINDS = ["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"]
+POINT_FILES = (
+    "A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, DeepLabCut "
+    "(CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program."
+)
 INSTANT_S = 2.0
 """Shorter computations run as the controls move."""
 
 
-@dataclass(frozen=True, eq=False)
-class Chosen:
+class Chosen(NamedTuple):
     """The inputs, complete but for the threshold."""
 
-    points: tuple[Points, Points]
-    sets: tuple[RigParameters, RigParameters]
-    """To match and to measure with."""
-    threshold: ThresholdChoice | None
-    """None: none can be chosen."""
-    depths_m: Depths | None
-    """None: they are invalid."""
-    form: ThresholdForm
-    world: Pose | None
-    """`world_from_primary` of the points; None: they are in the primary's frame."""
-    sigma_px: float | None
-    """Noise of the points, if it is stated."""
-
-    @property
-    def work(self) -> Application | None:
-        """What is to be computed; None without a threshold or with invalid depths."""
-        if self.threshold is None or self.depths_m is None:
-            return None
-        stated = self.threshold.threshold_px if self.threshold.is_forced else None
-        return Application(
-            *self.points, *self.sets, stated, self.depths_m, self.world, self.sigma_px
-        )
+    work: Application | None
+    """What is to be computed; None without a threshold or with invalid depths."""
+    show_threshold: Callable[[], None]
+    """Draws what the threshold depends on."""
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
@@ -77,9 +61,8 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
             depths = chosen_depths(project)
         form = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH)
         threshold, sigma_px = form.choose(noise_at, threshold_at)
-        for rig, purpose in zip(sets, ("matching", "reconstruction"), strict=True):
-            if warning := purpose_warning(rig, purpose):
-                st.warning(escape_markdown(warning))
+        for warning in filter(None, map(purpose_warning, sets, ("matching", "reconstruction"))):
+            st.warning(escape_markdown(warning))
     open_question = any(store.asking(use) for use in USES)
     with st.expander("Parameters from files", expanded=sets is None or open_question):
         if source.asks_for_files():
@@ -96,7 +79,11 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         source.tell_missing("a parameter file to match with, and one to measure with")
     if points is None or sets is None or form is None:
         return None
-    return Chosen(points, sets, threshold, depths, form, world, sigma_px)
+    work = None
+    if threshold is not None and depths is not None:
+        stated = threshold.threshold_px if threshold.is_forced else None
+        work = Application(*points, *sets, stated, depths, world, sigma_px)
+    return Chosen(work, partial(form.show, threshold))
 
 
 def _points_kind(project: Project, store: ProjectApplication) -> Field:
@@ -122,14 +109,8 @@ def _take_points(project: Project, store: ProjectApplication) -> list[CameraName
             if file is not None and file.answers is not None:
                 again = callback(partial(store.ask_again, side))
                 st.button("Read it differently", key=f"again_{side}", on_click=again)
-            upload = st.file_uploader(
-                f"Points of the {side} camera",
-                type=POINT_KINDS,
-                key=f"upload_points_{side}",
-                help="A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, "
-                "DeepLabCut (CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another "
-                "program.",
-            )
+            title, key = f"Points of the {side} camera", f"upload_points_{side}"
+            upload = st.file_uploader(title, type=POINT_KINDS, key=key, help=POINT_FILES)
             take_one(upload, partial(take, side))
     given = store.set_of("matching")
     for side, camera in zip(CAMERAS, project.cameras, strict=True):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import bisect
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
+from typing import NamedTuple
 
 import pandas as pd
 import streamlit as st
@@ -14,8 +14,8 @@ import streamlit as st
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.measured import TITLES, Colour, describe_points, plot_points
 from stereocal.figures.space import VIEWS
-from stereocal.matching.application import Outcome, agreement, answer
-from stereocal.matching.lengths import track_columns, tracks_by, usual_tracks
+from stereocal.matching.application import Outcome
+from stereocal.matching.lengths import tracks_by
 from stereocal.matching.pairs import pixels_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
@@ -35,27 +35,17 @@ _PLAYING = "apply_playing"
 """Time of the last step; absent while it is paused."""
 
 
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """The tables of a result."""
+class Tables(NamedTuple):
+    """The tables of a result, and what they say."""
 
     pairs: pd.DataFrame
     points: pd.DataFrame
-
-    @cached_property
-    def answer(self) -> str:
-        """What they say."""
-        return answer(self.pairs, self.points)
-
-    @cached_property
-    def agreement(self) -> str | None:
-        """How many pairs have the same label in both cameras."""
-        return agreement(self.pairs)
-
-    @cached_property
-    def tracks(self) -> tuple[list[str], str | None]:
-        """The columns that can name a track, and the usual one."""
-        return track_columns(self.points), usual_tracks(self.points)
+    answer: str
+    agreement: str | None
+    """How many pairs have the same label in both cameras."""
+    track_columns: list[str]
+    """The columns that can name a track."""
+    usual_tracks: str | None
 
 
 def show_frames(store: ProjectApplication, outcome: Outcome, tables: Tables) -> None:
@@ -128,22 +118,12 @@ def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]
     after, before = bisect.bisect_right(frames, frame), bisect.bisect_left(frames, frame) - 1
     with buttons, st.container(horizontal=True):
         for label, to in (("Previous", before), ("Next", after)):
-            there = 0 <= to < len(frames)
-            st.button(
-                label,
-                key=f"apply_{label.lower()}",
-                shortcut=label[0].lower(),
-                disabled=not there,
-                on_click=callback(partial(field.set, frames[to] if there else None)),
-            )
-        st.button(
-            "Pause" if playing else "Play",
-            key="apply_play",
-            width=110,
-            shortcut="k",
-            icon=":material/pause:" if playing else ":material/play_arrow:",
-            on_click=_pause if playing else play,
-        )
+            there, key = 0 <= to < len(frames), label.lower()
+            step, off = callback(partial(field.set, frames[to] if there else None)), not there
+            st.button(label, f"apply_{key}", on_click=step, shortcut=key[0], disabled=off)
+        label, icon, press = ("Pause", "pause", _pause) if playing else ("Play", "play_arrow", play)
+        icon = f":material/{icon}:"
+        st.button(label, "apply_play", on_click=press, shortcut="k", width=110, icon=icon)
     return frame
 
 
@@ -152,13 +132,13 @@ def _pause() -> None:
 
 
 def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int | None) -> None:
-    points, (columns, usual) = result.points, result.tracks
+    points, usual = result.points, result.usual_tracks
     with st.container(horizontal=True, vertical_alignment="bottom"):
         view = choose(project, "apply_seen_from", "Seen from", VIEWS)
         with st.popover("Colour, lines"):
             titled = TITLES.__getitem__
             colour: Colour = choose(project, "apply_colour", "Colour", TITLES, format_func=titled)
-            title, ways = "Lines connect points of the same", [NOTHING, *columns]
+            title, ways = "Lines connect points of the same", [NOTHING, *result.track_columns]
             column: str = choose(
                 project, "apply_tracks", title, ways, usual or NOTHING, as_menu=True
             )

@@ -13,8 +13,14 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures.measured import HEADINGS, IN_WORLD, describe_lengths, plot_lengths
-from stereocal.matching.application import PAIRS, POINTS, Application, Outcome
-from stereocal.matching.lengths import check_lengths, has_two_a_frame, label_columns
+from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
+from stereocal.matching.lengths import (
+    check_lengths,
+    has_two_a_frame,
+    label_columns,
+    track_columns,
+    usual_tracks,
+)
 from stereocal.matching.reconstruction_files import COORDINATES
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -53,7 +59,7 @@ def show_application(project: Project, store: ProjectApplication, chosen: Chosen
         known_m = project.inputs.target_distance_m if are_own(store, result[0]) else None
         looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
     if chosen is not None:
-        looks["Threshold and depths"] = partial(chosen.form.show, chosen.threshold)
+        looks["Threshold and depths"] = chosen.show_threshold
     if tables is not None:
         looks["Tables"] = partial(_show_tables, tables)
     if looks:
@@ -84,8 +90,8 @@ def _show_result(
         return None
     where = "" if outcome.world is None else " Points are in the world frame."
     dataset = readable(lambda: project.dataset)
-    answer = tables.answer if dataset is None else as_held(tables.answer, dataset)
-    st.success(escape_markdown(answer + where))
+    said = tables.answer if dataset is None else as_held(tables.answer, dataset)
+    st.success(escape_markdown(said + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
     show_frames(store, outcome, tables)
@@ -173,7 +179,6 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
 
 @st.cache_resource(show_spinner=False, max_entries=4)
 def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: StoredFile) -> Tables:
-    """The tables of a result."""
     assert pairs_digest and points_digest
     tables = []
     for name, file in ((PAIRS, _pairs), (POINTS, _points)):
@@ -183,4 +188,6 @@ def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: St
         if "frame" not in table:
             raise StereocalError(f"{name} of the last result is damaged.")
         tables.append(table)
-    return Tables(*tables)
+    pairs, points = tables
+    tracks = track_columns(points), usual_tracks(points)
+    return Tables(pairs, points, answer(pairs, points), agreement(pairs), *tracks)

@@ -27,13 +27,12 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.texts import escape_markdown
 
 Depths = tuple[float, float]
+THRESHOLD = (
+    "Threshold: largest reprojection error of a pair, mean over both cameras. Empty: by the noise "
+    "of your points."
+)
 OPTIONAL = Number(0.0, or_none=True)
-SOURCES = {
-    "estimated": "estimated",
-    "stated": "as stated",
-    "columns": "by their columns",
-    "calibration": "as the targets",
-}
+SOURCES = {"stated": "as stated", "columns": "by their columns", "calibration": "as the targets"}
 
 
 def noise_field(project: Project, key: str) -> Field:
@@ -49,7 +48,7 @@ def ask_noise(field: Field, usual: PointNoise | str, otherwise: str) -> float | 
         otherwise: how that is found.
     """
     if not isinstance(usual, str):
-        usual = f"{rounded(usual.sigma_px)}, {SOURCES[usual.source]}"
+        usual = f"{rounded(usual.sigma_px)}, {SOURCES.get(usual.source, usual.source)}"
     told = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
     title = "My points are known to (px)"
     noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=told)
@@ -81,14 +80,8 @@ class ThresholdForm:
         usual, _ = _chosen(self, None, sigma.value())
         noise = None if usual is None else usual.noise
         by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
-        stated.number_input(
-            "below (px)",
-            threshold_at,
-            step=0.1,
-            placeholder=f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none",
-            help="Threshold: largest reprojection error of a pair, mean over both cameras. Empty: "
-            "by the noise of your points.",
-        )
+        shown = f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none"
+        stated.number_input("below (px)", threshold_at, step=0.1, placeholder=shown, help=THRESHOLD)
         with noise_at:
             otherwise = "by their column sigma_px, or estimated from their epipolar errors"
             sigma_px = ask_noise(sigma, noise or "", otherwise)

@@ -42,6 +42,11 @@ from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
 TITLE = "New bars or matched points"
+KINDS = ["zip", "csv", "txt", "tsv", "parquet"]
+HELP = (
+    "A data set as a zip with dataset.json; or a table of bars like correspondences.csv; or "
+    "matched points alone, like pairs.csv of Apply. Five bars or 50 points are a good start."
+)
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
@@ -77,14 +82,7 @@ def choose_inputs(project: Project) -> Chosen | None:
             )
             take_one(upload, store.keep_parameters)
         if kind.value() == FILE:
-            upload = st.file_uploader(
-                TITLE,
-                type=["zip", "csv", "txt", "tsv", "parquet"],
-                key="upload_check_images",
-                help="A data set as a zip with dataset.json; or a table of bars like "
-                "correspondences.csv; or matched points alone, like pairs.csv of Apply. Five bars "
-                "or 50 points are a good start.",
-            )
+            upload = st.file_uploader(TITLE, type=KINDS, key="upload_check_images", help=HELP)
             take_one(upload, lambda name, content: store.keep_images(name, content, rig))
     show_refusal()
     if found is None:
@@ -154,22 +152,15 @@ def _choose_parameters(
 
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
     """What movement matters."""
-    usual = Smallest()
+    usual, told = Smallest(), "“Same” is reported only if such a {} would have been found."
     degrees = round(float(np.degrees(usual.turn_rad)), 6)
-    turn = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0)).number_input(
-        "Turn that matters (°)",
-        left,
-        step=0.05,
-        help="“Same” is reported only if such a turn would have been found.",
-    )
+    field = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0))
+    title = "Turn that matters (°)"
+    turn = field.number_input(title, left, step=0.05, help=told.format("turn"))
     percent, bounds = 100 * usual.baseline, Number(0.001, 50.0)
-    change = setting(project, "check_baseline_percent", percent, bounds).number_input(
-        "Baseline change (%)",
-        right,
-        step=0.1,
-        help="“Same” is reported only if such a change of the baseline would have been found. "
-        "Matched points alone do not show it.",
-    )
+    field = setting(project, "check_baseline_percent", percent, bounds)
+    told = f"{told.format('change of the baseline')} Matched points alone do not show it."
+    change = field.number_input("Baseline change (%)", right, step=0.1, help=told)
     return Smallest(float(np.radians(turn)), change / 100)
 
 
@@ -180,15 +171,13 @@ def show_check(chosen: Chosen) -> None:
     since = found.since if found.changed else None
     show_figure(plot_check(residuals, since), describe_check(residuals, since), "check_residuals")
     if found.offers_repair:
-        given = chosen.parameters
+        given, key = chosen.parameters, "download_repaired"
         sha256 = None if given is None else hashlib.sha256(given).hexdigest()
-        offer(
-            f"{REPAIRED} · for both",
-            lambda: repaired_parameters(found, sha256).dumps(),
-            REPAIRED,
-            "download_repaired",
-            primary=True,
-        )
+
+        def repaired() -> str:
+            return repaired_parameters(found, sha256).dumps()
+
+        offer(f"{REPAIRED} · for both", repaired, REPAIRED, key, primary=True)
         st.caption(
             "To match and to measure, until the rig is calibrated again. On the Apply page, give "
             "it as a parameter file."

@@ -228,6 +228,7 @@ def _show_download(project: Project, answer: Answer, calibrated_now: bool) -> No
     """`calibrated_now`: the answer is of the last calibration, and its threshold final."""
     name = "parameters_refined.json"
     with st.container(horizontal=True, vertical_alignment="center"):
+        told = None if calibrated_now else "Calibrate first: the validation gives its threshold."
         offer(
             f"Download {name}",
             lambda: answer.sets["refined"].dumps(),
@@ -235,14 +236,12 @@ def _show_download(project: Project, answer: Answer, calibrated_now: bool) -> No
             "download_refined",
             primary="refined" in answer.recommendation.use.values(),
             disabled=not calibrated_now,
-            help=None if calibrated_now else "Calibrate first: the validation gives its threshold.",
+            help=told,
         )
+        told = "On the Apply page. The recommendation holds until you choose."
         for use in USES:
-            st.toggle(
-                f"{PURPOSES[use]} the refined set",
-                **refined.refined_switch(project, use, answer).widget(),
-                help="On the Apply page. The recommendation holds until you choose.",
-            )
+            own = refined.refined_switch(project, use, answer)
+            st.toggle(f"{PURPOSES[use]} the refined set", help=told, **own.widget())
 
 
 def _show_parameters(result: RefinedResult) -> None:

@@ -70,12 +70,8 @@ def forecast_of(plan: Plan) -> PlanForecast:
 
 def open_plan(project: Project | None) -> None:
     """The uploader of a plan; its camera files come with it."""
-    uploads = st.file_uploader(
-        "Open a plan (plan.json, and the camera files that it names)",
-        type=CAMERA_KINDS,
-        key="upload_plan",
-        accept_multiple_files=True,
-    )
+    title, kinds = "Open a plan (plan.json, and the camera files that it names)", CAMERA_KINDS
+    uploads = st.file_uploader(title, kinds, accept_multiple_files=True, key="upload_plan")
 
     def take(_: object) -> None:
         # All of them: those that are new may be the ones that were missing.
@@ -179,13 +175,9 @@ def _compare(project: Project | None, found: PlanForecast, others: Sequence[Plan
                     st.button("Remove", key=f"plan_drop_{at}", on_click=drop)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST_NAME, **named.widget())
-        st.button(
-            "Keep it to compare",
-            key="plan_keep",
-            on_click=callback(keep),
-            disabled=len(texts) >= MOST_PLANS - 1 or own in texts,
-            help="Then change the plan: up to three are shown side by side.",
-        )
+        full = len(texts) >= MOST_PLANS - 1 or own in texts
+        told, press = "Then change the plan: up to three are shown side by side.", callback(keep)
+        st.button("Keep it to compare", "plan_keep", told, press, disabled=full)
 
 
 def _summary(found: PlanForecast, title: str) -> None:

@@ -77,13 +77,9 @@ def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
     noise, free = _fields(project)
-    st.multiselect(
-        "Estimate the distortion of",
-        CAMERAS,
-        placeholder="no camera: as its file says",
-        help="k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders.",
-        **free.widget(),
-    )
+    title, none = "Estimate the distortion of", "no camera: as its file says"
+    told = "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
+    st.multiselect(title, CAMERAS, placeholder=none, help=told, **free.widget())
     with st.expander("Noise of the images"):
         noise.number_input("Noise of an image point, px", help="0: found from the images.")
     return refine_settings(project, dataset)
@@ -308,10 +304,9 @@ def set_in_use(project: Project, use: Use, answer: Answer) -> Field:
 def refined_switch(project: Project, use: Use, answer: Answer) -> Field:
     """The same choice as `set_in_use`, as a switch between the refined set and the paper's."""
     chosen, papers = set_in_use(project, use, answer), PAPERS[use]
-    return Field(
-        f"refined_{papers}",
-        f"refined_{papers}",
-        lambda: chosen.value() == "refined",
-        lambda on: chosen.set("refined" if on else papers),
-        fit=yes_or_no,
-    )
+
+    def switch(on: bool) -> None:
+        chosen.set("refined" if on else papers)
+
+    key = f"refined_{papers}"
+    return Field(key, key, lambda: chosen.value() == "refined", switch, fit=yes_or_no)

@@ -214,13 +214,8 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
             chosen.set(frame)
 
     st.caption("Click on a point to open its frame below.")
-    show_figure(
-        plot_frame_errors(found, chosen.value()),
-        describe_frame_errors(found),
-        CHART,
-        on_select=clicked,
-        selection_mode="points",
-    )
+    figure, words = plot_frame_errors(found, chosen.value()), describe_frame_errors(found)
+    show_figure(figure, words, CHART, on_select=clicked, selection_mode="points")
     with scrolled_part(OPENED):
         frame = chosen_frame.choose_frame(project, found)
         views = views_of(found, frame)

@@ -37,6 +37,7 @@ from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
 
 WORLD_FILE = "world.json"
+KINDS = ["csv", "txt", "tsv", "json"]
 HELP = (
     "A table of surveyed points (point,x,y,z and the pixels of both cameras), of plumb lines, "
     "level lines or a horizon (line,kind and pixels), or of a throw (frame and pixels); or "
@@ -61,12 +62,8 @@ def choose_world(project: Project, store: ProjectApplication, rig: RigParameters
                     st.button("Back to the camera's frame", key="forget_world", on_click=back)
                 if kind == FRAME:
                     rate.number_input("Frame rate (frames per second)", format="%.6g")
-            upload = st.file_uploader(
-                "Surveyed points, plumb lines or a throw; or world.json",
-                type=["csv", "txt", "tsv", "json"],
-                key="upload_world",
-                help=HELP,
-            )
+            title = "Surveyed points, plumb lines or a throw; or world.json"
+            upload = st.file_uploader(title, type=KINDS, key="upload_world", help=HELP)
             take_one(upload, store.keep_world)
             if file is None:
                 st.caption(
@@ -102,12 +99,9 @@ def _found(project: Project, file: StoredFile, rate: float | None, rig: RigParam
         axes = [f"{axis} (mm)" for axis in "xyz"]
         table = 1000 * pd.DataFrame.from_dict(residuals, orient="index", columns=axes)
         st.caption("Residuals, measured minus surveyed")
-        st.dataframe(
-            table.rename_axis("Point").reset_index(),
-            hide_index=True,
-            height=min(35 * (len(table) + 1) + 3, 283),
-            column_config=dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f")),
-        )
+        table, height = table.rename_axis("Point").reset_index(), min(35 * len(table) + 38, 283)
+        shown = dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f"))
+        st.dataframe(table, hide_index=True, height=height, column_config=shown)
     offer(f"Download {WORLD_FILE}", lambda: write_world(frame, rig), WORLD_FILE, "download_world")
     return frame.pose
 
