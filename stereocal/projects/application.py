@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pandas as pd
 
@@ -37,10 +36,9 @@ USES: tuple[Use, Use] = ("matching", "measuring")
 Asked = Literal["primary", "secondary", "bars", "archive", "matching", "measuring"]
 SUFFIXES = (".csv", ".parquet")
 POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
-"""Parts of a project: uploaded point files, the tables read from them, and files with open
-questions."""
 SETS, APPLIED, WORLD = "sets", "applied", "world"
-"""Parts of a project: parameter files, tables of the last result, and the world frame's file."""
+"""Parts of a project: uploaded point files, the tables read from them, and files with open
+questions; parameter files, tables of the last result, and the world frame's file."""
 CHECK, PARAMETERS, IMAGES = "check", "parameters", "images"
 """The part of the Check page, and its files."""
 EARLIER = "image_sizes"
@@ -53,7 +51,6 @@ class PointFile:
 
     label: str
     suffix: str
-    """Of the table."""
     rows: int
     frames: int
     answers: Answers | None = None
@@ -84,10 +81,9 @@ class ProjectApplication(ProjectPart):
 
     def points(self, side: CameraName) -> Points | None:
         """The points in use."""
-        file = self.point_file(side)
-        if file is None:
+        file, stored = self.point_file(side), self.database.file(TABLES, side)
+        if file is None or stored is None:
             return None
-        stored = self.database.files(TABLES)[side]
         return Points(stored.name + file.suffix, file.label, file.rows, file.frames)
 
     def own_points(self, table: pd.DataFrame, label: str) -> Points:
@@ -97,21 +93,21 @@ class ProjectApplication(ProjectPart):
         self._own[name] = content
         return Points(name, label, len(table), int(table["frame"].nunique()))
 
-    @contextmanager
-    def opened(self, name: str) -> Iterator[Path]:
-        """A temporary file with the table of `Points.name`, for libraries that read only files."""
-        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-            yield self._copied(name, Path(folder))
-
     def table(self, name: str) -> StoredFile:
-        """The stored table of points of this name."""
+        """The stored table of `Points.name`."""
         return StoredFile(Path(name).stem, self.database)
 
-    def _copied(self, name: str, folder: Path) -> Path:
-        if name not in self._own:
-            return self.table(name).copy_to(folder / Path(name).name)
-        (folder / name).write_bytes(self._own[name])
-        return folder / name
+    @contextmanager
+    def opened(self, *names: str) -> Iterator[Path]:
+        """A temporary folder with tables of `Points.name`, for libraries that read only files."""
+        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+            for name in names:
+                path = Path(folder) / Path(name).name
+                if name in self._own:
+                    path.write_bytes(self._own[name])
+                else:
+                    self.table(name).copy_to(path)
+            yield Path(folder)
 
     def offer_points(self, side: CameraName, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered."""
@@ -150,8 +146,7 @@ class ProjectApplication(ProjectPart):
 
     def answer(self, side: CameraName, answers: Answers) -> None:
         """Read the file with open questions as answered, and use it."""
-        found = self.asking(side)
-        if found is None:
+        if (found := self.asking(side)) is None:
             return
         label, content = found
         table = self.preview(side, answers, None)
@@ -163,9 +158,8 @@ class ProjectApplication(ProjectPart):
     def ask_again(self, side: CameraName) -> None:
         """Ask about the file in use again; it stays in use until answered."""
         with self.database.transaction():
-            file = self.point_file(side)
-            if file is not None and file.answers is not None:
-                given = self.database.files(POINT_FILES)[side]
+            file, given = self.point_file(side), self.database.file(POINT_FILES, side)
+            if file is not None and file.answers is not None and given is not None:
                 self.database.name_files(ASKING, {side: given})
 
     def forget_question(self, side: Asked) -> None:
@@ -180,11 +174,11 @@ class ProjectApplication(ProjectPart):
             self.database.name_files(TABLES, {side: replace(stored, about=plain(file))})
             self.database.forget_files(ASKING, [side])
 
-    # Parameter files
+    # Parameter files and the world frame
 
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
         """Store a parameter file; another one is refused, and nothing changes."""
-        parameters_in(content, label)
+        RigParameters.loads(content, label)
         with self.database.transaction():
             self.database.give(SETS, use, label, content)
             self.database.forget_files(ASKING, [use])
@@ -203,11 +197,9 @@ class ProjectApplication(ProjectPart):
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
         """Name and content of a parameter file."""
         found = self.database.file(SETS, use)
-        return (
-            None if found is None else (found.label, parameters_in(found.read_bytes(), found.label))
-        )
-
-    # World frame
+        if found is None:
+            return None
+        return found.label, RigParameters.loads(found.read_bytes(), found.label)
 
     def keep_world(self, label: str, content: bytes) -> None:
         """Store a world frame, or a table for one."""
@@ -221,7 +213,6 @@ class ProjectApplication(ProjectPart):
 
     @property
     def world_file(self) -> StoredFile | None:
-        """That file; None if not given."""
         return self.database.file(WORLD, WORLD)
 
     # Results
@@ -233,13 +224,10 @@ class ProjectApplication(ProjectPart):
         None also for a result that an earlier version stored in another form.
         """
         with self.database.reading():
-            packed = self.database.result(APPLIED)
-            files = self.database.files(APPLIED)
-        if packed is None:
-            return None
+            packed, files = self.database.result(APPLIED), self.database.files(APPLIED)
         try:
-            stored = loaded(packed.decode())
-            if EARLIER in stored:
+            stored = None if packed is None else loaded(packed.decode())
+            if stored is None or EARLIER in stored:
                 return None
             return of_plain(stored, Outcome), {name: files[name] for name in (PAIRS, POINTS)}
         except DAMAGED as error:
@@ -253,42 +241,31 @@ class ProjectApplication(ProjectPart):
             self.database.forget_files(APPLIED)
             self.database.keep_result(APPLIED, None)
 
-    def run(
-        self,
-        work: Application,
-        begin: Callable[[str], None] | None = None,
-        progress: Callable[[int, int], None] | None = None,
-        cancelled: Callable[[], bool] | None = None,
-        executor: Executor | None = None,
-    ) -> bool:
+    def run(self, work: Application, *how: Any) -> bool:
         """Match and measure as `apply_sets`, and replace the last result; False if cancelled."""
-        with tempfile.TemporaryDirectory(prefix="stereocal-") as temporary:
-            folder = Path(temporary)
-            names = work.primary.name, work.secondary.name
-            tables = self._copied(names[0], folder), self._copied(names[1], folder)
-            outcome = apply_sets(work, tables, folder, begin, progress, cancelled, executor)
+        names = work.primary.name, work.secondary.name
+        with self.opened(*names) as folder:
+            outcome = apply_sets(work, (folder / names[0], folder / names[1]), folder, *how)
             if outcome is None:
                 return False
             files = {name: self.database.keep_file(folder / name, name) for name in (PAIRS, POINTS)}
-            for name in self._own.keys() & {*names}:
-                self.database.keep_file(self._own[name], name)
-        files |= {name: self.table(name) for name in names}
+        for name in self._own.keys() & {*names}:
+            self.database.keep_file(self._own[name], name)
         with self.database.transaction():
+            files |= {name: self.table(name) for name in names}
             self.database.replace_files(APPLIED, files)
             self.database.keep_result(APPLIED, pack(outcome))
         return True
 
 
 class ProjectCheck(ProjectPart):
-    """The Check page's files of one project."""
+    """The Check page's files of one project: new bars or matched points, and parameters."""
 
     def keep_parameters(self, label: str, content: bytes) -> None:
-        """Store a parameter file; another one is refused, and nothing changes."""
-        parameters_in(content, label)
+        RigParameters.loads(content, label)
         self.database.give(CHECK, PARAMETERS, label, content)
 
     def keep_images(self, label: str, content: bytes, rig: RigParameters | None) -> None:
-        """Store new bars or matched points, checked by the parameters if there are some."""
         if rig is not None:
             images_in(content, label, rig)
         self.database.give(CHECK, IMAGES, label, content)
@@ -296,14 +273,6 @@ class ProjectCheck(ProjectPart):
     def file(self, name: str) -> StoredFile | None:
         """`PARAMETERS` or `IMAGES`; None if not given."""
         return self.database.file(CHECK, name)
-
-
-def parameters_in(content: bytes, label: str) -> RigParameters:
-    """The parameter set of an uploaded file."""
-    try:
-        return RigParameters.loads(content.decode("utf-8-sig"), label)
-    except UnicodeDecodeError as error:
-        raise StereocalError(f"{label}: this is not a text file (JSON in UTF-8).") from error
 
 
 def _written(table: pd.DataFrame) -> bytes:

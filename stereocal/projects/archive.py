@@ -14,7 +14,7 @@ import json
 import re
 import tempfile
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, count
@@ -25,8 +25,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.inputs import MANIFEST
 from stereocal.projects.application import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
-from stereocal.projects.data_folder import new_database
-from stereocal.projects.files import PAIR, Store, StoredFile
+from stereocal.projects.files import PAIR, Store, StoredFile, new_database
 from stereocal.projects.photographs import BAR
 from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
 from stereocal.projects.recording import PARTS, RECORDING, REPLACED, RIG_FILES, ProjectRecording
@@ -68,11 +67,8 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
     with (
         write_in_parts(target) as waiting,
         zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive,
-        database.reading() as db,
+        database.reading(),
     ):
-        edits = [
-            json.loads(text) for (text,) in db.execute("SELECT json FROM edit ORDER BY number")
-        ]
         manifest: dict[str, Any] = {"format": MANIFEST_FORMAT, "values": {}, "files": []}
         pairs: dict[str, dict[str, Any]] = {}
         taken: set[str] = set()
@@ -86,21 +82,26 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
             own = pairs.setdefault(scope, {**named, "values": {}, "files": []})
             return part, own, own["folder"]
 
-        for scoped, name, text in db.execute("SELECT part, name, json FROM value"):
+        for scoped, name, text in database.rows("SELECT part, name, json FROM value"):
             part, own, _ = place(scoped)
             own["values"].setdefault(part, {})[name] = json.loads(text)
-        manifest["edits"] = edits
-        rows = db.execute("SELECT part, name, sha256, about FROM named ORDER BY rowid").fetchall()
-        for scoped, name, sha256, text in rows:
+        edits = database.rows("SELECT json FROM edit ORDER BY number")
+        manifest["edits"] = [json.loads(text) for (text,) in edits]
+        query = "SELECT part, name, sha256, about FROM named ORDER BY rowid"
+        for scoped, name, sha256, text in database.rows(query):
             part, own, folder = place(scoped)
             about = json.loads(text)
             label = about["suffix"] if part == TABLES else about
             path = _unused(folder + FOLDERS[part], name, label, taken)
             own["files"].append({"part": part, "name": name, "about": about, "path": path})
-            _write(archive, path, StoredFile(sha256, database).pieces())
-        for scoped, content in db.execute("SELECT kind, content FROM result"):
+            info = zipfile.ZipInfo(path)
+            packed = path.lower().endswith(PACKED)
+            info.compress_type = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
+            with archive.open(info, "w", force_zip64=True) as file:
+                file.writelines(StoredFile(sha256, database).pieces())
+        for scoped, content in database.rows("SELECT kind, content FROM result"):
             kind, _, folder = place(scoped)
-            _write(archive, f"{folder}results/{RESULTS[kind]}", [content])
+            archive.writestr(f"{folder}results/{RESULTS[kind]}", content)
         whole = manifest | ({"pairs": list(pairs.values())} if pairs else {})
         archive.writestr(MANIFEST, json.dumps(whole, indent=1))
         with suppress(StereocalError):  # damaged data are left out
@@ -130,15 +131,6 @@ def _unused(folder: str, name: str, label: str, taken: set[str]) -> str:
     return path
 
 
-def _write(archive: zipfile.ZipFile, path: str, pieces: Iterable[bytes]) -> None:
-    info = zipfile.ZipInfo(path)
-    stored = path.lower().endswith(PACKED)
-    info.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
-    with archive.open(info, "w", force_zip64=True) as file:
-        for piece in pieces:
-            file.write(piece)
-
-
 def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
     """Import a zip of `pack_project` as a new project below `home`.
 
@@ -155,13 +147,9 @@ def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
 
 
 def _fill(project: Project, opened: OpenZip, source: str) -> None:
-    manifest = _manifest(opened, source)
-    database = project.database
+    manifest, database = _manifest(opened, source), project.database
     try:
-        with (
-            tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
-            database.transaction() as db,
-        ):
+        with database.transaction() as db:
             pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
             for own, store in ((manifest, database), *pairs):
                 for part, names in ((INPUT, VALUES), (BAR, OF_BAR), (SETTING, None)):
@@ -169,11 +157,10 @@ def _fill(project: Project, opened: OpenZip, source: str) -> None:
                     kept = {key: values[key] for key in (names or values) if key in values}
                     store.keep_values(part, kept)
                 for item in own["files"]:
-                    if (part := item["part"]) not in FOLDERS:
+                    part, name, path = (str(item[key]) for key in ("part", "name", "path"))
+                    if part not in FOLDERS:
                         raise ValueError(part)
-                    name, path = str(item["name"]), str(item["path"])
-                    file = _unpacked(opened, path, Path(folder))
-                    stored = replace(store.keep_file(file, path), about=item["about"])
+                    stored = replace(_unpacked(opened, path, store), about=item["about"])
                     store.name_files(part, {name: stored})
                 for kind, file_name in RESULTS.items():
                     path = f"{own.get('folder', '')}results/{file_name}"
@@ -190,7 +177,7 @@ def _fill(project: Project, opened: OpenZip, source: str) -> None:
         raise StereocalError(f"{MANIFEST} is damaged.", source) from error
 
 
-def _manifest(opened: OpenZip, source: str) -> Mapping[str, Any]:
+def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:
     if MANIFEST not in opened.names:
         raise StereocalError("there is no stereocal project in this zip.", source)
     manifest = read_json(opened.read(MANIFEST), f"{source}: {MANIFEST}")
@@ -209,11 +196,12 @@ def _manifest(opened: OpenZip, source: str) -> Mapping[str, Any]:
     return dict(manifest)
 
 
-def _unpacked(opened: OpenZip, member: str, folder: Path) -> Path:
-    """A member in a temporary file, so that a large one is not held in memory."""
+def _unpacked(opened: OpenZip, member: str, store: Store) -> StoredFile:
+    """A stored member; by a temporary file, so that a large one is not held in memory."""
     if member not in opened.names:
         raise StereocalError(f"{member} is not in the zip.")
-    target = folder / f"file{PurePosixPath(member).suffix.lower()}"
-    with target.open("wb") as file:
-        file.writelines(opened.pieces(member))
-    return target
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+        path = Path(folder) / "file"
+        with path.open("wb") as file:
+            file.writelines(opened.pieces(member))
+        return store.keep_file(path, member)

@@ -24,7 +24,6 @@ LONGEST_TRACE = 50_000
 """Longer traces of a search are not stored: 2 million moves made a file of 183 MB."""
 _NO_SCREENING = {"left_out": (), "exchanged": (), "together": ""}
 """Of a result from before there was one."""
-_DAMAGED = "The last result of this project cannot be read; calibrate again."
 
 
 def _without(kind: type, names: Collection[str]) -> Any:
@@ -44,7 +43,7 @@ def as_stored(calibration: Calibration) -> Calibration:
     """The calibration as it is stored: without long traces and the fit of the screening."""
     methods = dict(calibration.methods)
     for name, found in methods.items():
-        if found.trace is not None and len(found.trace.cost) > LONGEST_TRACE:
+        if found.trace and len(found.trace.cost) > LONGEST_TRACE:
             methods[name] = replace(found, trace=None)
     return replace(calibration, methods=methods, screening=replace(calibration.screening, fit=None))
 
@@ -63,9 +62,7 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "settings": calibration.settings.to_json(),
         "screening": _named(screening, _SCREENING)
         | {"time_offset": screening.full_dataset.time_offset},
-        "frames": calibration.frames,
-        "warnings": calibration.warnings,
-        "methods": calibration.methods,
+        **{name: getattr(calibration, name) for name in ("frames", "warnings", "methods")},
         "refined": calibration.refined and _named(calibration.refined, _REFINED),
     }
     return pack(content)
@@ -107,7 +104,9 @@ def unpack_calibration(
         stored = of_plain(data["refined"], _REFINED)
         return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
     except DAMAGED as error:
-        raise StereocalError(_DAMAGED) from error
+        raise StereocalError(
+            "The last result of this project cannot be read; calibrate again."
+        ) from error
 
 
 def _method(data: Mapping[str, Any], name: Method) -> MethodResult:

@@ -116,36 +116,31 @@ class Database:
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """A transaction; inside another one of the same thread, a savepoint of that."""
         if (outer := _OPEN.writing.get(self.path)) is not None:
-            _check_in_transaction(outer)
-            undo = "ROLLBACK TO part", "RELEASE part"
-            with _at_once(outer, "SAVEPOINT part", "RELEASE part", undo):
+            with _at_once(outer, inside=True):
                 yield outer
             return
-        with self._connected() as db:
-            db.execute("PRAGMA synchronous = FULL")
-            with _at_once(db):
-                _OPEN.writing[self.path] = db
-                try:
-                    if self.marker.exists():
-                        raise StereocalError(
-                            "This project was removed meanwhile, and nothing more is written to "
-                            "it. It can be brought back on the Start page where it was removed."
-                        )
-                    yield db
-                finally:
-                    del _OPEN.writing[self.path]
+        with self._connected() as db, _at_once(db):
+            if self.marker.exists():
+                raise StereocalError(
+                    "This project was removed meanwhile, and nothing more is written to it. It can "
+                    "be brought back on the Start page where it was removed."
+                )
+            _OPEN.writing[self.path] = db
+            try:
+                yield db
+            finally:
+                del _OPEN.writing[self.path]
 
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection]:
         """A consistent snapshot of the project, whatever others write meanwhile."""
-        outer = _OPEN.writing.get(self.path) or _OPEN.reading.get(self.path)
-        if outer is not None:
+        if outer := _OPEN.writing.get(self.path) or _OPEN.reading.get(self.path):
             # A second connection could wait for a writer that waits for the first.
             yield outer
             return
         with self._connected() as db:
             db.execute("BEGIN")
-            db.execute("SELECT 1 FROM value LIMIT 1").fetchall()
+            db.execute("SELECT 1 FROM value").fetchone()
             _OPEN.reading[self.path] = db
             try:
                 yield db
@@ -183,10 +178,8 @@ class Database:
     def size(self) -> int:
         """Bytes that the project takes, without free pages."""
         with self.reading() as db:
-            pages, free, page = (
-                db.execute(f"PRAGMA {what}").fetchone()[0]
-                for what in ("page_count", "freelist_count", "page_size")
-            )
+            names = ("page_count", "freelist_count", "page_size")
+            pages, free, page = (db.execute(f"PRAGMA {each}").fetchone()[0] for each in names)
         return int((pages - free) * page)
 
     @contextmanager
@@ -196,8 +189,9 @@ class Database:
                 raise StereocalError(NOT_THERE)
             with closing(connect(self.path)) as db:
                 # Debian's SQLite overwrites what is deleted, which costs as much space as it frees.
-                for setting in ("foreign_keys = ON", "secure_delete = OFF", "trusted_schema = OFF"):
-                    db.execute(f"PRAGMA {setting}")
+                for name in ("secure_delete = OFF", "foreign_keys = ON", "trusted_schema = OFF"):
+                    db.execute(f"PRAGMA {name}")
+                db.execute("PRAGMA synchronous = FULL")
                 _bring_up_to_date(db)
                 if journal_of(self.path.parent) == "delete":
                     with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
@@ -300,8 +294,8 @@ def result_code(error: sqlite3.Error) -> int:
 
 def _bring_up_to_date(db: sqlite3.Connection) -> None:
     """Bring a file of an earlier version to this one, in one transaction."""
-    version = db.execute("PRAGMA user_version").fetchone()[0]
-    if version > VERSION:
+    asked = "PRAGMA user_version"
+    if (version := db.execute(asked).fetchone()[0]) > VERSION:
         raise StereocalError(
             f"This project was written by a newer version of stereocal (format {version}): update "
             "stereocal to open it. It is left as it is."
@@ -309,8 +303,8 @@ def _bring_up_to_date(db: sqlite3.Connection) -> None:
     if version == VERSION:
         return
     db.create_function("sha256", 1, lambda content: hashlib.sha256(content).hexdigest())
-    with _at_once(db):
-        for number in range(db.execute("PRAGMA user_version").fetchone()[0], VERSION):
+    with _at_once(db):  # another server may have done it meanwhile
+        for number in range(db.execute(asked).fetchone()[0], VERSION):
             if number not in MIGRATIONS:
                 raise DamagedError("This file is not a project of stereocal, or it is damaged.")
             for statement in MIGRATIONS[number]:
@@ -319,22 +313,19 @@ def _bring_up_to_date(db: sqlite3.Connection) -> None:
 
 
 @contextmanager
-def _at_once(
-    db: sqlite3.Connection,
-    begin: str = "BEGIN IMMEDIATE",
-    keep: str = "COMMIT",
-    undo: tuple[str, ...] = ("ROLLBACK",),
-) -> Iterator[None]:
-    """What happens within is there whole or not at all."""
-    db.execute(begin)
+def _at_once(db: sqlite3.Connection, inside: bool = False) -> Iterator[None]:
+    """What happens within is there whole or not at all; `inside` a transaction, as a savepoint."""
+    if inside:
+        _check_in_transaction(db)
+    db.execute("SAVEPOINT part" if inside else "BEGIN IMMEDIATE")
     try:
         yield
         _check_in_transaction(db)
-        db.execute(keep)
+        db.execute("RELEASE part" if inside else "COMMIT")
     except BaseException:
         with suppress(sqlite3.Error):  # on a full disk SQLite has rolled back already
-            for statement in undo:
-                db.execute(statement)
+            for undo in ("ROLLBACK TO part", "RELEASE part") if inside else ("ROLLBACK",):
+                db.execute(undo)
         raise
 
 

@@ -9,18 +9,29 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
+import secrets
 import time
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import closing
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.projects.database import DamagedError, Database
+from stereocal.projects.database import (
+    BESIDE,
+    WAITING,
+    DamagedError,
+    Database,
+    create,
+    remove_database,
+)
 from stereocal.projects.server_settings import check_quota
+from stereocal.system.atomic_files import flush_folder, make_folder
 from stereocal.system.limits import MB
 
+SUFFIX = ".sqlite"
 LARGEST = 990_000_000
 """SQLite rows hold 1 GB at most."""
 PIECE = 4_000_000
@@ -47,7 +58,6 @@ class StoredFile:
 
     @property
     def name(self) -> str:
-        """The digest of the content."""
         return self.sha256
 
     @property
@@ -56,17 +66,14 @@ class StoredFile:
         return str(self.about)
 
     def read_bytes(self) -> bytes:
-        """The content."""
         return b"".join(self.pieces())
 
     def pieces(self) -> Iterator[bytes]:
-        """The content piece by piece; as `read_bytes`, but damage is found after the last piece."""
+        """The content piece by piece; damage is found after the last piece."""
         digest = hashlib.sha256()
+        query = "SELECT rowid FROM content WHERE sha256 = ?"
         with self.database.reading() as db:
-            found = db.execute(
-                "SELECT rowid FROM content WHERE sha256 = ?", [self.sha256]
-            ).fetchone()
-            if found is None:
+            if (found := db.execute(query, [self.sha256]).fetchone()) is None:
                 raise StereocalError("A file has gone from the project; give it again.")
             with closing(db.blobopen("content", "bytes", found[0], readonly=True)) as blob:
                 while piece := blob.read(PIECE):
@@ -103,22 +110,20 @@ class Store(Database):
                 )
             source.seek(0)
             sha256 = hashlib.file_digest(source, "sha256").hexdigest()
-            self._insert(sha256, source, size)
-        return StoredFile(sha256, self, label)
-
-    def _insert(self, sha256: str, source: BinaryIO, size: int) -> None:
-        with self.transaction() as db:
-            now = time.time()
-            if db.execute("UPDATE file SET stored = ? WHERE sha256 = ?", [now, sha256]).rowcount:
-                return
-            check_quota(self.size, size)
-            db.execute("INSERT INTO file VALUES (?, ?)", [sha256, now])
-            at = db.execute("INSERT INTO content VALUES (?, zeroblob(?))", [sha256, size]).lastrowid
-            assert at is not None
-            source.seek(0)
-            with closing(db.blobopen("content", "bytes", at)) as blob:
-                while piece := source.read(PIECE):
-                    blob.write(piece)
+            stored = StoredFile(sha256, self, label)
+            with self.transaction() as db:
+                dated = "UPDATE file SET stored = ? WHERE sha256 = ?", [time.time(), sha256]
+                if db.execute(*dated).rowcount:
+                    return stored
+                check_quota(self.size, size)
+                db.execute("INSERT INTO file VALUES (?, ?)", [sha256, time.time()])
+                empty = "INSERT INTO content VALUES (?, zeroblob(?)) RETURNING rowid"
+                ((at,),) = db.execute(empty, [sha256, size]).fetchall()
+                source.seek(0)
+                with closing(db.blobopen("content", "bytes", at)) as blob:
+                    while piece := source.read(PIECE):
+                        blob.write(piece)
+        return stored
 
     def files(self, part: str) -> dict[str, StoredFile]:
         """The files of a part by name, in the order in which they were added."""
@@ -136,10 +141,10 @@ class Store(Database):
         with self.transaction() as db:
             for name, file in files.items():
                 own, about = [self.scope + part, name], json.dumps(file.about, allow_nan=False)
-                if not db.execute("SELECT 1 FROM file WHERE sha256 = ?", [file.sha256]).fetchone():
+                if not self.rows("SELECT 1 FROM file WHERE sha256 = ?", file.sha256):
                     raise StereocalError(f"{name} has gone from the project; give it again.")
-                before = db.execute("SELECT sha256 FROM named WHERE part = ? AND name = ?", own)
-                replaced = before.fetchall()
+                query = "SELECT sha256 FROM named WHERE part = ? AND name = ?"
+                replaced = self.rows(query, *own)
                 db.execute(
                     "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
                     "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
@@ -212,17 +217,16 @@ class Store(Database):
     def result_digest(self, kind: str) -> str | None:
         """SHA-256 of the stored result of a kind; None without one."""
         found = self.rows("SELECT sha256 FROM result WHERE kind = ?", self.scope + kind)
-        return str(found[0][0]) if found else None
+        return found[0][0] if found else None
 
     def keep_result(self, kind: str, content: bytes | None) -> str:
         """Replace a result; None deletes it. Returns its SHA-256, if any."""
-        own = self.scope + kind
-        digest = "" if content is None else hashlib.sha256(content).hexdigest()
+        digest = hashlib.sha256(content or b"").hexdigest()
         with self.transaction() as db:
-            if content is None:
-                db.execute("DELETE FROM result WHERE kind = ?", [own])
-            else:
-                db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", [own, content, digest])
+            db.execute("DELETE FROM result WHERE kind = ?", [self.scope + kind])
+            if content is not None:
+                row = self.scope + kind, content, digest
+                db.execute("INSERT INTO result VALUES (?, ?, ?)", row)
         return digest
 
 
@@ -232,3 +236,50 @@ def loaded(text: str) -> Any:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
         raise DamagedError("Something in the project's file is damaged.") from error
+
+
+def is_id(name: str) -> bool:
+    """Whether `name` has the form of a project's id: 32 hexadecimal digits."""
+    return re.fullmatch("[0-9a-f]{32}", name) is not None
+
+
+def private_folder(path: Path) -> Path:
+    """Create a folder, if missing, that only the server's own user may read."""
+    with disk_errors(f"The folder {path.name} cannot be made"):
+        make_folder(path)
+        if path.stat().st_mode & 0o777 != 0o700:
+            path.chmod(0o700)
+    return path
+
+
+def store_of(home: Path, project_id: str) -> Store:
+    """The store of a project, which need not exist."""
+    if not is_id(project_id):
+        raise StereocalError("The address does not name a project.")
+    return Store(home / "projects" / f"{project_id}{SUFFIX}")
+
+
+def new_database(
+    home: Path, fill: Callable[[Store], object], make: Callable[[Path], object] = create
+) -> Store:
+    """A new project's file under an unguessable id; it appears once it is complete.
+
+    Args:
+        fill: writes the first content.
+        make: creates the database.
+    """
+    folder = private_folder(home / "projects")
+    name = secrets.token_hex(16)
+    waiting, target = folder / f"{WAITING}{name}{SUFFIX}", folder / f"{name}{SUFFIX}"
+    try:
+        with disk_errors("The project cannot be stored"):
+            make(waiting)
+            fill(Store(waiting))
+            if any(waiting.with_name(waiting.name + suffix).exists() for suffix in BESIDE):
+                raise StereocalError("The project's file is still open.")
+            waiting.rename(target)
+            flush_folder(folder)
+    finally:
+        with suppress(OSError):
+            remove_database(waiting)
+    return Store(target)

@@ -20,7 +20,6 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.evaluation_files import validation_figures
 from stereocal.projects.application import POINT_FILES
-from stereocal.projects.data_folder import SUFFIX, is_id, new_database, private_folder, store_of
 from stereocal.projects.database import (
     NOT_THERE,
     REMOVED,
@@ -29,7 +28,7 @@ from stereocal.projects.database import (
     remove_database,
     set_journal,
 )
-from stereocal.projects.files import Store
+from stereocal.projects.files import SUFFIX, Store, is_id, new_database, private_folder, store_of
 from stereocal.projects.jobs import forget_released, interrupted
 from stereocal.projects.photographs import (
     BOARDS_LABEL,
@@ -66,15 +65,9 @@ class Listed:
 
 
 def find_projects(home: Path, search: str = "") -> list[str]:
-    """The ids of all projects, or of those with `search` in their titles, the one changed last
-    first, damaged ones included."""
     dated = [(changed_at(s.path), s.path) for s in _stores(home) if not s.marker.exists()]
-    wanted = search.strip().casefold()
-    return [
-        path.stem
-        for changed, path in sorted(dated, reverse=True)
-        if not wanted or wanted in _title(path, changed).casefold()
-    ]
+    wanted, found = search.strip().casefold(), sorted(dated, reverse=True)
+    return [own.stem for at, own in found if not wanted or wanted in _title(own, at).casefold()]
 
 
 def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed]:
@@ -183,15 +176,13 @@ def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int
     now, count = time.time(), 0
     folder = private_folder(home / "projects")
     for store in _stores(home):
-        removed = removed_at(home, store.path.stem)
-        old = (
-            now - changed_at(store.path) > unused_days * DAY_S
-            if removed is None
-            else now - removed > removed_days * DAY_S
+        removed, own = removed_at(home, store.path.stem), changed_at(store.path)
+        since, days, act = (
+            (own, unused_days, remove) if removed is None else (removed, removed_days, delete)
         )
         with suppress(StereocalError):
-            if old:
-                (remove if removed is None else delete)(home, store.path.stem)
+            if now - since > days * DAY_S:
+                act(home, store.path.stem)
                 count += 1
             elif removed is None:
                 store.free_unnamed(now - DAY_S)
@@ -235,7 +226,7 @@ def card_of(project: Project) -> Card:
     """The summary of a project."""
     recording = ProjectRecording(project)
     if recording.is_given:
-        return _of_recording(recording)
+        return Card(f"{recording.camera_count} cameras", _rig_of(recording))
     dataset = project.dataset
     if dataset is not None:
         data = f"{len(dataset.correspondences.frames)} frames"
@@ -245,18 +236,17 @@ def card_of(project: Project) -> Card:
     return Card(data, _result_of(project))
 
 
-def _of_recording(recording: ProjectRecording) -> Card:
-    """Of three cameras and more."""
-    data, rig = f"{recording.camera_count} cameras", recording.rig
-    if rig is None:
-        return Card(data, "not calibrated")
-    figures = rig.about["figures"]
+def _rig_of(recording: ProjectRecording) -> str:
+    """The errors of three cameras and more."""
+    if (rig := recording.rig) is None:
+        return "not calibrated"
+    figures, pairs = rig.about["figures"], rig.about["pairs"]
     length = figures["length_error_p95"]
     lengths = "" if length is None else f", 95 % of lengths within {percent(length)} %"
-    noise = {name: own["noise_px"] for name, own in rig.about["pairs"].items() if "noise_px" in own}
-    worst = max(noise, key=lambda name: float(noise[name]), default=None)
-    last = "" if worst is None else f", worst pair {worst} with {rounded(noise[worst])} px"
-    return Card(data, f"One rig: {rounded(figures['reprojection_px'])} px{lengths}{last}")
+    noise = [(own["noise_px"], name) for name, own in pairs.items() if "noise_px" in own]
+    worst, name = max(noise, default=(0.0, ""))
+    last = f", worst pair {name} with {rounded(worst)} px" if name else ""
+    return f"One rig: {rounded(figures['reprojection_px'])} px{lengths}{last}"
 
 
 def title_of(project: Project) -> str:
@@ -286,8 +276,7 @@ def _result_of(project: Project) -> str:
     """The errors of the sets to use, each at its own job, on held-out frames."""
     if project.calibration is None:
         return "not calibrated"
-    evaluation = project.calibration_evaluation
-    if evaluation is None:
+    if (evaluation := project.calibration_evaluation) is None:
         return "calibrated, not validated"
     held_out = validation_figures(evaluation.summaries, evaluation.settings)
     to_use = project.recommended or PAPERS

@@ -16,6 +16,11 @@ from stereocal.rig.dataset import Correspondences, Dataset
 
 Slot = Literal["primary", "secondary", "correspondences"]
 Length = Literal["baseline_m", "target_distance_m"]
+FILES: dict[Slot, str] = {
+    "correspondences": "the table of points",
+    "primary": "the primary camera's file",
+    "secondary": "the secondary camera's file",
+}
 LENGTHS: dict[Length, str] = {
     "baseline_m": "the baseline",
     "target_distance_m": "the distance between the targets",
@@ -94,10 +99,9 @@ class Inputs:
         """
         if which not in self.lens_known:
             return camera
-        stated = self.lens_known[which]
-        if stated is None or None in stated:
+        focal, centre = self.lens_known[which] or (None, None)
+        if focal is None or centre is None:
             return replace(camera, uncertainty=None)
-        focal, centre = (float(value) for value in stated if value is not None)
         own = camera.uncertainty
         distortion = own.distortion if own else np.zeros_like(camera.distortion)
         fx, fy = focal * camera.K[0, 0], focal * camera.K[1, 1]
@@ -106,12 +110,7 @@ class Inputs:
     @property
     def missing(self) -> list[str]:
         """What is still missing, in words."""
-        named = {
-            "correspondences": "the table of points",
-            "primary": "the primary camera's file",
-            "secondary": "the secondary camera's file",
-        }
-        lacking = [words for slot, words in named.items() if slot not in self.files]
+        lacking = [words for slot, words in FILES.items() if slot not in self.files]
         for name, words in LENGTHS.items():
             metres = getattr(self, name)
             if name in self.needs_measuring:

@@ -26,7 +26,6 @@ import scipy
 
 import stereocal
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.projects.data_folder import SUFFIX, private_folder
 from stereocal.projects.database import (
     BUSY,
     Database,
@@ -34,6 +33,7 @@ from stereocal.projects.database import (
     result_code,
     translated_errors,
 )
+from stereocal.projects.files import SUFFIX, private_folder
 from stereocal.system.records import of_plain
 
 T = TypeVar("T")
@@ -72,7 +72,7 @@ def digest_of(kind: str, work: Mapping[str, Any]) -> str:
 
 class Checkpoints(Generic[T]):
     """The checkpoints of one stage of a job, earlier runs of the same work included; used by the
-    thread that runs it.
+    thread that runs it. On a full disk none is stored, and the job continues.
 
     Args:
         pack: a checkpoint as bytes; None for one that is not worth storing.
@@ -87,13 +87,8 @@ class Checkpoints(Generic[T]):
         unpack: Callable[[bytes], T],
     ) -> None:
         self._job, self._stage, self._pack, self._unpack = job, stage, pack, unpack
-        self._keys = {str(key) for (key,) in self._rows("key")}
-
-    def _rows(self, column: str, *key: str) -> list[tuple[Any, ...]]:
-        query = (
-            f"SELECT {column} FROM finished WHERE kind = ? AND stage = ?{' AND key = ?' * len(key)}"
-        )
-        return self._job.database.rows(query, self._job.record.kind, self._stage, *key)
+        query = "SELECT key FROM finished WHERE kind = ? AND stage = ?"
+        self._keys = {str(key) for (key,) in job.database.rows(query, job.record.kind, stage)}
 
     def __len__(self) -> int:
         return len(self._keys)
@@ -103,13 +98,14 @@ class Checkpoints(Generic[T]):
         if key not in self._keys:
             return None
         self._job.write()
+        query = "SELECT content FROM finished WHERE kind = ? AND stage = ? AND key = ?"
         try:
-            return self._unpack(bytes(self._rows("content", key)[0][0]))
+            found = self._job.database.rows(query, self._job.record.kind, self._stage, key)
+            return self._unpack(bytes(found[0][0]))
         except DAMAGED:
             return None
 
     def keep(self, key: str, result: T) -> None:
-        """Store a checkpoint. On a full disk none is stored, and the job continues."""
         content = self._pack(result)
         if content is not None:
             self._keys.add(key)
@@ -128,7 +124,6 @@ class RunningJob:
     def checkpoints(
         self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
     ) -> Checkpoints[T]:
-        """Those of a stage."""
         return Checkpoints(self, stage, pack, unpack)
 
     def add(self, stage: str, key: str, content: bytes) -> None:
@@ -193,15 +188,12 @@ def begin(
 
     Checkpoints of the same work are used; those of other work are deleted.
     """
-    home, own = _home(database), database.scope + kind
-    record = Record(own, tuple(stages), digest_of(kind, work))
-    text = json.dumps({"stages": record.stages})
-    held = lock(home)
+    own, held = database.scope + kind, lock(_home(database))
+    record, begun = Record(own, tuple(stages), digest_of(kind, work)), False
     try:
         with database.transaction() as db:
             found = find(database, kind)
             if found is not None and found[0] == "running":
-                _release(home, held)
                 return None
             if found is not None and found[1].digest != record.digest:
                 _delete(database, own)
@@ -209,25 +201,26 @@ def begin(
                 "INSERT INTO job (kind, digest, record, server) VALUES (?, ?, ?, ?) ON CONFLICT DO "
                 "UPDATE SET record = excluded.record, server = excluded.server, at = 0, done = 0, "
                 "total = 0, sentence = '', cancel = 0",
-                [own, record.digest, text, held],
+                [own, record.digest, json.dumps({"stages": record.stages}), held],
             )
-    except BaseException:
-        _release(home, held)
-        raise
-    return RunningJob(database, record, held)
+        begun = True
+        return RunningJob(database, record, held)
+    finally:
+        if not begun:
+            _release(_home(database), held)
 
 
 def find(database: Database, kind: str) -> tuple[State, Record] | None:
     """State and record of a project's job of this kind; None without one."""
     kind = database.scope + kind
     names = ("digest", "at", "done", "total", "sentence")
-    rows = database.rows(f"SELECT {', '.join(names)}, record, server FROM job WHERE kind = ?", kind)
-    if not rows:
+    query = f"SELECT server, record, {', '.join(names)} FROM job WHERE kind = ?"
+    if not (rows := database.rows(query, kind)):
         return None
-    *values, text, held = rows[0]
+    held, text, *values = rows[0]
     try:
-        stored = json.loads(text) | dict(zip(names, values, strict=True))
-        record = of_plain({**stored, "kind": kind}, Record)
+        stored = {**json.loads(text), **dict(zip(names, values, strict=True)), "kind": kind}
+        record = of_plain(stored, Record)
     except DAMAGED:
         return None  # it could not be resumed
     at, total = min(max(record.at, 0), len(record.stages) - 1), max(record.total, record.done)

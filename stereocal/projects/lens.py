@@ -23,7 +23,6 @@ class ProjectLens(ProjectPart):
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
-        """Files by their uploaded names."""
         return self.database.files(self._boards)
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
@@ -62,7 +61,6 @@ class ProjectLens(ProjectPart):
         return None if content is None else unpack_lens(content)
 
     def keep_calibration(self, lens: LensCalibration) -> None:
-        """Replace the last calibration."""
         self.database.keep_result(self._lens, pack_lens(lens))
 
     def use(self) -> None:

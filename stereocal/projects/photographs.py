@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
@@ -19,7 +20,7 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences, Dataset
-from stereocal.system.records import of_plain
+from stereocal.system.records import of_plain, plain
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
@@ -44,7 +45,7 @@ class ProjectPhotographs(ProjectPart):
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
-        """Files by their uploaded names."""
+        """By their uploaded names."""
         return self.database.files(BAR)
 
     @property
@@ -55,7 +56,7 @@ class ProjectPhotographs(ProjectPart):
     @property
     def rows(self) -> list[PairRow]:
         """The pairs as edited, or as proposed if nobody has edited them."""
-        edited = self._value("pairs")
+        edited = self._value("pairs", None)
         if edited is None:
             return [PairRow(pair) for pair in self.proposal.pairs]
         try:
@@ -69,8 +70,7 @@ class ProjectPhotographs(ProjectPart):
         """Store the edited pairs; None returns to the proposal."""
         with self.database.transaction():
             _check_rows(rows or (), self.photographs)
-            kept = None if rows is None else [asdict(row) for row in rows]
-            self.database.keep_values(BAR, {"pairs": kept})
+            self.database.keep_values(BAR, {"pairs": plain(rows)})
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
         """Add stored photographs; a repeated name is replaced.
@@ -81,7 +81,7 @@ class ProjectPhotographs(ProjectPart):
         with self.database.transaction():
             before = self.photographs
             self.database.name_files(BAR, found)
-            if self._value("pairs") is not None:
+            if self._value("pairs", None) is not None:
                 self.keep_rows(_with_new(self.rows, list(self.photographs)))
             replaced = {name for name in found if before.get(name, found[name]) != found[name]}
             frames = self.frames or []
@@ -91,11 +91,8 @@ class ProjectPhotographs(ProjectPart):
             elif len(left) < len(frames):
                 self._keep_frames(left)
 
-    def clear(self) -> None:
-        """Delete all photographs and the targets found in them."""
-        self._replace({})
-
-    def _replace(self, found: Mapping[str, StoredFile]) -> None:
+    def clear(self, found: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
+        """Delete all photographs but `found`, and the targets found in them."""
         with self.database.freeing() as db:
             self.database.replace_files(BAR, found)
             self.database.keep_values(BAR, {"pairs": None, "found_by": ""})
@@ -123,20 +120,20 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             again = bool(found) and self.photographs == found and "correspondences" not in files
-            table: Given = ({}, {})
+            own: Given = ({}, {})
             if again:
                 with suppress(StereocalError):  # no target was found, or none is used
-                    table = _table(correspondences_of(self.frames or []), TABLE_LABEL)
-            read = {**(read or {}), **table[1]}
+                    own = _table(correspondences_of(self.frames or []), TABLE_LABEL)
+            read = {**(read or {}), **own[1]}
             try:
-                self.project.give({**files, **table[0]}, ("correspondences",), read, **values)
+                self.project.give({**files, **own[0]}, ("correspondences",), read, **values)
             except RefusedRowsError as error:
-                if not table[0]:
+                if not own[0]:
                     raise
                 # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error
             if not again:
-                self._replace(found)
+                self.clear(found)
         return again
 
     # What was found
@@ -145,12 +142,12 @@ class ProjectPhotographs(ProjectPart):
     def frames(self) -> list[Frame] | None:
         """The targets found and corrected in the present photographs, or None."""
         content = self.database.result("frames")
-        return (unpack_frames(content) or None) if content is not None else None
+        return None if content is None else unpack_frames(content) or None
 
     @property
     def found_by(self) -> str:
         """The `search` of the last `keep_found`; empty if none."""
-        return str(self._value("found_by") or "")
+        return str(self._value("found_by"))
 
     def keep_found(
         self, found: Sequence[Frame], searched: Mapping[str, StoredFile], search: str = ""
@@ -172,11 +169,10 @@ class ProjectPhotographs(ProjectPart):
                     "The photographs were changed while the targets were looked for: find them "
                     "again."
                 )
-            before: Sequence[Frame] = ()
             with suppress(StereocalError):  # damaged frames are replaced
-                before = self.frames or ()
+                found = keep_corrections(found, self.frames or ())
             self.database.keep_values(BAR, {"found_by": search})
-            refused = self._keep_frames(keep_corrections(found, before))
+            refused = self._keep_frames(found)
         if refused is not None:
             raise refused
 
@@ -198,13 +194,12 @@ class ProjectPhotographs(ProjectPart):
     def boards_found(self) -> str:
         """What the last `keep_boards` stored, in words; empty if that is not in use."""
         label = self.project.inputs.labels.get("correspondences")
-        return str(self._value("boards_found") or "") if label == BOARDS_LABEL else ""
+        return str(self._value("boards_found")) if label == BOARDS_LABEL else ""
 
     @property
     def doubtful_boards(self) -> dict[int, str]:
         """Of frames whose board is not used or does not fit well, the reason."""
-        kept = self._value("boards_doubtful") or {}
-        return {int(frame): str(why) for frame, why in kept.items()}
+        return {int(frame): str(why) for frame, why in self._value("boards_doubtful", {}).items()}
 
     def keep_boards(
         self,
@@ -252,8 +247,9 @@ class ProjectPhotographs(ProjectPart):
                 return error
         return None
 
-    def _value(self, name: str) -> Any:
-        return self.database.values(BAR).get(name)
+    def _value(self, name: str, default: Any = "") -> Any:
+        found = self.database.values(BAR).get(name)
+        return default if found is None else found
 
 
 def _table(rows: Correspondences, label: str) -> Given:
@@ -263,10 +259,8 @@ def _table(rows: Correspondences, label: str) -> Given:
 
 def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
     """Check a table of pairs."""
-    frames: set[int] = set()
-    taken: set[str] = set()
-    for row in rows:
-        pair = row.pair
+    frames, taken = set[int](), set[str]()
+    for pair in (row.pair for row in rows):
         if pair.frame in frames:
             raise StereocalError(f"Frame {pair.frame} is in two rows: give each its own number.")
         frames.add(pair.frame)
@@ -283,10 +277,9 @@ def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
 def _with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
     """The given rows, and the proposed pairs of all other photographs."""
     taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
-    frames = {row.pair.frame for row in kept}
-    rows = list(kept)
+    rows, frames = list(kept), {row.pair.frame for row in kept}
     for pair in pair_names(name for name in names if name not in taken).pairs:
         number = pair.frame if pair.frame not in frames else max(frames) + 1
         frames.add(number)
-        rows.append(PairRow(Pair(number, pair.primary, pair.secondary)))
+        rows.append(PairRow(replace(pair, frame=number)))
     return rows

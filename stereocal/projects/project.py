@@ -10,42 +10,37 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
-from stereocal.projects.data_folder import new_database, store_of
 from stereocal.projects.database import NOT_THERE, DamagedError
-from stereocal.projects.files import PAIR, Store, StoredFile
-from stereocal.projects.inputs import Inputs, Slot
+from stereocal.projects.files import PAIR, Store, StoredFile, new_database, store_of
+from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset, check_length, points_outside
+from stereocal.rig.dataset import Correspondences, Dataset, check_length, points_outside
 from stereocal.system.latest import Latest
-from stereocal.system.records import of_plain
+from stereocal.system.records import of_plain, unpack
 
 T = TypeVar("T")
-
 INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
 """Parts of a project: inputs, form values, further data sets, the inputs of the last result."""
 VALUES = tuple(
     each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
 )
-METHOD_OF: Mapping[str, Method] = {method: method for method in ALL_METHODS}
 OF_TABLE = ("exchanged", "put_back", "left_out")
 """Corrections of frames, valid for one table of points."""
 KEPT: dict[type, Latest[Any]] = {
-    Camera: Latest(64),
-    Table: Latest(8),
-    Dataset: Latest(32),
-    Calibration: Latest(8),
-    Evaluation: Latest(8),
+    kind: Latest(most)
+    for kind, most in ((Camera, 64), (Table, 8), (Dataset, 32), (Calibration, 8), (Evaluation, 8))
 }
 """In memory. The keys of what was read from files have their labels: messages name them."""
 
@@ -91,8 +86,7 @@ class Project:
     def inputs(self) -> Inputs:
         """The inputs so far."""
         with self.database.reading():
-            values = self.database.values(INPUT)
-            files = self.database.files(INPUT)
+            values, files = self.database.values(INPUT), self.database.files(INPUT)
         stored = {name: values[name] for name in VALUES if name in values}
         stored["files"] = {slot: file.sha256 for slot, file in files.items()}
         stored["labels"] = {slot: file.label for slot, file in files.items()}
@@ -139,17 +133,13 @@ class Project:
 
     def _check(self, inputs: Inputs) -> None:
         """Check the inputs as far as they are complete."""
-        for what, value in (
-            ("baseline", inputs.baseline_m),
-            ("distance between the targets", inputs.target_distance_m),
-        ):
-            if value is not None:
-                check_length(what, value)
+        for name, words in LENGTHS.items():
+            if (metres := getattr(inputs, name)) is not None:
+                check_length(words.removeprefix("the "), metres)
         cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
-        if (file := self._file(inputs, "correspondences")) is not None:
-            rows = _table(file).strict(file.label)
-            if outside := points_outside(rows, *cameras):
-                raise RefusedRowsError(f"{file.label}: ", outside, "with a point outside its image")
+        file = self._file(inputs, "correspondences")
+        if file and (outside := points_outside(_rows(file), *cameras)):
+            raise RefusedRowsError(f"{file.label}: ", outside, "with a point outside its image")
         self.dataset_of(inputs)
 
     def exchange_targets(self, frame: int) -> None:
@@ -196,8 +186,7 @@ class Project:
             primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
             file = self._file(inputs, "correspondences")
             assert primary and secondary and file
-            rows = _table(file).strict(file.label)
-            return inputs.dataset(Path(file.label).stem, primary, secondary, rows)
+            return inputs.dataset(Path(file.label).stem, primary, secondary, _rows(file))
 
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
         return None if inputs.missing else _once(Dataset, key, made)
@@ -220,12 +209,11 @@ class Project:
         return StoredFile(inputs.files[slot], self.database, inputs.labels[slot])
 
     def _camera(self, inputs: Inputs, slot: Slot) -> Camera | None:
-        """The lens model was settled when it was uploaded."""
-        if (file := self._file(inputs, slot)) is None:
+        # The lens model was settled when it was uploaded.
+        file = self._file(inputs, slot)
+        if file is None:
             return None
-        return _once(
-            Camera, _key(file), lambda: read_camera(file.read_bytes(), file.label, "brown")
-        )
+        return _read_once(Camera, file, partial(read_camera, lens_model="brown"))
 
     # Settings and results
 
@@ -259,24 +247,20 @@ class Project:
                 raise ValueError(inputs)
             return dataset
 
-        return self._result(
-            Calibration, "calibration", lambda content: unpack_calibration(content, made_from)
-        )
+        unpacked = partial(unpack_calibration, dataset_of=made_from)
+        return self._result(Calibration, "calibration", unpacked)
 
-    def _result(self, kind: type[T], name: str, unpack: Callable[[bytes], T]) -> T | None:
+    def _result(self, kind: type[T], name: str, unpacked: Callable[[bytes], T]) -> T | None:
         with self.database.reading():
             digest = self.database.result_digest(name)
             if digest is None:
                 return None
-            return _once(kind, digest, lambda: unpack(self.database.result(name) or b""))
+            return _once(kind, digest, lambda: unpacked(self.database.result(name) or b""))
 
     @property
     def calibration_digest(self) -> str | None:
-        """SHA-256 of the last result as stored; None before the first.
-
-        It tells whether a result is current. The object does not: the same content is another one
-        once the cache of `calibration` has dropped it.
-        """
+        """SHA-256 of the last result as stored; None before the first. It tells whether a result is
+        current; the object does not, which is another one once `KEPT` has dropped it."""
         return self.database.result_digest("calibration")
 
     def keep_recommended(self, match_with: Method, measure_with: Method) -> None:
@@ -288,10 +272,9 @@ class Project:
         """The sets to match and to measure with; None before the last result is validated."""
         content = self.database.result("recommended")
         try:
-            match, measure = (METHOD_OF[name] for name in json.loads(content or b"[]"))
+            return unpack(content or b"", tuple[Method, Method])
         except DAMAGED:  # a calibration stores it again
             return None
-        return match, measure
 
     def keep_evaluation(self, evaluation: Evaluation, of_calibration: bool = False) -> None:
         """Replace the last evaluation.
@@ -329,8 +312,7 @@ class Project:
         dataset = parse_zip(content, label)
         with self.database.transaction():
             at = len(self.database.files(FURTHER))
-            file = self.database.keep_file(content, label)
-            self.database.name_files(FURTHER, {f"{at:06d}": file})
+            file = self.database.give(FURTHER, f"{at:06d}", label, content)
         _keep(file, dataset)
 
     def drop_datasets(self) -> None:
@@ -341,13 +323,8 @@ class Project:
     @property
     def more_datasets(self) -> list[Dataset]:
         """The further data sets."""
-
-        def read(file: StoredFile) -> Dataset:
-            return _once(
-                Dataset, _key(file), lambda: parse_zip(file.read_bytes(), file.label, "brown")
-            )
-
-        return [read(file) for file in self.database.files(FURTHER).values()]
+        files = self.database.files(FURTHER).values()
+        return [_read_once(Dataset, file, partial(parse_zip, lens_model="brown")) for file in files]
 
 
 class ProjectPart:
@@ -362,19 +339,23 @@ class ProjectPart:
         return self.database.keep_file(content, name)
 
 
-def _key(file: StoredFile) -> str:
-    return f"{file.sha256} {file.label}"
+def _once(kind: type[T], key: str, make: Callable[[], T]) -> T:
+    found: T = KEPT[kind].once(key, make)
+    return found
+
+
+def _read_once(kind: type[T], file: StoredFile, read: Callable[[bytes, str], T]) -> T:
+    return _once(kind, _key(file), lambda: read(file.read_bytes(), file.label))
 
 
 def _keep(file: StoredFile, read: Camera | Table | Dataset) -> None:
     KEPT[type(read)].keep(_key(file), read)
 
 
-def _once(kind: type[T], key: str, make: Callable[[], T]) -> T:
-    found: T = KEPT[kind].once(key, make)
-    return found
+def _key(file: StoredFile) -> str:
+    return f"{file.sha256} {file.label}"
 
 
-def _table(file: StoredFile) -> Table:
-    """All rows of a table, invalid ones included."""
-    return _once(Table, _key(file), lambda: read_table(file.read_bytes(), file.label))
+def _rows(file: StoredFile) -> Correspondences:
+    """The rows of a table, all of which must be valid."""
+    return _read_once(Table, file, read_table).strict(file.label)

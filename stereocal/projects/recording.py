@@ -26,7 +26,7 @@ NAMES: dict[Slot, str] = {
     "secondary": "secondary.json",
 }
 """Slots of a pair, and the names of their files."""
-PAIRS = "pairs.zip"
+PAIRS, SOURCE = "pairs.zip", "the recording of this project"
 OF_RIG, REFINED = "of_rig", "refined_of_rig"
 """Settings of a pair: the digests of the recording and of the rig that it is of, and with which its
 refined set is the rig's."""
@@ -40,7 +40,7 @@ class ProjectRecording(ProjectPart):
     @property
     def is_given(self) -> bool:
         """Whether the project holds a recording."""
-        return bool(self.database.files(RECORDING))
+        return bool(self.digest)
 
     @property
     def digest(self) -> list[str]:
@@ -50,10 +50,11 @@ class ProjectRecording(ProjectPart):
     @property
     def camera_count(self) -> int:
         """How many cameras the recording has, without reading its points."""
-        files = self.database.files(RECORDING)
-        contents = {name: file.read_bytes() for name, file in files.items() if name != POINTS}
-        found = find_description(contents, "the recording of this project")
-        return len(found.entries["cameras"])
+        return len(find_description(self._contents(POINTS), SOURCE).entries["cameras"])
+
+    def _contents(self, but: str = "") -> dict[str, bytes]:
+        files = self.database.files(RECORDING).items()
+        return {name: file.read_bytes() for name, file in files if name != but}
 
     @property
     def parts(self) -> dict[str, StoredFile]:
@@ -71,7 +72,6 @@ class ProjectRecording(ProjectPart):
                 self.database.name_files(PARTS, {name: file})
 
     def drop_part(self, name: str) -> None:
-        """Remove a file."""
         for part in (PARTS, REPLACED):
             self.database.forget_files(part, [name])
 
@@ -81,7 +81,6 @@ class ProjectRecording(ProjectPart):
         return list(self.database.files(REPLACED))
 
     def undo_part(self, name: str) -> None:
-        """Take the file that was replaced again."""
         with self.database.transaction():
             self.database.name_files(PARTS, {name: self.database.files(REPLACED)[name]})
             self.database.forget_files(REPLACED, [name])
@@ -101,11 +100,8 @@ class ProjectRecording(ProjectPart):
 
     def read(self) -> Recording | None:
         """The recording; None if the project holds none."""
-        files = self.database.files(RECORDING)
-        if not files:
-            return None
-        contents = {name: file.read_bytes() for name, file in files.items()}
-        return parse_recording(contents, "the recording of this project")
+        contents = self._contents()
+        return parse_recording(contents, SOURCE) if contents else None
 
     def keep_rig(self, rig: str, pairs: bytes) -> None:
         """Store rig.json and the zip of the pairs' files."""
@@ -136,16 +132,16 @@ class ProjectRecording(ProjectPart):
         about = [*self.digest, VERSION, *([] if file is None else [file.sha256])]
         if project.settings.get(OF_RIG) == about:
             return project
-        recording = self.read()
-        if recording is None:
+        if (recording := self.read()) is None:
             raise StereocalError("This project has no recording of several cameras: no pairs.")
         rig, pair = self.rig, recording.pair_named(name)
         dataset = data_of_pair(recording, pair, rig)
         packed, inputs, free = pack_pair(dataset), project.inputs, dataset.baseline_is_free
-        files: dict[Slot, tuple[str, bytes]] = {}
-        for slot, file_name in NAMES.items():
-            if hashlib.sha256(packed[file_name]).hexdigest() != inputs.files.get(slot):
-                files[slot] = f"{dataset.name}, {slot}", packed[file_name]
+        files: dict[Slot, tuple[str, bytes]] = {
+            slot: (f"{dataset.name}, {slot}", packed[own])
+            for slot, own in NAMES.items()
+            if hashlib.sha256(packed[own]).hexdigest() != inputs.files.get(slot)
+        }
         with self.database.transaction():
             project.give(
                 files,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import lru_cache
 
@@ -34,11 +35,13 @@ def read_review(store: ProjectPhotographs) -> Review:
     if frames is None:
         raise StereocalError("The targets have not been found yet.")
     there = {(frame.frame, frame.files) for frame in frames if frame.reviewed or frame.corrected}
-    edits = [edit for (text,) in rows if (edit := _edit(text)) is not None]
-    return Review(
-        tuple(frames),
-        tuple(edit for edit in edits if (edit.after.frame, edit.after.files) in there),
-    )
+    edits: list[Edit] = []
+    for (text,) in rows:
+        with suppress(*DAMAGED):
+            item = json.loads(text)
+            edits.append(Edit(*(frame_from_json(item[when]) for when in ("before", "after"))))
+    known = [edit for edit in edits if (edit.after.frame, edit.after.files) in there]
+    return Review(tuple(frames), tuple(known))
 
 
 def change_review(store: ProjectPhotographs, change: Callable[[Review], Review]) -> Review:
@@ -62,15 +65,6 @@ def change_review(store: ProjectPhotographs, change: Callable[[Review], Review])
     if refused is not None:
         raise refused
     return after
-
-
-def _edit(text: str) -> Edit | None:
-    try:
-        item = json.loads(text)
-        frames: list[Frame] = [frame_from_json(item[when]) for when in ("before", "after")]
-        return Edit(*frames)
-    except DAMAGED:
-        return None
 
 
 def thumbnail(store: ProjectPhotographs, frame: Frame) -> bytes:

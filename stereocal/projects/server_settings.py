@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.system.environment import from_environment
@@ -39,6 +41,17 @@ class ServerSettings:
         found = from_environment(cls, variables, environment)
         workers = int(min(max(found.workers, 1), MOST_WORKERS))
         return replace(found, shared=found.shared > 0, workers=workers)
+
+
+def default_home() -> Path:
+    """STEREOCAL_HOME, or the user's data directory."""
+    if given := os.environ.get("STEREOCAL_HOME"):
+        return Path(given)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData/Local")) / "stereocal"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Application Support/stereocal"
+    return Path(os.environ.get("XDG_DATA_HOME", Path.home() / ".local/share")) / "stereocal"
 
 
 def check_quota(size: int, coming: int = 0) -> None:

@@ -143,8 +143,8 @@ def _sampled(form: ThresholdForm) -> list[FramePixels]:
 @st.cache_resource(show_spinner="Reading the points.", max_entries=4)
 def whole_table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
     """All points of a table, cached by name, which holds its digest."""
-    with _store.opened(name) as path:
-        return pd.concat(list(PointTable(path, POINT, label).blocks()))
+    with _store.opened(name) as folder:
+        return pd.concat(list(PointTable(folder / name, POINT, label).blocks()))
 
 
 def chosen_depths(project: Project) -> Depths:

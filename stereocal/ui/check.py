@@ -21,13 +21,7 @@ from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.inputs import images_in
 from stereocal.matching.application import PAIRS, digest_of
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
-from stereocal.projects.application import (
-    IMAGES,
-    PARAMETERS,
-    ProjectApplication,
-    ProjectCheck,
-    parameters_in,
-)
+from stereocal.projects.application import IMAGES, PARAMETERS, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
@@ -140,7 +134,7 @@ def _choose_parameters(
     """The parameters to check, and their file unless they are the project's."""
     if not source.is_project:
         given = _file_in_use("Parameters", store, PARAMETERS)
-        return None if given is None else (parameters_in(given[1], given[0]), given[1])
+        return None if given is None else (RigParameters.loads(given[1], given[0]), given[1])
     answer = source.answer()
     if answer is None:
         return None

@@ -18,10 +18,9 @@ from streamlit.runtime.scriptrunner import StopException, add_script_run_ctx, ge
 
 from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import sweep
 from stereocal.projects.recording import ProjectRecording
-from stereocal.projects.server_settings import ServerSettings
+from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page

@@ -17,9 +17,9 @@ from stereocal.figures import plan_report as figures
 from stereocal.figures.tables import plan_table
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.inputs import LENGTHS, Slot
 from stereocal.projects.project import Project
+from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded

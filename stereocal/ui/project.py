@@ -11,10 +11,10 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import bring_back, changed_at, removed_at, title_of
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
+from stereocal.projects.server_settings import default_home
 from stereocal.ui.fields import Field
 from stereocal.ui.messages import attempt, callback, end_here
 from stereocal.ui.texts import escape_markdown

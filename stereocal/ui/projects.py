@@ -19,11 +19,10 @@ from stereocal.errors import StereocalError
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects import home
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.database import journal_of
 from stereocal.projects.home import Card, card_of, title_of
 from stereocal.projects.project import Project
-from stereocal.projects.server_settings import ServerSettings
+from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.limits import MB
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting

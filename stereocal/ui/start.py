@@ -15,9 +15,9 @@ from stereocal.figures import story as figures
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.recording_files import POINTS
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
+from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
 from stereocal.system.resources import ROOT

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.projects import data_folder
+from stereocal.projects import files as files_module
 from stereocal.projects import home as home_module
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
@@ -29,7 +29,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     with monkeypatch.context() as patch:
         patch.setattr(Store, "transaction", full)
-        patch.setattr(data_folder, "create", full)
+        patch.setattr(files_module, "create", full)
         patch.setattr(home_module, "copy_database", full)
         yield
 

@@ -10,11 +10,11 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.frames.review import choose
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.home import remove
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, read_review
+from stereocal.projects.server_settings import default_home
 from tests.pages.stored_projects import FULL, go, placed, session, told
 
 

@@ -27,6 +27,6 @@ def test_an_answered_table_is_not_read_back(
     points = store.points("primary")
     assert points is not None and (points.rows, points.frames) == (3, 3)
     assert store.asking("primary") is None
-    with store.opened(points.name) as path:
-        found = PointTable(path, ("u", "v")).check()
+    with store.opened(points.name) as folder:
+        found = PointTable(folder / points.name, ("u", "v")).check()
     assert (found.rows, len(found.frames)) == (3, 3)

@@ -10,9 +10,9 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.projects.data_folder import default_home
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
+from stereocal.projects.server_settings import default_home
 from stereocal.workflow import calibrate
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
