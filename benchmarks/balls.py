@@ -16,10 +16,9 @@ import numpy as np
 
 from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls
-from stereocal.detection.sighting import Sighting
-from stereocal.detection.target import Balls, parse_target
+from stereocal.detection.target import Balls, Sighting, parse_target
 from stereocal.frames.frame import Frame
-from stereocal.frames.named import frames_of
+from stereocal.frames.labelling import frames_of
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray

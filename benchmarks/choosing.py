@@ -23,7 +23,8 @@ import numpy as np
 from benchmarks.clutter import Found, Truth
 from benchmarks.third_boards import small_rig, taken
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.labelling import FrameLabels, label_targets
+from stereocal.frames.epipolar_labels import FrameLabels
+from stereocal.frames.labelling import label_targets
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")
 

@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.labelling import FrameLabels, label_targets
+from stereocal.frames.epipolar_labels import FrameLabels
+from stereocal.frames.labelling import label_targets
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.simulate import field_rig

@@ -17,13 +17,13 @@ from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.recording_files import pack_recording, write_points
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings
 from stereocal.intrinsics.proposed_board import proposed_board
+from stereocal.intrinsics.quality import lens_answer
 from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     find_stereo_boards,
     lenses_of_boards,
     recording_of,
 )
-from stereocal.intrinsics.tables import lens_answer
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import Recording

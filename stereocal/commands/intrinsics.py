@@ -13,12 +13,11 @@ from stereocal.commands.parser import Options
 from stereocal.commands.progress import ProgressBar, report
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.frames.pairing import pair_names
+from stereocal.intrinsics import quality
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
-from stereocal.intrinsics.quality import advice, hint, note_on_model
 from stereocal.intrinsics.stereo_boards import recording_of
-from stereocal.intrinsics.tables import LENS_COLUMNS, lens_answer, lens_rows
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.described import descriptions
@@ -95,9 +94,9 @@ def _file_of(lens: LensCalibration, path: Path) -> bytes:
 def _print(search: BoardSearch, lens: LensCalibration) -> None:
     for item in search.refused:
         print(f"Not used: {item.name}: {item.reason}.")
-    print(lens_answer(lens))
-    print(" ".join(f"{title:>16}" for title in LENS_COLUMNS))
-    for row in lens_rows(lens):
+    print(quality.lens_answer(lens))
+    print(" ".join(f"{title:>16}" for title in quality.LENS_COLUMNS))
+    for row in quality.lens_rows(lens):
         print(" ".join(f"{cell:>16}" for cell in row))
-    model = note_on_model(search, lens.settings)
-    report(notes=filter(None, (*advice(lens), hint(lens), model)))
+    model = quality.note_on_model(search, lens.settings)
+    report(notes=filter(None, (*quality.advice(lens), quality.hint(lens), model)))

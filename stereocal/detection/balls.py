@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.detection.ball_colours import Colours, eight_bits, masks
+from stereocal.detection.ball_colours import LEAST_CHROMA, Colours, eight_bits, masks
 from stereocal.detection.outline import fit_outline
-from stereocal.detection.sighting import Sighting, Spot
-from stereocal.detection.target import BRIGHT, Balls
+from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, in_order
 from stereocal.rig.camera import Camera
 
 SHORTEST_OUTLINE, LEAST_ROUND, MOST_CANDIDATES = 4, 0.2, 10
@@ -34,6 +34,17 @@ HIDDEN = 0.45
 CERTAIN, RUNNER_UP = 0.5, 0.5
 SIZE_SPREAD = 0.35
 """Of the logarithm of the ratio of the two radii: one ball may be 1.5 times as far as the other."""
+HUES = [
+    f"#{red:02x}{green:02x}{blue:02x}"
+    for red, green, blue in itertools.product((0, 128, 255), repeat=3)
+    if 0 in (red, green, blue) and 255 in (red, green, blue)
+]
+"""12 pure colours, 30 degrees of hue apart; a rule takes in 25 to both sides."""
+LARGE_PX = 1000
+MOVED = 25
+"""Grey levels by which a pixel differs from the background."""
+AGREEING = 0.6
+"""Least part of the photographs in which both balls are found with the colours proposed."""
 
 
 def find_balls(image: npt.NDArray[Any], target: Balls, camera: Camera | None = None) -> Sighting:
@@ -50,9 +61,7 @@ def find_balls(image: npt.NDArray[Any], target: Balls, camera: Camera | None = N
         return Sighting((None, None), grey)
     lamps = target.colours[0] == BRIGHT
     return choose(
-        tuple(
-            _candidates(colours, _regions(mask), camera, lamps) for mask in masks(colours, target)
-        )
+        tuple(_candidates(colours, mask, camera, lamps) for mask in masks(colours, target))
     )
 
 
@@ -66,7 +75,8 @@ def choose(candidates: tuple[tuple[Spot, ...], ...]) -> Sighting:
         pairs = list(itertools.product(*candidates))
     else:
         pairs = [
-            (a, b) if _order(a, b) else (b, a) for a, b in itertools.combinations(candidates[0], 2)
+            (a, b) if in_order(a.centre, b.centre) else (b, a)
+            for a, b in itertools.combinations(candidates[0], 2)
         ]
     pairs.sort(key=lambda pair: -_likeness(pair))
     if pairs:
@@ -103,14 +113,7 @@ def _with_doubts(pairs: list[tuple[Spot, Spot]], which: int) -> Spot:
     return replace(spot, doubts=tuple(doubts))
 
 
-def _order(first: Spot, second: Spot) -> bool:
-    """Whether they are ordered from left to right, or from top to bottom."""
-    du, dv = second.u - first.u, second.v - first.v
-    return (du if abs(du) >= abs(dv) else dv) >= 0
-
-
-@dataclass(frozen=True, eq=False)
-class _Region:
+class _Region(NamedTuple):
     """A connected region of the target's colour."""
 
     middle: tuple[float, float]
@@ -118,70 +121,118 @@ class _Region:
     radius: float
     centroid: tuple[float, float]
     area: float
-
-    @property
-    def roundness(self) -> float:
-        """Area over that of the circle: 1 in even light, 0.5 with light from the side."""
-        return min(1.0, self.area / (math.pi * self.radius**2))
+    roundness: float
+    """Area over that of the circle: 1 in even light, 0.5 with light from the side."""
 
 
-def _regions(mask: npt.NDArray[np.uint8]) -> list[_Region]:
-    """The regions that may be balls, largest round ones first."""
+def _candidates(
+    colours: Colours, mask: npt.NDArray[np.uint8], camera: Camera | None, lamps: bool
+) -> tuple[Spot, ...]:
+    """The balls among the regions of a mask, best first."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    found = []
+    regions = []
     for outline in outlines:
         if len(outline) < SHORTEST_OUTLINE:
             continue
         (u, v), radius = cv2.minEnclosingCircle(outline)
         moments = cv2.moments(outline)
         # The outline runs through the middles of the outermost pixels.
-        area = moments["m00"] + 0.5 * len(outline) + 1.0
-        middle = outline.reshape(-1, 2).mean(axis=0).tolist()
+        area, radius = moments["m00"] + 0.5 * len(outline) + 1.0, radius + 0.5
+        x, y = outline.reshape(-1, 2).mean(axis=0).tolist()
         if moments["m00"] > 0:
-            middle = [moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]]
-        region = _Region((u, v), radius + 0.5, (middle[0], middle[1]), area)
-        if region.roundness > LEAST_ROUND:
-            found.append(region)
-    found.sort(key=lambda one: -one.roundness * one.radius)
-    return found[:MOST_CANDIDATES]
-
-
-def _candidates(
-    colours: Colours, regions: list[_Region], camera: Camera | None, lamps: bool
-) -> tuple[Spot, ...]:
-    """The balls among the regions, best first."""
-    found = [spot for region in regions if (spot := _ball(colours, region, camera, lamps))]
-    found.sort(key=lambda one: -one.score)
+            x, y = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
+        roundness = min(1.0, area / (math.pi * radius**2))
+        if roundness > LEAST_ROUND:
+            regions.append(_Region((u, v), radius, (x, y), area, roundness))
+    regions.sort(key=lambda one: -one.roundness * one.radius)
+    balls = (_ball(colours, region, camera, lamps) for region in regions[:MOST_CANDIDATES])
+    found = sorted(filter(None, balls), key=lambda one: -one.score)
     apart: list[Spot] = []
     for spot in found:
-        if all(math.dist((spot.u, spot.v), (s.u, s.v)) > s.radius_px for s in apart):
+        if all(math.dist(spot.centre, s.centre) > s.radius_px for s in apart):
             apart.append(spot)
     return tuple(apart)
 
 
 def _ball(colours: Colours, region: _Region, camera: Camera | None, lamp: bool) -> Spot | None:
-    """The ball at a region; None if there is none."""
+    """The ball at a region, by its outline if it is large enough; None if there is none."""
+    fitted = None
     if region.radius >= 0.75 * RIM_RADIUS:
-        found = _outlined(colours, region, camera)
-        if found is None or found.radius_px >= RIM_RADIUS:
-            return found
-    u, v = region.centroid
-    sigma = LAMP_SIGMA_PX if lamp else SIDE_LIGHT * region.radius
-    score = region.roundness * min(1.0, region.radius / RIM_RADIUS)
-    return Spot(u, v, sigma, region.radius, score=score)
-
-
-def _outlined(colours: Colours, region: _Region, camera: Camera | None) -> Spot | None:
-    """The ball at a region by its outline; None if it has none."""
-    fitted = fit_outline(colours, region.middle, region.radius, camera)
-    if fitted is None:
-        return None
+        fitted = fit_outline(colours, region.middle, region.radius, camera)
+        if fitted is None:
+            return None
+    if fitted is None or fitted.radius < RIM_RADIUS:
+        u, v = region.centroid
+        sigma = LAMP_SIGMA_PX if lamp else SIDE_LIGHT * region.radius
+        score = region.roundness * min(1.0, region.radius / RIM_RADIUS)
+        return Spot(u, v, sigma, region.radius, score=score)
     u, v = fitted.centre.tolist()
-    doubts: tuple[str, ...] = ()
-    if fitted.seen < HIDDEN:
-        doubts = (
-            f"The ball at ({u:.0f}, {v:.0f}) shows only {100 * fitted.seen:.0f} % of its outline.",
-        )
+    part = f"The ball at ({u:.0f}, {v:.0f}) shows only {100 * fitted.seen:.0f} % of its outline."
     score = fitted.seen * math.exp(-0.5 * (fitted.scatter / (0.06 * fitted.radius)) ** 2)
     score *= min(1.0, region.area / (0.3 * math.pi * fitted.radius**2))
-    return Spot(u, v, fitted.sigma, fitted.radius, doubts, score)
+    return Spot(u, v, fitted.sigma, fitted.radius, (part,) * (fitted.seen < HIDDEN), score)
+
+
+def proposed_colours(cameras: Sequence[Sequence[npt.NDArray[Any]]]) -> Balls | None:
+    """The colours of the two balls, the bar having moved between the photographs.
+
+    Args:
+        cameras: of each camera, which stood still, at least three photographs (h, w, 3), blue,
+            green, red.
+
+    Returns:
+        None if no two colours are found in most of the photographs.
+    """
+    small = [[_small(image) for image in images] for images in cameras]
+    every = [image for images in small for image in images]
+    proposals = {target for images in small for target in _pairs(images)}
+    right = {}
+    for target in sorted(proposals, key=lambda one: one.colours):
+        seen = [find_balls(image, target) for image in every]
+        right[target] = sum(
+            not one.missing and not any(spot.doubts for spot in one.spots if spot) for one in seen
+        )
+    best = max(right, key=right.__getitem__, default=None)
+    return best if best is not None and right[best] >= AGREEING * len(every) else None
+
+
+def _small(image: npt.NDArray[Any]) -> Colours:
+    small = eight_bits(image)
+    while max(small.shape) > LARGE_PX:
+        half = cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        small = np.asarray(half, np.uint8)
+    return small
+
+
+def _pairs(images: Sequence[Colours]) -> Iterator[Balls]:
+    """In each photograph, the colours of the two balls that stand out most."""
+    if len(images) < 3 or len({image.shape for image in images}) > 1:
+        return
+    background = np.median(images, axis=0)
+    for image in images:
+        still = np.abs(image - background).max(axis=2) <= MOVED
+        moving = image.copy()
+        moving[still] = np.median(image)
+        spots = [
+            spot
+            for hue in HUES
+            for own in find_balls(moving, Balls((hue, hue))).candidates
+            for spot in own
+            if spot.score > CERTAIN
+        ]
+        spots.sort(key=lambda spot: -spot.score * spot.radius_px)
+        for a, b in itertools.islice(itertools.combinations(spots, 2), 3):
+            one, other = _colour(image, a), _colour(image, b)
+            if one and other and math.dist(a.centre, b.centre) > a.radius_px + b.radius_px:
+                yield Balls((min(one, other), max(one, other)))
+
+
+def _colour(image: Colours, spot: Spot) -> str:
+    """The colour of the lit side of a ball; empty for a grey."""
+    rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
+    inside = image[np.hypot(rows - spot.v, columns - spot.u) < 0.8 * spot.radius_px]
+    chroma = np.ptp(inside, axis=1) if len(inside) else np.zeros(1)
+    if chroma.max() < LEAST_CHROMA:
+        return ""
+    blue, green, red = np.median(inside[chroma >= np.median(chroma)], axis=0).astype(int)
+    return f"#{red:02x}{green:02x}{blue:02x}"

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from stereocal.detection.corner_model import ALL, CORE
-from stereocal.detection.edges import GreyImage, arm_quality, follow
+from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.fit import plausible, window
+from stereocal.detection.intensity import GreyImage
 from stereocal.detection.solver import minimise
 from stereocal.rig.compiled import FloatArray, compiled, internal
 

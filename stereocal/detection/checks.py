@@ -7,9 +7,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from stereocal.detection.edges import GreyImage
 from stereocal.detection.fit import Corner
-from stereocal.detection.intensity import Intensity
+from stereocal.detection.intensity import GreyImage, Intensity
 
 Reason = Literal[
     "too few candidates", "ambiguous", "saturated", "blurred", "cut by the border", "unreadable"

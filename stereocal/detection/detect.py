@@ -28,6 +28,7 @@ from stereocal.detection.checks import (
 from stereocal.detection.corner_model import ALL
 from stereocal.detection.fit import Corner, fit_corner
 from stereocal.detection.intensity import Intensity, normalise_intensity
+from stereocal.detection.target import in_order
 from stereocal.rig.compiled import FloatArray
 
 State = Literal["found", "doubtful", "refused"]
@@ -88,10 +89,11 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
     if min(size) < SMALLEST_IMAGE:
         return refusal(size, "too few candidates", f"It is only {size[0]}x{size[1]} px.")
     corners, chess = _corners(intensity)
-    pairs = sorted(
-        ((_pair_score(*pair), pair) for pair in itertools.combinations(corners, 2)),
-        key=lambda scored: -scored[0],
-    )
+    pairs = [
+        (_pair_score(a, b), (a, b) if in_order(a.centre, b.centre) else (b, a))
+        for a, b in itertools.combinations(corners, 2)
+    ]
+    pairs.sort(key=lambda scored: -scored[0])
     if not pairs:
         return refusal(size, *explain_missing(intensity, corners, chess))
     score, pair = pairs[0]
@@ -103,9 +105,8 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
     refused = rejection_of(pair, runner_up)
     if refused is not None:
         return replace(refusal(size, *refused), alternatives=alternatives)
-    found = _in_order(*pair)
-    doubts = doubts_of(found, intensity, score, runner_up)
-    return Detection(size, found, score, None, doubts, " ".join(doubts), alternatives)
+    doubts = doubts_of(pair, intensity, score, runner_up)
+    return Detection(size, pair, score, None, doubts, " ".join(doubts), alternatives)
 
 
 def corner_near(
@@ -128,8 +129,7 @@ def corner_near(
     around = 160
     left, top = max(0, int(point[0]) - around), max(0, int(point[1]) - around)
     part = np.ascontiguousarray(intensity.image[top : top + 2 * around, left : left + 2 * around])
-    best: Corner | None = None
-    least = math.inf
+    best, least = None, math.inf
     for row in candidates(part):
         row[:2] += left, top
         away = math.dist(row[:2], point)
@@ -154,12 +154,10 @@ def _without_others(
     size: tuple[int, int], intensity: Intensity, score: float, pair: tuple[Corner, Corner]
 ) -> Detection:
     """The result for a pair without regard to other boards; a rejection becomes a doubt."""
-    found = _in_order(*pair)
-    refused = rejection_of(found, 0.0)
-    doubts = dict.fromkeys(
-        [*([refused[1]] if refused else []), *doubts_of(found, intensity, score, 0.0)]
-    )
-    return Detection(size, found, score, None, tuple(doubts), " ".join(doubts))
+    refused = rejection_of(pair, 0.0)
+    doubts = doubts_of(pair, intensity, score, 0.0)
+    doubts = tuple(dict.fromkeys((*(refused or ())[1:], *doubts)))
+    return Detection(size, pair, score, None, doubts, " ".join(doubts))
 
 
 def _fitted(intensity: Intensity, row: FloatArray) -> Corner | None:
@@ -170,10 +168,8 @@ def _fitted(intensity: Intensity, row: FloatArray) -> Corner | None:
 
 
 def _confirm_flips(corner: Corner, saddles: FloatArray) -> Corner:
-    """Count only flips with a candidate nearby, since the next square has a corner too.
-
-    Other flips are coincidences, such as a fence or leaves behind the board.
-    """
+    """Count only flips with a candidate nearby, since the next square has a corner too: others are
+    coincidences, such as a fence or leaves behind the board."""
     if not corner.flips:
         return corner
     forward = np.repeat(corner.directions, 2, axis=0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
@@ -212,18 +208,17 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
             if len(found) == 2:
                 good = float(row[SCORE])
     # A board of 3x2 squares has two corners, each with one next square.
-    single = [
+    flipped = [corner for corner in found if corner.flips]
+    double = [
         corner
-        for corner in found
-        if not corner.flips
-        or not any(
-            other is not corner
-            and other.flips
-            and math.dist(other.centre, corner.centre) < 0.75 * corner.board_px
-            for other in found
+        for corner in flipped
+        if any(
+            0.0 < math.dist(other.centre, corner.centre) < 0.75 * corner.board_px
+            for other in flipped
         )
     ]
-    return single, len(in_rows) + len(found) - len(single)
+    single = [corner for corner in found if corner not in double]
+    return single, len(in_rows) + len(double)
 
 
 def _covered(found: list[Corner], point: Sequence[float] | FloatArray) -> bool:
@@ -240,9 +235,3 @@ def _pair_score(first: Corner, second: Corner) -> float:
     if math.dist(first.centre, second.centre) < 0.5 * (first.board_px + second.board_px):
         similarity *= 0.1  # adjacent boards are probably parts of one object
     return first.quality * second.quality * similarity
-
-
-def _in_order(first: Corner, second: Corner) -> tuple[Corner, Corner]:
-    du, dv = second.centre - first.centre
-    along = du if abs(du) >= abs(dv) else dv
-    return (first, second) if along >= 0 else (second, first)

@@ -8,11 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from stereocal.detection.intensity import GreyImage
 from stereocal.rig.compiled import FloatArray, compiled, internal
-
-GreyImage = npt.NDArray[np.float32]
 
 LONG_ARM = 6.0
 """Length in blurs beyond which a longer arm does not increase the quality."""

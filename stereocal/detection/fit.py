@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA, LIGHT_SIGMA
-from stereocal.detection.edges import GreyImage, arm_quality, follow
+from stereocal.detection.edges import arm_quality, follow
+from stereocal.detection.intensity import GreyImage
 from stereocal.detection.solver import covariance_and_noise, minimise
 from stereocal.rig.compiled import FloatArray, compiled
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.detection.ball_colours import Colours
-from stereocal.detection.rim import profiles, steepest
+from stereocal.detection.intensity import profiles, steepest
 from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray

@@ -16,10 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.detection.edges import GreyImage
-from stereocal.detection.rim import profiles, steepest
-from stereocal.detection.sighting import Sighting, Spot
-from stereocal.detection.target import Tags
+from stereocal.detection.intensity import GreyImage, profiles, steepest
+from stereocal.detection.target import Sighting, Spot, Tags
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 

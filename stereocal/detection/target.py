@@ -1,9 +1,10 @@
-"""What was photographed, as one text: `bar2x2`, `balls:red,yellow`, `board:9x6:0.03`."""
+"""What was photographed, as one text: `bar2x2`, `balls:red,yellow`, `board:9x6:0.03`; and the
+targets that a photograph shows, where each has its own name: balls and tags."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,6 +12,7 @@ from PIL import ImageColor
 
 from stereocal.errors import StereocalError, naming
 from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.compiled import FloatArray
 
 BRIGHT = "bright"
 """Instead of a colour: spots that are brighter than all else, such as LEDs."""
@@ -63,8 +65,50 @@ class Board:
         return BoardPattern.parse(self.size or size, self.square_m, self.dictionary, self.marker_m)
 
 
+@dataclass(frozen=True)
+class Spot:
+    """The centre of a target in raw pixels."""
+
+    u: float
+    v: float
+    sigma_px: float
+    """Standard error of one coordinate."""
+    radius_px: float
+    """Of a ball; half the side of a tag."""
+    doubts: tuple[str, ...] = ()
+    """What the user should check, as messages."""
+    score: float = 1.0
+    """How much it looks like the target, 0 to 1."""
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """(u, v)."""
+        return self.u, self.v
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The result for one photograph."""
+
+    spots: tuple[Spot | None, Spot | None]
+    """Targets A and B."""
+    missing: str
+    """Why a target is missing; empty if both are there."""
+    unreadable: bool = False
+    """The photograph could not be read."""
+    candidates: tuple[tuple[Spot, ...], ...] = ()
+    """All that may be the target, best first: for A and B, or once for balls of one colour."""
+
+
 Target = Bar2x2 | Balls | Tags
 BAR = Bar2x2()
+
+
+def in_order(first: Sequence[float] | FloatArray, second: Sequence[float] | FloatArray) -> bool:
+    """Whether two centres are ordered from left to right, or from top to bottom if the bar is
+    steeper than 45 degrees."""
+    du, dv = second[0] - first[0], second[1] - first[1]
+    return bool((du if abs(du) >= abs(dv) else dv) >= 0)
 
 
 def parse_target(text: str) -> Target:
@@ -81,7 +125,7 @@ def parse_target(text: str) -> Target:
 def _bar(rest: str) -> Bar2x2:
     if rest:
         raise StereocalError("bar2x2 takes nothing after it.")
-    return Bar2x2()
+    return BAR
 
 
 def _balls(rest: str) -> Balls:
@@ -90,12 +134,13 @@ def _balls(rest: str) -> Balls:
         return Balls((BRIGHT, BRIGHT))
     if len(names) != 2:
         raise StereocalError("write the colours of A and B, such as balls:red,yellow.")
-    return Balls((_colour(names[0]), _colour(names[1])))
+    if BRIGHT in names:
+        raise StereocalError("write balls:bright for two lamps, or the colours of both balls.")
+    first, second = map(_colour, names)
+    return Balls((first, second))
 
 
 def _colour(name: str) -> str:
-    if name == BRIGHT:
-        raise StereocalError("write balls:bright for two lamps, or the colours of both balls.")
     try:
         red, green, blue = ImageColor.getrgb(name)[:3]
     except ValueError:

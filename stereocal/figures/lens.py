@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 
 from stereocal.figures.style import add, blank, count, line_of
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
-from stereocal.intrinsics.tables import with_error
+from stereocal.intrinsics.quality import with_error
 
 BLUE, ORANGE = "#1F83C4", "#D55E00"
 COLUMNS = 3

@@ -16,7 +16,7 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.detection.detect import Detection
 from stereocal.errors import StereocalError
-from stereocal.frames.epipolar_labels import frame_focal_px, sampson
+from stereocal.frames.epipolar_labels import SMALLEST_EXCESS_PX, frame_focal_px, sampson
 from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray
@@ -29,10 +29,8 @@ FITS = 4.0
 """Largest deviation of the right choice, in standard errors."""
 CLEARLY_OFF = 2.0
 """Every other choice must deviate by more than this multiple of the limit for the right one."""
-SMALLEST_EXCESS_PX = 0.15
-"""Smaller deviations never make a frame an outlier or rule out labels or boards."""
 SMALLEST_LENGTH = 0.005
-"""The same for lengths, as a fraction."""
+"""As `SMALLEST_EXCESS_PX` for lengths, as a fraction."""
 LARGEST_PX, LARGEST_LENGTH = 1.0, 0.05
 """With larger limits (sure frames too similar to each other) wrong choices fit by chance."""
 SAME_POSITION_PX = 3.0

@@ -1,5 +1,9 @@
 """Find the labels of the bar's targets that agree with one epipolar geometry of all frames.
 
+With the right labels both targets lie on their epipolar lines; exchanging A and B in both cameras
+changes nothing. If the bar lies along an epipolar line, both labellings fit and the length of the
+bar decides.
+
 The geometry is estimated without known labels: samples of four frames, each labelled in all 16
 ways, give candidates (8-point). Those with the least median residual over all frames (least median
 of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871) are refined on the frames that fit them.
@@ -8,14 +12,17 @@ of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871) are refined on the fra
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from stereocal.calibration.essential import calibrate_essential, linear_essential
+from stereocal.detection.fit import Corner
 from stereocal.errors import StereocalError
+from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, contiguous
 from stereocal.rig.geometry import Pose, triangulate_rays
@@ -34,10 +41,108 @@ RUNNER_UP = 3.0
 """The labels are ambiguous if others fit to within this factor."""
 NO_WORSE_PX = 0.05
 """Smaller differences between residuals are ignored."""
+SMALLEST_EXCESS_PX = 0.15
+"""Smaller deviations never make a frame an outlier or rule out labels or boards."""
+SAME_LENGTH, OTHER_LENGTH = 0.1, 0.3
+"""Limits of |log(length / median)|, with the right and with the wrong labels."""
+FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
 
 
 @dataclass(frozen=True, eq=False)
-class EpipolarLabels:
+class FrameLabels:
+    """The targets of one frame, and the report on their labels."""
+
+    frame: int
+    state: FrameState
+    """Agreed: the detected order fits the epipolar geometry. Swapped: the secondary's targets were
+    exchanged. Doubtful: neither labelling is clearly right, or a detection is doubtful. Outlying:
+    neither fits the other frames. Unchecked: too few frames. Refused: a photograph shows no
+    targets."""
+    residual_px: float
+    """Distance of the targets from their epipolar lines, root mean square; NaN if unknown."""
+    swapped_px: float
+    """The same with the other labels."""
+    sentence: str
+    targets: tuple[tuple[Corner, Corner], tuple[Corner, Corner]] | None = None
+    """A and B in either camera; None if a photograph shows none."""
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether both detections and the labels are."""
+        return self.state in ("agreed", "swapped")
+
+    @property
+    def places(self) -> FloatArray:
+        """(2, 2, 2): raw pixels by target, camera, (u, v)."""
+        sides = self.targets or ()
+        return np.array([[corner.centre for corner in own] for own in sides]).swapaxes(0, 1)
+
+
+def decide_labels(
+    centres: Mapping[int, FloatArray], cameras: tuple[Camera, Camera], seed: int
+) -> dict[int, tuple[bool, FrameLabels]]:
+    """By frame, whether to exchange the secondary's targets, and the report.
+
+    Args:
+        centres: by frame (2, 2, 2): raw pixels by camera, target, (u, v).
+    """
+    frames = list(centres)
+    pixels = np.array([centres[frame] for frame in frames]).reshape(-1, 2, 2, 2)
+    rays = [
+        camera.undistort(pixels[:, i].reshape(-1, 2)).reshape(-1, 2, 2)
+        for i, camera in enumerate(cameras)
+    ]
+    focal = frame_focal_px(cameras, rays)
+    labels = _compare(rays[0], rays[1], focal, np.random.default_rng(seed))
+    if labels is None:
+        why = "A and B are in the order along the bar and could not be checked: "
+        if len(frames) < MINIMUM_FRAMES:
+            why += f"this needs at least {MINIMUM_FRAMES} frames."
+        else:
+            why += "the points do not determine the pose of the cameras."
+        return {f: (False, FrameLabels(f, "unchecked", np.nan, np.nan, why)) for f in frames}
+    least = labels.residual_px.min(axis=1)
+    # A frame fits up to the residual where it would count as an outlier.
+    far = outlying(least, SMALLEST_EXCESS_PX)
+    limit = float(least[~far].max(initial=0.0)) + SMALLEST_EXCESS_PX
+    better = labels.residual_px[:, 1] < labels.residual_px[:, 0]
+    clear = labels.residual_px.max(axis=1) > 2.0 * limit
+    length = np.where(better, labels.length[:, 1], labels.length[:, 0])[clear & ~far]
+    length = length[np.isfinite(length)]
+    usual = float(np.median(length)) if len(length) else np.nan
+    decided = {}
+    for i, frame in enumerate(frames):
+        by_length = None if clear[i] else _by_length(labels.length[i], usual)
+        exchange = bool(better[i]) if clear[i] else bool(by_length)
+        state: FrameState = "swapped" if exchange else "agreed"
+        sentence = "A and B of the secondary were exchanged." if exchange else ""
+        if far[i]:
+            state = "outlying"
+            sentence = "Its targets do not lie on the epipolar lines of the other frames."
+        elif not clear[i] and by_length is None:
+            state = "doubtful"
+            sentence = "The bar lies along the epipolar lines, so they cannot distinguish A and B."
+        elif not labels.unique:
+            state = "doubtful"
+            sentence = "Other labels of A and B fit all frames nearly as well."
+        kept, other = labels.residual_px[i][:: -1 if exchange else 1]
+        report = FrameLabels(frame, state, float(kept), float(other), sentence)
+        decided[frame] = exchange, report
+    return decided
+
+
+def _by_length(length: FloatArray, usual: float) -> bool | None:
+    """Whether the length of the bar requires exchanged labels; None if inconclusive."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        off = np.abs(np.log(length / usual))
+    off = np.where(np.isnan(off), np.inf, off)
+    if off.min() < SAME_LENGTH and off.max() > OTHER_LENGTH:
+        return bool(off[1] < off[0])
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
     """Residuals and lengths of f frames under both labellings.
 
     Columns of the arrays (f, 2): original labels, and labels exchanged in the secondary.
@@ -51,12 +156,12 @@ class EpipolarLabels:
     """No other labels fit nearly as well."""
 
 
-def compare_labels(
+def _compare(
     primary: FloatArray,
     secondary: FloatArray,
     focal_px: float | FloatArray,
     rng: np.random.Generator,
-) -> EpipolarLabels | None:
+) -> _Compared | None:
     """Compare both labellings of each frame.
 
     Args:
@@ -89,7 +194,7 @@ def compare_labels(
             unique = False
     ends = [triangulate_rays(pose.R, pose.T, way.reshape(-1, 4).T.copy()) for way in rays]
     lengths = [np.linalg.norm(points[::2] - points[1::2], axis=1) for points in ends]
-    return EpipolarLabels(residual.T, np.column_stack(lengths), unique)
+    return _Compared(residual.T, np.column_stack(lengths), unique)
 
 
 def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> FloatArray:

@@ -1,67 +1,76 @@
-"""Label the targets A and B consistently in both cameras of a frame.
+"""Name the targets A and B alike in both cameras of a frame.
 
 Detection orders the two targets of a photograph left to right or top to bottom; the cameras may
-differ. With the right labels both targets lie on their epipolar lines (`epipolar_labels`);
-exchanging A and B in both cameras changes nothing. If the bar lies along an epipolar line, both
-labellings fit and the length of the bar decides. If a photograph shows more than two boards, the
-unambiguous frames decide which are the targets (`choosing`).
+differ, and the epipolar geometry decides (`epipolar_labels`). If a photograph shows more than two
+boards, the unambiguous frames decide which are the targets (`choosing`).
+
+Balls and tags have names of their own: the epipolar geometry checks them. A frame that does not fit
+the others, or fits them only with A and B exchanged in one camera, is doubtful. Balls of one colour
+are named by it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from stereocal.detection.balls import CERTAIN, choose
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
-from stereocal.frames.choosing import SMALLEST_EXCESS_PX, choose_boards
-from stereocal.frames.epipolar_labels import (
-    MINIMUM_FRAMES,
-    EpipolarLabels,
-    compare_labels,
-    frame_focal_px,
-)
-from stereocal.refined.outliers import outlying
+from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Tags, Target
+from stereocal.frames.choosing import choose_boards
+from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
+from stereocal.frames.frame import Centre, CentrePair, Frame, State
+from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 
-FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
+EXCHANGED = "A and B fit the other frames only if they are exchanged in one camera."
+FAR_SIGMAS = 4.0
+"""A frame that is this much within its own stated errors fits, though others fit better."""
+SAME_PX, SAME_RADII = 4.0, 0.7
+LEAST, SHARE = 3, 0.15
+"""Other photographs with a candidate at the same place, and their share of all."""
 
-SAME_LENGTH, OTHER_LENGTH = 0.1, 0.3
-"""Limits of |log(length / median)|, with the right and with the wrong labels."""
+
+def label_frames(
+    pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
+) -> list[Frame]:
+    """A frame for each pair, in order, with A and B told apart.
+
+    Args:
+        seen: of `search_photographs`.
+    """
+    if not isinstance(target, Bar2x2):
+        return frames_of(pairs, seen, cameras, target)
+    labels = label_targets({p.frame: (seen[p.primary], seen[p.secondary]) for p in pairs}, cameras)
+    reports = {report.frame: report for report in labels}
+    return [_frame(pair, seen, reports[pair.frame]) for pair in pairs]
 
 
-@dataclass(frozen=True, eq=False)
-class FrameLabels:
-    """The targets of one frame, and the report on their labels."""
+def _frame(pair: Pair, seen: Mapping[str, Detection], report: FrameLabels) -> Frame:
+    # Targets of one photograph are kept: the user may add those of the other.
+    first, second = report.targets or (seen[pair.primary].targets, seen[pair.secondary].targets)
+    state: State = "found" if report.is_sure else "doubtful"
+    return Frame(
+        frame=pair.frame,
+        files=(pair.primary, pair.secondary),
+        centres=(_centres(first), _centres(second)),
+        state=state if report.targets else "refused",
+        reason=report.sentence,
+        use=report.is_sure,
+    )
 
-    frame: int
-    state: FrameState
-    """Agreed: the detected order fits the epipolar geometry. Swapped: the secondary's targets were
-    exchanged. Doubtful: neither labelling is clearly right, or a detection is doubtful. Outlying:
-    neither fits the other frames. Unchecked: too few frames. Refused: a photograph shows no
-    targets."""
-    residual_px: float
-    """Distance of the targets from their epipolar lines, root mean square; NaN if unknown."""
-    swapped_px: float
-    """The same with the other labels."""
-    sentence: str
-    targets: tuple[tuple[Corner, Corner], tuple[Corner, Corner]] | None = None
-    """A and B in either camera; None if a photograph shows none."""
 
-    @property
-    def is_sure(self) -> bool:
-        """Whether both detections and the labels are."""
-        return self.state in ("agreed", "swapped")
-
-    @property
-    def places(self) -> FloatArray:
-        """(2, 2, 2): raw pixels by target, camera, (u, v)."""
-        sides = self.targets or ()
-        return np.array([[corner.centre for corner in own] for own in sides]).swapaxes(0, 1)
+def _centres(targets: Iterable[Corner | Spot | None] | None) -> CentrePair:
+    a, b = (
+        Centre(float(one.centre[0]), float(one.centre[1]), one.sigma_px) if one else None
+        for one in targets or (None, None)
+    )
+    return a, b
 
 
 def label_targets(
@@ -77,7 +86,7 @@ def label_targets(
     """
     reports = _labelled(seen, cameras, seed)
     open_frames = {
-        frame: both for frame, both in seen.items() if both[0].alternatives or both[1].alternatives
+        frame: both for frame, both in seen.items() if any(one.alternatives for one in both)
     }
     if not open_frames:
         return reports
@@ -100,13 +109,11 @@ def _labelled(
         for frame, (first, second) in sorted(seen.items())
         if first.targets and second.targets
     }
-    rays = []
-    for i, camera in enumerate(cameras):
-        centres = [corner.centre for both in corners.values() for corner in both[i]]
-        rays.append(camera.undistort(np.array(centres).reshape(-1, 2)).reshape(-1, 2, 2))
-    focal = frame_focal_px(cameras, rays)
-    labels = compare_labels(rays[0], rays[1], focal, np.random.default_rng(seed))
-    decided = dict(zip(corners, decide_labels(list(corners), labels), strict=True))
+    centres = {
+        frame: np.array([[corner.centre for corner in own] for own in both])
+        for frame, both in corners.items()
+    }
+    decided = decide_labels(centres, cameras, seed)
     reports = []
     for frame, found in sorted(seen.items()):
         both = tuple(zip(CAMERAS, found, strict=True))
@@ -136,51 +143,114 @@ def _labelled(
     return reports
 
 
-def decide_labels(
-    frames: list[int], labels: EpipolarLabels | None
-) -> list[tuple[bool, FrameLabels]]:
-    """For each frame, whether to exchange the secondary's targets, and the report."""
-    if labels is None:
-        why = "A and B are in the order along the bar and could not be checked: "
-        if len(frames) < MINIMUM_FRAMES:
-            why += f"this needs at least {MINIMUM_FRAMES} frames."
+def frames_of(
+    pairs: Sequence[Pair],
+    seen: Mapping[str, Sighting],
+    cameras: tuple[Camera, Camera],
+    target: Balls | Tags,
+    seed: int = 0,
+) -> list[Frame]:
+    """A frame for each pair, in order.
+
+    Args:
+        seen: by the name of the photograph.
+    """
+    named = isinstance(target, Tags) or target.named
+    sides = [
+        without_still([seen[name] for name in names])
+        for names in ([p.primary for p in pairs], [p.secondary for p in pairs])
+    ]
+    both = {pair.frame: (sides[0][k], sides[1][k]) for k, pair in enumerate(pairs)}
+    centres = {
+        frame: np.array([[spot.centre for spot in one.spots if spot] for one in found])
+        for frame, found in both.items()
+        if all(all(one.spots) for one in found)
+    }
+    decided = decide_labels(centres, cameras, seed)
+    return [_named(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]
+
+
+def _named(
+    pair: Pair,
+    both: tuple[Sighting, Sighting],
+    named: bool,
+    decided: tuple[bool, FrameLabels] | None,
+) -> Frame:
+    first, second = (found.spots for found in both)
+    reasons = [
+        found.missing if found.unreadable else f"{camera.capitalize()}: {found.missing}"
+        for found, camera in zip(both, CAMERAS, strict=True)
+        if found.missing
+    ]
+    sure = decided is not None
+    if decided is not None:
+        exchange, report = decided
+        if not named:
+            second = second[::-1] if exchange else second
+            sure = report.is_sure
+            reasons.append(report.sentence)
         else:
-            why += "the points do not determine the pose of the cameras."
-        return [(False, FrameLabels(f, "unchecked", np.nan, np.nan, why)) for f in frames]
-    least = labels.residual_px.min(axis=1)
-    # A frame fits up to the residual where it would count as an outlier.
-    far = outlying(least, SMALLEST_EXCESS_PX)
-    limit = float(least[~far].max(initial=0.0)) + SMALLEST_EXCESS_PX
-    better = labels.residual_px[:, 1] < labels.residual_px[:, 0]
-    clear = labels.residual_px.max(axis=1) > 2.0 * limit
-    length = np.where(better, labels.length[:, 1], labels.length[:, 0])[clear & ~far]
-    length = length[np.isfinite(length)]
-    usual = float(np.median(length)) if len(length) else np.nan
-    decided = []
-    for i, frame in enumerate(frames):
-        by_length = None if clear[i] else _by_length(labels.length[i], usual)
-        exchange = bool(better[i]) if clear[i] else bool(by_length)
-        state: FrameState = "swapped" if exchange else "agreed"
-        sentence = "A and B of the secondary were exchanged." if exchange else ""
-        if far[i]:
-            state = "outlying"
-            sentence = "Its targets do not lie on the epipolar lines of the other frames."
-        elif not clear[i] and by_length is None:
-            state = "doubtful"
-            sentence = "The bar lies along the epipolar lines, so they cannot distinguish A and B."
-        elif not labels.unique:
-            state = "doubtful"
-            sentence = "Other labels of A and B fit all frames nearly as well."
-        kept, other = labels.residual_px[i][:: -1 if exchange else 1]
-        decided.append((exchange, FrameLabels(frame, state, float(kept), float(other), sentence)))
-    return decided
+            stated = np.sqrt(np.mean([spot.sigma_px**2 for spot in (*first, *second) if spot]))
+            far = report.state == "outlying" and report.residual_px > FAR_SIGMAS * stated
+            sure = not exchange and not far
+            if not sure:
+                reasons.append(EXCHANGED if exchange else report.sentence)
+    doubts = [
+        f"In the {camera}: {doubt}"
+        for spots, camera in zip((first, second), CAMERAS, strict=True)
+        for spot in spots
+        if spot
+        for doubt in spot.doubts
+    ]
+    shared = [a and b for a, b in zip(first, second, strict=True)]
+    state: State = "found" if sure and not doubts else "doubtful"
+    if not any(shared) or not (named or all(shared)):
+        state = "refused"
+    return Frame(
+        frame=pair.frame,
+        files=(pair.primary, pair.secondary),
+        centres=(_centres(first), _centres(second)),
+        state=state,
+        reason=" ".join(filter(None, [*reasons, *doubts])),
+        use=state == "found",
+    )
 
 
-def _by_length(length: FloatArray, usual: float) -> bool | None:
-    """Whether the length of the bar requires exchanged labels; None if inconclusive."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        off = np.abs(np.log(length / usual))
-    off = np.where(np.isnan(off), np.inf, off)
-    if off.min() < SAME_LENGTH and off.max() > OTHER_LENGTH:
-        return bool(off[1] < off[0])
-    return None
+def without_still(seen: Sequence[Sighting]) -> list[Sighting]:
+    """Choose again in all photographs of one camera, without what is in the same place in others:
+    what stands still before a camera that does not move is not the bar.
+
+    A photograph where nothing else looks like a ball keeps its choice: the bar may rest.
+    """
+    if not any(one.candidates for one in seen):
+        return list(seen)
+    moving = [
+        _moving([one.candidates[k] if one.candidates else () for one in seen])
+        for k in range(max(len(one.candidates) for one in seen))
+    ]
+    chosen = []
+    for at, one in enumerate(seen):
+        left = [moving[k][at] for k in range(len(one.candidates))]
+        enough = 1 if len(left) == 2 else 2
+        kept = tuple(
+            its if sum(spot.score >= CERTAIN for spot in its) >= enough else own
+            for own, its in zip(one.candidates, left, strict=True)
+        )
+        chosen.append(choose(kept) if one.candidates else one)
+    return chosen
+
+
+def _moving(candidates: list[tuple[Spot, ...]]) -> list[tuple[Spot, ...]]:
+    """Of each photograph, the candidates at whose place others have none."""
+    every = [(at, spot) for at, own in enumerate(candidates) for spot in own]
+    if not every:
+        return candidates
+    places = np.array([(spot.u, spot.v) for _, spot in every])
+    reach = [max(SAME_PX, SAME_RADII * spot.radius_px) for _, spot in every]
+    near = cKDTree(places).query_ball_point(places, reach)
+    least = max(LEAST, SHARE * len(candidates))
+    found: list[tuple[Spot, ...]] = [() for _ in candidates]
+    for (at, spot), own in zip(every, near, strict=True):
+        if len({every[k][0] for k in own}) - 1 < least:
+            found[at] += (spot,)
+    return found

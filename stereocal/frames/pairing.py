@@ -1,4 +1,4 @@
-"""Pair the photographs of the two cameras by their names.
+"""Pair the photographs of the two cameras by their names: left01, cam0/0001, IMG_7_R and similar.
 
 The word that identifies the camera is blanked out in folder and stem; two names pair if the rest is
 equal. The reading that pairs most files is proposed. Photographs are never paired by list position.
@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 
-from stereocal.frames.naming import Reading, candidates, side_and_key, twin_of
 from stereocal.rig.camera import CAMERAS
 
 MAXIMUM_DIGITS = 15
@@ -60,24 +60,14 @@ class _Read:
 
     pairs: Mapping[str, tuple[str, str]]
     """The two names of each pair, by their common part."""
-    alone: tuple[tuple[str, int], ...]
+    alone: tuple[Alone, ...]
     rivals: tuple[str, ...]
     """Photographs with the same camera and frame as another."""
     unknown: tuple[str, ...]
-    reading: Reading
-
-    @property
-    def merit(self) -> tuple[int, int, int]:
-        """Sort key: more pairs, then the clearer words, then more files with a known camera."""
-        rank = min(convention.rank for convention in self.reading if convention)
-        return len(self.pairs), -rank, -len(self.unknown)
-
-    @property
-    def words(self) -> tuple[str, str]:
-        """The words that identify the cameras, for messages."""
-        shown = [convention.words for convention in self.reading if convention]
-        first, second = (" with ".join(dict.fromkeys(w[i] for w in shown)) for i in (0, 1))
-        return first, second
+    words: tuple[str, str]
+    """What identifies the cameras, for messages."""
+    merit: tuple[int, int, int]
+    """Sort key: more pairs, then the clearer words, then more files with a known camera."""
 
 
 def pair_names(names: Iterable[str]) -> Pairing:
@@ -91,7 +81,7 @@ def pair_names(names: Iterable[str]) -> Pairing:
         unique; otherwise frames are counted from 1 in the order of the names.
     """
     ordered = sorted(dict.fromkeys(names), key=natural)
-    read = [_read(ordered, reading) for reading in candidates(ordered)]
+    read = [_read(ordered, reading) for reading in _readings(ordered)]
     if not read:
         what = "one photograph" if ordered else "no photograph"
         why = f"No pair: there is {what}; each frame needs one from each camera."
@@ -110,14 +100,8 @@ def pair_names(names: Iterable[str]) -> Pairing:
         and one.merit[:2] == best.merit[:2]
         and set(one.pairs.values()) != set(best.pairs.values())
     ]
-    alone = tuple(Alone(name, side, twin_of(name, side, best.reading)) for name, side in best.alone)
-    return Pairing(
-        pairs=number_pairs(best.pairs),
-        alone=alone,
-        unknown=best.rivals + best.unknown,
-        sentence=_sentence(best, alone, others),
-        ambiguous=bool(others),
-    )
+    sentence, unknown = _sentence(best, others), best.rivals + best.unknown
+    return Pairing(number_pairs(best.pairs), best.alone, unknown, sentence, bool(others))
 
 
 def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> tuple[Pair, ...]:
@@ -154,7 +138,7 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
     sides: dict[str, tuple[list[str], list[str]]] = {}
     unknown = []
     for name in names:
-        found = side_and_key(name, reading)
+        found = _side_and_key(name, reading)
         if found is None:
             unknown.append(name)
         else:
@@ -167,12 +151,16 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
         elif max(len(first), len(second)) > 1:
             rivals += [*first, *second]
         else:
-            alone += [(name, side) for side in (0, 1) for name in (first, second)[side]]
-    return _Read(pairs, tuple(alone), tuple(rivals), tuple(unknown), reading)
+            side, (name,) = int(not first), first or second
+            alone.append(Alone(name, side, _twin_of(name, side, reading)))
+    used = [convention for convention in reading if convention]
+    one, other = (" with ".join(dict.fromkeys(own.words[i] for own in used)) for i in (0, 1))
+    merit = len(pairs), -min(own.rank for own in used), -len(unknown)
+    return _Read(pairs, tuple(alone), tuple(rivals), tuple(unknown), (one, other), merit)
 
 
-def _sentence(best: _Read, alone: Sequence[Alone], others: Sequence[_Read]) -> str:
-    first, second = best.words
+def _sentence(best: _Read, others: Sequence[_Read]) -> str:
+    (first, second), alone = best.words, best.alone
     count = len(best.pairs)
     sentences = [
         f'{count or "No"} pair{"s" * (count != 1)} by name: "{first}" marks the primary camera\'s '
@@ -197,3 +185,122 @@ def _sentence(best: _Read, alone: Sequence[Alone], others: Sequence[_Read]) -> s
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
+
+
+@dataclass(frozen=True)
+class _Convention:
+    """Two words that identify the cameras; of conventions that pair as many, low rank wins."""
+
+    words: tuple[str, str]
+    patterns: tuple[re.Pattern[str], re.Pattern[str]]
+    rank: int
+    folders_only: bool = False
+
+
+Reading = tuple[_Convention | None, _Convention | None]
+"""The convention used in the folder and in the stem of a name; at least one is not None."""
+
+
+def _word(one: str, other: str, rank: int) -> _Convention:
+    """Whole words; they may be followed by a number, "cam" or "image"."""
+    after = r"(?=[^a-z]|$|cam|ima?g)" if len(one) > 1 else r"(?![a-z])"
+    first, second = (re.compile(rf"(?<![a-z]){word}{after}") for word in (one, other))
+    return _Convention((one, other), (first, second), rank)
+
+
+def _numbered(prefix: str, first: int, rank: int) -> _Convention:
+    """A word and a camera's number: cam0 and cam1, camera_01 and camera_02."""
+    one, other = (
+        re.compile(rf"(?<![a-z]){prefix}[ _-]?0*{number}(?![0-9])") for number in (first, first + 1)
+    )
+    return _Convention((f"{prefix}{first}", f"{prefix}{first + 1}"), (one, other), rank)
+
+
+def _folder(prefix: str, first: int) -> _Convention:
+    """A numbered folder: image_0/ and image_1/, or 0/ and 1/."""
+    one, other = (
+        re.compile(rf"(?:(?<=/)|^){prefix}_?0*{number}(?=/|$)") for number in (first, first + 1)
+    )
+    shown = f"{prefix}_" if prefix else ""
+    return _Convention((f"{shown}{first}/", f"{shown}{first + 1}/"), (one, other), 3, True)
+
+
+CONVENTIONS = (
+    _word("primary", "secondary", 0),
+    _word("left", "right", 1),
+    *(_numbered(prefix, first, 1) for prefix in ("cam", "camera") for first in (0, 1, 2)),
+    _word("cama", "camb", 1),
+    _word("l", "r", 2),
+    *(_numbered(prefix, first, 2) for prefix in ("c", "view", "sensor") for first in (0, 1)),
+    _word("a", "b", 3),
+    *(_folder(prefix, first) for prefix in ("image", "img", "") for first in (0, 1, 2)),
+)
+
+
+def _readings(names: Sequence[str]) -> list[Reading]:
+    """The combinations of folder and stem conventions of which both words occur."""
+    folders, stems = (
+        [
+            convention
+            for convention in CONVENTIONS
+            if all(any(map(pattern.search, parts)) for pattern in convention.patterns)
+        ]
+        for parts in ({_split(name)[part] for name in names} for part in (0, 1))
+    )
+    stems = [convention for convention in stems if not convention.folders_only]
+    return [(folder, stem) for folder in (None, *folders) for stem in (None, *stems)][1:]
+
+
+def _side_and_key(name: str, reading: Reading) -> tuple[int, str] | None:
+    """The camera (0 or 1) and the name without its word; None if the name identifies no camera."""
+    found, blanked = [], []
+    for part, convention in zip(_split(name), reading, strict=True):
+        if convention is None:
+            blanked.append(part)
+            continue
+        hits = [
+            (hit.start(), side)
+            for side, pattern in enumerate(convention.patterns)
+            for hit in pattern.finditer(part)
+        ]
+        if not hits:
+            return None
+        # In a name with both words, as stereo_left_right_left7, the last one counts.
+        at, side = max(hits)
+        mixed = len({side for _, side in hits}) > 1
+        begin, end = (part[:at], part[at:]) if mixed else ("", part)
+        blanked.append(begin + convention.patterns[side].sub("*", end))
+        found.append(side)
+    return (found[0], "/".join(blanked)) if len(set(found)) == 1 else None
+
+
+def _twin_of(name: str, side: int, reading: Reading) -> str:
+    """The expected name of the other camera's photograph."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    parts = [path.parent.as_posix(), path.stem]
+    for i, convention in enumerate(reading):
+        if convention is None:
+            continue
+        for hit in reversed(list(convention.patterns[side].finditer(parts[i].lower()))):
+            written = parts[i][hit.start() : hit.end()]
+            new = _exchanged(written, convention.words[1 - side])
+            parts[i] = parts[i][: hit.start()] + new + parts[i][hit.end() :]
+    folder = "" if parts[0] == "." else parts[0] + "/"
+    return f"{folder}{parts[1]}{path.suffix}"
+
+
+def _split(name: str) -> tuple[str, str]:
+    """Folder and stem, in lower case."""
+    path = PurePosixPath(name.replace("\\", "/").lower())
+    return path.parent.as_posix().lstrip("."), path.stem
+
+
+def _exchanged(written: str, word: str) -> str:
+    """The other camera's word, with the case and leading zeros of `written`."""
+    number = re.search(r"\d+", word)
+    digits = re.search(r"\d+$", written)
+    if number and digits:
+        return written[: digits.start()] + number[0].zfill(len(digits[0]))
+    if written.isupper():
+        return word.upper()
+    return word.capitalize() if written[0].isupper() else word

@@ -13,14 +13,11 @@ import numpy as np
 
 from stereocal.detection.balls import find_balls
 from stereocal.detection.detect import Detection, detect_targets, refusal
-from stereocal.detection.fit import Corner
-from stereocal.detection.sighting import Sighting
 from stereocal.detection.tags import find_tags
-from stereocal.detection.target import BAR, Balls, Bar2x2, Tags, Target
+from stereocal.detection.target import BAR, Balls, Bar2x2, Sighting, Tags, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.frame import Centre, CentrePair, Frame, State
-from stereocal.frames.labelling import FrameLabels, label_targets
-from stereocal.frames.named import frames_of
+from stereocal.frames.frame import Frame
+from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.photograph import (
@@ -156,42 +153,6 @@ def _unreadable(target: Target, why: str) -> Detection | Sighting:
     if isinstance(target, Bar2x2):
         return refusal((0, 0), "unreadable", why)
     return Sighting((None, None), why, unreadable=True)
-
-
-def label_frames(
-    pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
-) -> list[Frame]:
-    """A frame for each pair, in order, with A and B told apart.
-
-    Args:
-        seen: of `search_photographs`.
-    """
-    if not isinstance(target, Bar2x2):
-        return frames_of(pairs, seen, cameras, target)
-    labels = label_targets({p.frame: (seen[p.primary], seen[p.secondary]) for p in pairs}, cameras)
-    reports = {report.frame: report for report in labels}
-    return [_frame(pair, seen, reports[pair.frame]) for pair in pairs]
-
-
-def _frame(pair: Pair, seen: Mapping[str, Detection], report: FrameLabels) -> Frame:
-    # Targets of one photograph are kept: the user may add those of the other.
-    first, second = report.targets or (seen[pair.primary].targets, seen[pair.secondary].targets)
-    state: State = "found" if report.is_sure else "doubtful"
-    return Frame(
-        frame=pair.frame,
-        files=(pair.primary, pair.secondary),
-        centres=(_centres(first), _centres(second)),
-        state=state if report.targets else "refused",
-        reason=report.sentence,
-        use=report.is_sure,
-    )
-
-
-def _centres(targets: tuple[Corner, Corner] | None) -> CentrePair:
-    if targets is None:
-        return None, None
-    a, b = (Centre(float(t.centre[0]), float(t.centre[1]), t.sigma_px) for t in targets)
-    return a, b
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.detection.sighting import Sighting
-from stereocal.detection.target import Balls, Tags, Target
+from stereocal.detection.target import Balls, Sighting, Tags, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import Frame
+from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair, number_pairs
-from stereocal.frames.search import label_frames, search_photographs
+from stereocal.frames.search import search_photographs
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording

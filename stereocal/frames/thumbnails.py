@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereocal.detection.intensity import eight_bits
 from stereocal.frames.frame import CentrePair
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.photograph import GreyImage
@@ -92,13 +91,3 @@ def box_around(centres: CentrePair, shape: tuple[int, ...]) -> tuple[int, int, i
     left, top = np.clip(middle - reach, 0, (width - 1, height - 1)).astype(int)
     right, bottom = np.clip(middle + reach + 1, (left + 1, top + 1), (width, height)).astype(int)
     return int(left), int(top), int(right), int(bottom)
-
-
-def eight_bits(part: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """The image with 8 bits; other depths are scaled from darkest to brightest (0.5 to 99.5 %)."""
-    if part.dtype == np.uint8:
-        return part
-    low, high = np.percentile(part[:: max(1, part.shape[0] // 512)], (0.5, 99.5))
-    stretched = (part.astype(np.float32) - np.float32(low)) * np.float32(255 / max(high - low, 1.0))
-    shown: npt.NDArray[np.uint8] = np.clip(stretched, 0, 255).astype(np.uint8)
-    return shown

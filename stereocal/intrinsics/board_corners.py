@@ -46,15 +46,6 @@ class Chessboard:
     do not. When asked for one row too many, the finder returns points on the board's edge."""
 
 
-def eight_bits(image: GreyImage) -> npt.NDArray[np.uint8]:
-    """The photograph with 8 bits; 10, 12 or 16 bits are scaled to the full range."""
-    if image.dtype == np.uint8:
-        return np.asarray(image, dtype=np.uint8)
-    low, high = np.percentile(image[::4, ::4], (0.5, 99.5))
-    stretched = (image.astype(np.float32) - low) * (255.0 / max(high - low, 1.0))
-    return np.asarray(np.clip(stretched, 0, 255), dtype=np.uint8)
-
-
 def find_chessboard(
     grey: npt.NDArray[np.uint8], columns: int, rows: int, thorough: bool = True
 ) -> Chessboard | None:
@@ -94,10 +85,10 @@ def outer_squares(grid: FloatArray, grey: GreyImage) -> float:
 
 def _alternate(grid: FloatArray, grey: GreyImage, beyond: float) -> bool:
     """Whether black and white alternate on all four sides at a distance in squares."""
-    down = _one_more_all_around(grid, beyond).swapaxes(0, 1)
-    whole = _one_more_all_around(down, beyond).swapaxes(0, 1)
-    level = _levels(whole, grey)
-    like_first = np.add.outer(*(np.arange(n) for n in level.shape)) % 2 == 0
+    for _ in range(2):  # a row of squares more before the first and after the last, and columns
+        step = 2 * beyond * (grid[[0, -1]] - grid[[1, -2]])
+        grid = np.concatenate([grid[:1] + step[:1], grid, grid[-1:] + step[1:]]).swapaxes(0, 1)
+    level, like_first = _squares(grid, grey)
     inner = np.s_[1:-1, 1:-1]
     usual = _contrast(level[inner], like_first[inner])
     sides = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
@@ -113,21 +104,16 @@ def _contrast(level: FloatArray, like_first: BoolArray) -> float:
     return float(np.nanmedian(one) - np.nanmedian(other))
 
 
-def _one_more_all_around(grid: FloatArray, beyond: float) -> FloatArray:
-    """The grid extrapolated by a row before its first and after its last, with the middle of the
-    new squares at a distance in squares."""
-    before = grid[:1] + 2 * beyond * (grid[:1] - grid[1:2])
-    return np.concatenate([before, grid, grid[-1:] + 2 * beyond * (grid[-1:] - grid[-2:-1])])
-
-
-def _levels(grid: FloatArray, grey: GreyImage) -> FloatArray:
-    """(rows - 1, columns - 1): level in the middle of each square; NaN outside the image."""
+def _squares(grid: FloatArray, grey: GreyImage) -> tuple[FloatArray, BoolArray]:
+    """(rows - 1, columns - 1): level in the middle of each square, NaN outside the image, and
+    whether it has the colour of the first."""
     middles = 0.25 * (grid[:-1, :-1] + grid[:-1, 1:] + grid[1:, :-1] + grid[1:, 1:])
     height, width = grey.shape
     u, v = np.moveaxis(np.rint(middles).astype(np.int64), -1, 0)
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
     level = grey[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(np.float64)
-    return np.where(inside, level, np.nan)
+    like_first = np.add.outer(*(np.arange(n) for n in u.shape)) % 2 == 0
+    return np.where(inside, level, np.nan), like_first
 
 
 def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray, bool]:
@@ -145,9 +131,13 @@ def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray,
     candidates = [grid, grid[::-1, ::-1]]
     if grid.shape[0] == grid.shape[1]:
         candidates += [np.swapaxes(grid, 0, 1)[::-1], np.swapaxes(grid, 0, 1)[:, ::-1]]
-    if not _right_handed(grid):
+    along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
+    if along[0] * down[1] - along[1] * down[0] <= 0:  # not right-handed
         candidates = [candidate[:, ::-1] for candidate in candidates]
-    darkness = [_first_square_darkness(candidate, grey) for candidate in candidates]
+    darkness = []
+    for candidate in candidates:
+        level, like_first = _squares(candidate, grey)
+        darkness.append(np.nanmean(level[~like_first]) - np.nanmean(level[like_first]))
     distinct = max(darkness) > 0 > min(darkness)
     left = [
         candidate
@@ -156,21 +146,6 @@ def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray,
     ]
     best = max(left, key=lambda candidate: float(candidate[0, -1, 0] - candidate[0, 0, 0]))
     return best.reshape(-1, 2).copy(), best is not grid
-
-
-def _right_handed(grid: FloatArray) -> bool:
-    along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
-    return bool(along[0] * down[1] - along[1] * down[0] > 0)
-
-
-def _first_square_darkness(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> float:
-    """Above 0 if the square between the first four corners is darker than its neighbours."""
-    middles = 0.25 * (grid[:-1, :-1] + grid[:-1, 1:] + grid[1:, :-1] + grid[1:, 1:])
-    height, width = grey.shape
-    u, v = np.rint(middles).astype(np.int64).reshape(-1, 2).T
-    level = grey[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(np.float64)
-    like_first = np.add.outer(*(np.arange(n) for n in middles.shape[:2])).ravel() % 2 == 0
-    return float(level[~like_first].mean() - level[like_first].mean())
 
 
 def find_charuco(

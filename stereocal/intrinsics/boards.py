@@ -14,22 +14,24 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import (
     OF_OUTER,
     are_crossings,
-    eight_bits,
     find_charuco,
     find_chessboard,
     refine,
 )
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.system.photograph import FileContent, GreyImage, PhotographFile, read_photograph
+from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
@@ -70,7 +72,7 @@ class BoardSearch:
 
     pattern: BoardPattern
     views: tuple[BoardView, ...]
-    refused: tuple[Refused, ...]
+    refused: tuple[Refused, ...] = ()
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -89,52 +91,39 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
     Corners that are no crossings of squares are left out: in a strongly tilted board before a
     fisheye of 150 degrees the finder was up to 26 px off at 2 to 4 of 54 corners.
     """
-    height, width = image.shape
-    size = (width, height)
-    grey = eight_bits(image)
+    size = (image.shape[1], image.shape[0])
+    refused = partial(Refused, name, image_size=size)
+    grey, turned, reach = eight_bits(image), False, pattern.reach
     if pattern.dictionary is None:
         found = find_chessboard(grey, pattern.columns, pattern.rows)
         if found is None:
-            reason = f"no board with {pattern} inner corners is completely visible and sharp"
-            return Refused(name, reason, size)
+            return refused(f"no board with {pattern} inner corners is completely visible and sharp")
         if not found.outer:
-            reason = (
+            return refused(
                 f"{pattern} points were found, but the outermost lie on the edge of the board or "
                 "of the visible part: count the corners where four squares meet"
             )
-            return Refused(name, reason, size)
         corners, turned = found.corners, found.turned
-        reach = min(pattern.reach, OF_OUTER * found.outer)
+        reach = min(reach, OF_OUTER * found.outer)
         ids = np.arange(len(corners))
     else:
         squares = (pattern.columns + 1, pattern.rows + 1)
         part = (pattern.square_m, pattern.marker_m or 0.0)
         ids, corners = find_charuco(grey, squares, part, pattern.dictionary)
-        turned, reach = False, pattern.reach
-        lines = ids // pattern.columns, ids % pattern.columns
-        if len(ids) < MINIMUM_CORNERS or not all(map(np.ptp, lines)):
-            reason = f"{len(ids)} corners of the ChArUco board are too few"
-            return Refused(name, reason, size)
-    spacing = nearest_neighbours_px(ids, corners, pattern)
+        if len(ids) < MINIMUM_CORNERS or not all(map(np.ptp, np.divmod(ids, pattern.columns))):
+            return refused(f"{len(ids)} corners of the ChArUco board are too few")
+    grid = np.full((pattern.rows, pattern.columns, 2), np.nan)
+    grid.reshape(-1, 2)[ids] = corners
+    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
+    spacing = float(np.nan_to_num(np.fmin.reduce(np.concatenate(steps))))
     if spacing < MINIMUM_SPACING_PX:
-        reason = (
+        return refused(
             f"the board is too far away or seen edge-on: its corners are {spacing:.1f} px apart, "
             f"and at least {MINIMUM_SPACING_PX:.0f} are needed"
         )
-        return Refused(name, reason, size)
     corners = refine(image, corners, reach * spacing)
     sound = are_crossings(grey, corners, 0.5 * reach * spacing)
     return BoardView(name, size, ids[sound], corners[sound], turned)
-
-
-def nearest_neighbours_px(ids: IntArray, corners: FloatArray, pattern: BoardPattern) -> float:
-    """The shortest distance in the image between neighbouring corners of the board."""
-    known = np.full((pattern.rows * pattern.columns, 2), np.nan)
-    known[ids] = corners
-    grid = known.reshape(pattern.rows, pattern.columns, 2)
-    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
-    every = np.concatenate(steps)
-    return float(np.nanmin(every)) if np.isfinite(every).any() else 0.0
 
 
 def find_boards(
@@ -162,12 +151,8 @@ def find_boards(
         raise StereocalError("There are no photographs of the board.")
     of_pattern = hashlib.sha256(repr(pattern).encode()).hexdigest()[:16]
     tasks: Iterator[Task[BoardView | Refused]] = (
-        Task(
-            f"{path.name} {of_pattern} {name}",
-            find_board_in_file,
-            (for_worker(path, executor), pattern, name),
-        )
-        for name, path in photographs.items()
+        Task(f"{own.name} {of_pattern} {name}", _search, (for_worker(own, executor), pattern, name))
+        for name, own in photographs.items()
     )
     found: dict[str, BoardView | Refused] = {}
     every = run_tasks(tasks, executor, len(photographs), progress, cancelled, pieces)
@@ -186,8 +171,8 @@ def find_boards(
     views = tuple(result for result in results if isinstance(result, BoardView))
     refused = tuple(result for result in results if isinstance(result, Refused))
     if not views:
-        one = len(refused) == 1
-        count = "the photograph" if one else f"any of the {len(refused)} photographs"
+        many = f"any of the {len(refused)} photographs"
+        count = many if len(refused) > 1 else "the photograph"
         raise StereocalError(
             f"No board with {pattern} inner corners was found in {count} ({refused[0].name}: "
             f"{refused[0].reason})."
@@ -195,15 +180,12 @@ def find_boards(
     return BoardSearch(pattern, views, refused)
 
 
-def find_board_in_file(
-    photograph: PhotographFile, pattern: BoardPattern, name: str
-) -> BoardView | Refused:
-    """The board in the photograph of a file: the task of an executor."""
+def _search(photograph: PhotographFile, pattern: BoardPattern, name: str) -> BoardView | Refused:
+    """The task of an executor."""
     try:
-        image = read_photograph(photograph, name)
+        return find_board(read_photograph(photograph, name), pattern, name)
     except StereocalError as error:
         return Refused(name, error.reason.rstrip("."))
-    return find_board(image, pattern, name)
 
 
 def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
@@ -223,53 +205,50 @@ def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
 def _check_size(
     photographs: Photographs, found: Mapping[str, BoardView | Refused], pattern: BoardPattern
 ) -> None:
-    """Raise an error if the board has another size than stated."""
+    """Raise an error if the first two photographs that show the board, or may, show another."""
     views = [name for name, result in found.items() if isinstance(result, BoardView)]
     seen = views or [name for name, result in found.items() if result.image_size]
-    if pattern.dictionary is not None:
-        if not views:
-            _refuse_charuco(photographs, seen[:2], pattern)
-        return
     for name in seen[:2]:
-        if other := _other_size(photographs[name], pattern, larger=bool(views)):
-            raise StereocalError(
-                f"There is no board with {pattern} inner corners, but {name} shows one with "
-                f"{other}: count where four squares meet, not the squares."
-            )
+        image = read_photograph(photographs[name])
+        if pattern.dictionary is None:
+            _refuse_other_size(eight_bits(image), name, pattern, larger=bool(views))
+        elif not views:
+            _refuse_charuco(image, name, pattern)
 
 
-def _refuse_charuco(photographs: Photographs, names: Sequence[str], pattern: BoardPattern) -> None:
-    """Raise an error if photographs are mirrored, so that no marker is read, or show the ChArUco
+def _refuse_charuco(image: GreyImage, name: str, pattern: BoardPattern) -> None:
+    """Raise an error if a photograph is mirrored, so that no marker is read, or shows the ChArUco
     board with columns and rows exchanged: its markers are numbered row by row. (A chessboard is the
     same board then.)
     """
     other = replace(pattern, columns=pattern.rows, rows=pattern.columns)
-    for name in names:
-        image = read_photograph(photographs[name])
-        if isinstance(find_board(image, other, name), BoardView):
-            raise StereocalError(
-                f"There is no ChArUco board with {pattern} inner corners, but {name} shows one "
-                f"with {other}: exchange columns and rows."
-            )
-        if isinstance(find_board(image[:, ::-1].copy(), pattern, name), BoardView):
-            raise StereocalError(
-                f"{name} is mirrored, left to right: mirrored back, it shows the ChArUco board. "
-                "Give the photographs as the camera recorded them."
-            )
+    if isinstance(find_board(image, other, name), BoardView):
+        raise StereocalError(
+            f"There is no ChArUco board with {pattern} inner corners, but {name} shows one "
+            f"with {other}: exchange columns and rows."
+        )
+    if isinstance(find_board(image[:, ::-1].copy(), pattern, name), BoardView):
+        raise StereocalError(
+            f"{name} is mirrored, left to right: mirrored back, it shows the ChArUco board. "
+            "Give the photographs as the camera recorded them."
+        )
 
 
-def _other_size(path: FileContent, pattern: BoardPattern, larger: bool) -> str | None:
-    """The size of the board in a photograph if it differs by one from the stated size.
+def _refuse_other_size(
+    grey: npt.NDArray[np.uint8], name: str, pattern: BoardPattern, larger: bool
+) -> None:
+    """Raise an error if the size of the board differs by one from the stated size.
 
     Args:
         larger: look only for larger boards, of which a part was found.
     """
-    grey = eight_bits(read_photograph(path))
     steps = (1, 0) if larger else (1, 0, -1)
     for columns, rows in itertools.product(steps, steps):
         size = pattern.columns + columns, pattern.rows + rows
         if (columns or rows) and min(size) >= 3:
             other = find_chessboard(grey, *size, thorough=False)
             if other is not None and other.outer:
-                return f"{size[0]}x{size[1]}"
-    return None
+                raise StereocalError(
+                    f"There is no board with {pattern} inner corners, but {name} shows one with "
+                    f"{size[0]}x{size[1]}: count where four squares meet, not the squares."
+                )

@@ -43,8 +43,7 @@ from stereocal.system.described import check_described, described
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-FISHEYE_PARAMETERS = (*FISHEYE_UNKNOWNS, "")
-"""Of a fisheye; the ninth is not used."""
+"""Of the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
 RECOMMENDED_VIEWS = 50
 FEWEST_VIEWS = 8
 """Photographs below which draws are not made smaller unasked."""
@@ -54,6 +53,9 @@ SMALLEST_BOARD = 4
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 OUTLYING = 2.0
 """A photograph is an outlier if its error exceeds this multiple of the median."""
+UNDETERMINED = (
+    "The boards determine no lens: take photographs with the board tilted in different directions."
+)
 CHUNK = 5
 SHRUNK = 0.02
 """Share of the identity in the correlation."""
@@ -107,19 +109,16 @@ class LensSettings:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters of a draw; the last is empty for a fisheye."""
-        return FISHEYE_PARAMETERS if self.model == "fisheye" else PARAMETERS
+        """Names of the parameters of a draw that the lens has: 9, or 8 of a fisheye."""
+        return FISHEYE_UNKNOWNS if self.model == "fisheye" else PARAMETERS
 
     @property
     def free(self) -> FloatArray:
         """(9,): 1 for a parameter that is fitted, 0 for one that is held at 0 or not used."""
-        free = np.ones(len(PARAMETERS))
         if self.model == "fisheye":
-            free[8] = 0.0
-            return free
-        free[8] = not self.fix_k3
-        free[6:8] = not self.zero_tangential
-        return free
+            return np.array([1.0] * 8 + [0.0])
+        tangential = float(not self.zero_tangential)
+        return np.array([1.0] * 6 + [tangential, tangential, float(not self.fix_k3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,16 +184,13 @@ class LensCalibration:
     @cached_property
     def camera(self) -> Camera:
         """The camera with `values` and their standard errors."""
-        sigma = self.standard_errors
-        fx, fy, cx, cy = (float(value) for value in sigma[:4])
-        count = 4 if self.settings.model == "fisheye" else 5
+        sigma = self.standard_errors[: len(self.settings.parameters)]
         without = dict[str, FloatArray]()
         if self.without is not None:
             changes = (self.without - self.of_all)[:, : len(LENS_UNKNOWNS)]
             without = {v.name: row for v, row in zip(self.search.views, changes, strict=True)}
-        uncertainty = LensUncertainty(
-            fx, fy, cx, cy, sigma[4 : 4 + count], self.correlation, without
-        )
+        fx, fy, cx, cy = sigma[:4].tolist()
+        uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:], self.correlation, without)
         lens = _camera(self.values, self.search.image_size, self.settings.model)
         return replace(lens, uncertainty=uncertainty)
 
@@ -206,23 +202,22 @@ class LensCalibration:
     @cached_property
     def view_errors(self) -> FloatArray:
         """(views,): root mean square reprojection error of each view, px."""
-        return np.array([np.sqrt((found**2).sum(axis=1).mean()) for found in self.residuals])
+        return np.array([_rms(found) for found in self.residuals])
 
     @property
     def error_px(self) -> float:
         """Root mean square reprojection error of all corners."""
-        every = np.concatenate(self.residuals)
-        return float(np.sqrt((every**2).sum(axis=1).mean()))
+        return _rms(np.concatenate(self.residuals))
 
     @property
     def outlying(self) -> list[str]:
         """Photographs whose error is more than `OUTLYING` times the median of all."""
-        limit = OUTLYING * float(np.median(self.view_errors))
-        return [
-            view.name
-            for view, error in zip(self.search.views, self.view_errors, strict=True)
-            if error > limit
-        ]
+        far = self.view_errors > OUTLYING * np.median(self.view_errors)
+        return [self.search.views[at].name for at in np.flatnonzero(far)]
+
+
+def _rms(residuals: FloatArray) -> float:
+    return float(np.sqrt((residuals**2).sum(axis=1).mean()))
 
 
 def calibrate_lens(
@@ -258,10 +253,9 @@ def calibrate_lens(
     if without_each:
         chunks += [np.delete(every, at, axis=1) for at in range(len(views))]
         total += len(views)
-    about = (search.pattern, views, search.image_size, settings)
-    of_views = digest_of(search, settings)
+    of_views, own = digest_of(search, settings), replace(search, refused=())
     tasks = (
-        Task(f"{of_views} {number}", solve_draws, (*about, chunk), len(chunk) * (number > 0))
+        Task(f"{of_views} {number}", solve_draws, (own, settings, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
     )
     every_draw = run_tasks(tasks, executor, total, progress, cancelled, pieces)
@@ -270,15 +264,11 @@ def calibrate_lens(
             found = np.vstack([part for _, part in finished])
     except StoppedError:
         return None
-    of_all, draws, without = np.split(found, [1, 1 + settings.repeats])
-    used = found[: 1 + settings.repeats]
+    used, without = np.split(found, [1 + settings.repeats])
     if not np.isfinite(used).all() or used[:, :2].min() <= 0:
-        raise StereocalError(
-            "The boards determine no lens: some draws gave no finite focal length. Take "
-            "photographs with the board tilted in different directions."
-        )
-    own = without if without_each else None
-    return LensCalibration(search, settings, drawn, draws, of_all[0], own)
+        raise StereocalError(UNDETERMINED)
+    others = without if without_each else None
+    return LensCalibration(search, settings, drawn, used[1:], used[0], others)
 
 
 def digest_of(search: BoardSearch, settings: LensSettings) -> str:
@@ -289,17 +279,10 @@ def digest_of(search: BoardSearch, settings: LensSettings) -> str:
     return digest.hexdigest()[:32]
 
 
-def solve_draws(
-    pattern: BoardPattern,
-    views: Sequence[BoardView],
-    image_size: tuple[int, int],
-    settings: LensSettings,
-    drawn: IntArray,
-) -> FloatArray:
+def solve_draws(search: BoardSearch, settings: LensSettings, drawn: IntArray) -> FloatArray:
     """(draws, 9): `PARAMETERS` of some draws; the task of an executor."""
-    return np.array(
-        [solve(pattern, [views[at] for at in draw], image_size, settings) for draw in drawn]
-    )
+    pattern, views, size = search.pattern, search.views, search.image_size
+    return np.array([solve(pattern, [views[at] for at in draw], size, settings) for draw in drawn])
 
 
 def solve(
@@ -308,55 +291,36 @@ def solve(
     image_size: tuple[int, int],
     settings: LensSettings,
 ) -> FloatArray:
-    """(9,): `PARAMETERS` by OpenCV's `calibrateCamera` (Zhang 2000).
+    """(9,): `PARAMETERS` by OpenCV's `calibrateCamera` (Zhang 2000) or `fisheye.calibrate`.
 
     20 views of 216 corners take 0.02 to 0.03 s; an initial guess would save a third of that.
     """
-    flags = cv2.CALIB_FIX_K3 * settings.fix_k3 + cv2.CALIB_ZERO_TANGENT_DIST * (
-        settings.zero_tangential
-    )
-    points = pattern.points.astype(np.float32)
     if cv2.getNumThreads() > 1:
         # The executor uses all cores. Multithreaded, OpenCV is not reproducible: 14 different
         # results in 20 runs, 1e-9 apart.
         cv2.setNumThreads(1)
+    fisheye, kind = settings.model == "fisheye", "f4"
+    if fisheye:  # OpenCV 5 has the names in another module than OpenCV 4
+        of: Any = cv2 if hasattr(cv2, "CALIB_RECOMPUTE_EXTRINSIC") else cv2.fisheye
+        flags, kind = of.CALIB_RECOMPUTE_EXTRINSIC | of.CALIB_FIX_SKEW, "f8"
+    else:
+        flags = cv2.CALIB_FIX_K3 * settings.fix_k3
+        flags += cv2.CALIB_ZERO_TANGENT_DIST * settings.zero_tangential
+    calibrate: Any = cv2.fisheye.calibrate if fisheye else cv2.calibrateCamera
     try:
-        if settings.model == "fisheye":
-            return _solve_fisheye(pattern, views, image_size)
-        _, K, distortion, _, _ = cv2.calibrateCamera(
-            [points[view.ids] for view in views],
-            [view.corners.astype(np.float32) for view in views],
+        _, K, distortion, *_ = calibrate(
+            [pattern.points[view.ids].astype(kind)[None] for view in views],
+            [view.corners.astype(kind)[None] for view in views],
             image_size,
             np.eye(3),
-            np.zeros(5),
+            np.zeros((4, 1) if fisheye else 5),
             flags=flags,
             criteria=CRITERIA,
         )
     except cv2.error as error:
-        raise StereocalError(
-            "The boards determine no lens: take photographs with the board tilted in different "
-            "directions."
-        ) from error
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
-
-
-def _solve_fisheye(
-    pattern: BoardPattern, views: Sequence[BoardView], image_size: tuple[int, int]
-) -> FloatArray:
-    """(9,): the parameters by OpenCV's `fisheye.calibrate`, and 0."""
-    # OpenCV 5 has the names in another module than OpenCV 4.
-    of: Any = cv2 if hasattr(cv2, "CALIB_RECOMPUTE_EXTRINSIC") else cv2.fisheye
-    K, distortion = np.eye(3), np.zeros((4, 1))
-    cv2.fisheye.calibrate(
-        [pattern.points[view.ids][None] for view in views],
-        [np.asarray(view.corners, np.float64)[None] for view in views],
-        image_size,
-        K,
-        distortion,
-        flags=of.CALIB_RECOMPUTE_EXTRINSIC | of.CALIB_FIX_SKEW,
-        criteria=CRITERIA,
-    )
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *distortion.ravel(), 0.0])
+        raise StereocalError(UNDETERMINED) from error
+    coefficients = [*np.ravel(distortion)[:5], 0.0][:5]
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *coefficients])
 
 
 def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, float]:
@@ -376,7 +340,7 @@ def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, 
                 errors.append(np.full((1, 2), np.nan))
                 continue
             errors += [_residuals(camera, search.pattern, v) for v in search.views[tested::2]]
-        found[model] = float(np.sqrt((np.concatenate(errors) ** 2).sum(axis=1).mean()))
+        found[model] = _rms(np.concatenate(errors))
     return found
 
 
@@ -407,40 +371,42 @@ def _camera(values: FloatArray, image_size: tuple[int, int], model: LensModel) -
     return Camera(K, values[4:8] if model == "fisheye" else values[4:], image_size, model=model)
 
 
+def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray | None:
+    """(6,): rotation vector and position (`camera_from_board`) of a board, not yet refined.
+
+    None if its corners do not determine it.
+    """
+    points, corners, K, distortion = pattern.points[view.ids], view.corners, camera.K, np.empty(0)
+    if camera.is_fisheye:
+        corners, K = camera.undistort(corners), np.eye(3)
+        known = np.isfinite(corners).all(axis=1)
+        points, corners = points[known], corners[known]
+    else:
+        distortion = camera.distortion
+    if len(points) < SMALLEST_BOARD:
+        return None
+    found, turn, shift = cv2.solvePnP(points, corners, K, distortion)
+    return np.concatenate([turn, shift]).ravel() if found else None
+
+
 def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:
     """Found minus projected corners (n, 2), px, with the best-fit pose of the board."""
-    points = pattern.points[view.ids]
-    if camera.is_fisheye:
-        return _fisheye_residuals(camera, points, view.corners)
-    found, turn, shift = cv2.solvePnP(points, view.corners, camera.K, camera.distortion)
-    if not found:
+    points, pose = pattern.points[view.ids], board_pose(camera, pattern, view)
+    if pose is None:
         return np.full((len(points), 2), np.nan)
-    turn, shift = cv2.solvePnPRefineLM(
-        points, view.corners, camera.K, camera.distortion, turn, shift
-    )
-    seen, _ = cv2.projectPoints(points, turn, shift, camera.K, camera.distortion)
-    return view.corners - np.asarray(seen, dtype=np.float64).reshape(-1, 2)
-
-
-def _fisheye_residuals(camera: Camera, points: FloatArray, corners: FloatArray) -> FloatArray:
-    """The same for a fisheye, which `solvePnPRefineLM` does not know."""
-    from scipy.optimize import least_squares  # takes 0.3 s, which every worker would wait for
-
-    rays = camera.undistort(corners)
-    known = np.isfinite(rays).all(axis=1)
-    lost = np.full((len(points), 2), np.nan)
-    if np.count_nonzero(known) < SMALLEST_BOARD:
-        return lost
-    found, turn, shift = cv2.solvePnP(points[known], rays[known], np.eye(3), np.empty(0))
-    if not found:
-        return lost
+    project = cv2.fisheye.projectPoints if camera.is_fisheye else cv2.projectPoints
 
     def residuals(pose: FloatArray) -> FloatArray:
-        seen, _ = cv2.fisheye.projectPoints(
-            points[:, None], pose[:3], pose[3:], camera.K, camera.distortion
-        )
-        return np.asarray(corners - seen[:, 0], dtype=np.float64).ravel()
+        seen, _ = project(points[:, None], pose[:3], pose[3:], camera.K, camera.distortion)
+        return view.corners.ravel() - np.asarray(seen, dtype=np.float64).ravel()
 
-    start = np.concatenate([turn.ravel(), shift.ravel()])
-    best = least_squares(residuals, start, method="lm")
-    return residuals(best.x).reshape(-1, 2)
+    if camera.is_fisheye:  # which `solvePnPRefineLM` does not know
+        from scipy.optimize import least_squares  # takes 0.3 s, which every worker would wait for
+
+        pose = np.asarray(least_squares(residuals, pose, method="lm").x)
+    else:
+        refined = cv2.solvePnPRefineLM(
+            points, view.corners, camera.K, camera.distortion, pose[:3], pose[3:]
+        )
+        pose = np.concatenate(refined, dtype=np.float64).ravel()
+    return residuals(pose).reshape(-1, 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from dataclasses import dataclass
 
@@ -9,8 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import LARGE_PX, are_crossings, eight_bits, outer_squares
+from stereocal.intrinsics.board_corners import LARGE_PX, are_crossings, outer_squares
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
@@ -89,15 +91,18 @@ def _chessboard(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
 
 def _charuco(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
     """A ChArUco board in view whole, by the places of its numbered markers."""
-    seen = {bits: _markers(grey, bits) for bits in ("4X4", "5X5", "6X6", "7X7")}
-    bits = max(seen, key=lambda own: len(seen[own][0]))
-    ids, corners = seen[bits]
-    fits = [
-        fit
-        for columns in range(4, MOST_SQUARES + 1)
-        for first in (0, 1)
-        if len(ids) >= FEWEST_MARKERS and (fit := _fit(columns, first, ids, corners))
-    ]
+    seen: dict[str, tuple[IntArray, FloatArray]] = {}
+    for kind in ("4X4", "5X5", "6X6", "7X7"):  # smaller dictionaries are parts of the largest
+        printed = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{kind}_1000"))
+        found, numbers, _ = cv2.aruco.ArucoDetector(printed).detectMarkers(grey)
+        if numbers is not None and len(numbers) >= FEWEST_MARKERS:
+            four = np.array(found, dtype=np.float64).reshape(-1, 4, 2)
+            seen[kind] = np.asarray(numbers, dtype=np.int64).ravel(), four
+    if not seen:
+        return None
+    bits = max(seen, key=lambda kind: len(seen[kind][0]))
+    shapes = itertools.product(range(4, MOST_SQUARES + 1), (0, 1))
+    fits = [fit for columns, first in shapes if (fit := _fit(columns, first, *seen[bits]))]
     misfit, columns, rows, marker = min(fits, default=(np.inf, 0, 0, 0.0))
     if misfit > FITTING or rows < 4:
         return None
@@ -106,26 +111,14 @@ def _charuco(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
     return ProposedBoard(columns - 1, rows - 1, next(names), round(marker, 2))
 
 
-def _markers(grey: npt.NDArray[np.uint8], bits: str) -> tuple[IntArray, FloatArray]:
-    """Numbers (n,) and corners (n, 4, 2) of the markers; dictionaries are parts of the largest."""
-    name = getattr(cv2.aruco, f"DICT_{bits}_1000")
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(name))
-    corners, ids, _ = detector.detectMarkers(grey)
-    numbers = np.array([] if ids is None else ids, dtype=np.int64).ravel()
-    return numbers, np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
-
-
 def _fit(
     columns: int, first: int, ids: IntArray, corners: FloatArray
 ) -> tuple[float, int, int, float] | None:
-    """How well markers (n, 4, 2) fit a board with so many squares a row.
+    """How well markers (n, 4, 2) fit a board with so many squares a row; `first` is 1 if its first
+    square has a marker, as before OpenCV 4.6.
 
-    Args:
-        first: 1 if the first square of the board has a marker, as before OpenCV 4.6.
-
-    Returns:
-        RMS distance in squares, columns, rows, and the side of a marker in squares; None if the
-        markers are not spread over the board.
+    RMS distance in squares, columns, rows, and the side of a marker in squares; None if the markers
+    are not spread over the board.
     """
     squares = np.arange(2 * (ids.max() + columns))
     row, column = np.divmod(squares, columns)
@@ -139,9 +132,5 @@ def _fit(
     there = cv2.perspectiveTransform(corners.reshape(-1, 1, 2), H).reshape(-1, 4, 2)
     side = np.linalg.norm(there - np.roll(there, 1, axis=1), axis=2)
     misfit = np.linalg.norm(there.mean(axis=1) - cells, axis=1)
-    return (
-        float(np.sqrt((misfit**2).mean())),
-        columns,
-        int(cells[:, 1].max() + 0.5),
-        float(np.median(side)),
-    )
+    rows = int(cells[:, 1].max() + 0.5)
+    return float(np.sqrt((misfit**2).mean())), columns, rows, float(np.median(side))

@@ -1,14 +1,16 @@
-"""Quality of a lens calibration: coverage of the image, systematic residuals, advice."""
+"""A lens calibration for the user: sentences, table, advice, coverage, residuals, preview."""
 
 from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
+import pandas as pd
 
-from stereocal.intrinsics.boards import BoardSearch
+from stereocal.detection.intensity import eight_bits
+from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import (
-    PARAMETERS,
     RECOMMENDED_VIEWS,
     LensCalibration,
     LensSettings,
@@ -16,6 +18,7 @@ from stereocal.intrinsics.calibrate_lens import (
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
+from stereocal.system.photograph import FileContent, read_photograph
 
 COVERAGE_CELLS = 10
 FIELD_CELLS = (16, 12)
@@ -27,6 +30,58 @@ LEVEL = 0.02
 """Relative difference of the errors of two lens models below which they count as equal."""
 SYSTEMATIC = 2.0
 """Ratio of the cell means to the value expected from noise above which there is a warning."""
+LENS_COLUMNS = ("parameter", "value", "standard error", "spread of draws", "all at once")
+PREVIEW_WIDTH = 900
+ORANGE_BGR = (0, 159, 230)
+
+
+def lens_answer(lens: LensCalibration) -> str:
+    """A sentence with the focal length and its quality."""
+    fx, sigma = lens.values[0], lens.standard_errors[0]
+    views = len(lens.search.views)
+    turned = sum(view.turned for view in lens.search.views)
+    boards = "1 board" if turned == 1 else f"{turned} boards"
+    order = f" The corner order of {boards} was corrected." if turned else ""
+    return (
+        f"The focal length fx is {with_error(fx, sigma)} px; corners fit to {lens.error_px:.3f} px "
+        f"(root mean square). {len(lens.drawn)} draws of {lens.per_draw} out of {views} "
+        f"photographs; the corners cover {100 * coverage(lens.search):.0f} % of the image.{order}"
+    )
+
+
+def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
+    """A row of `LENS_COLUMNS` for each parameter; digits by the standard error."""
+    rows = []
+    for at, name in enumerate(lens.settings.parameters):
+        if lens.settings.free[at] == 0:
+            rows.append((name, "0", "held at 0", "", "0"))
+            continue
+        digits = _digits(lens.standard_errors[at])
+        value, sigma, spread, of_all = (
+            f"{each[at]:.{digits}f}"
+            for each in (lens.values, lens.standard_errors, lens.spread, lens.of_all)
+        )
+        rows.append((f"{name} (px)" if at < 4 else name, value, sigma, spread, of_all))
+    return rows
+
+
+def lens_table(lens: LensCalibration) -> pd.DataFrame:
+    """The rows for the screen."""
+    titles = [title.capitalize() for title in LENS_COLUMNS]
+    return pd.DataFrame(lens_rows(lens), columns=titles).set_index("Parameter")
+
+
+def with_error(value: float, sigma: float) -> str:
+    """`7124.3 ± 1.4`: the error with two significant digits, the value with as many decimals."""
+    digits = _digits(sigma)
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
+
+
+def _digits(sigma: float) -> int:
+    """Decimals that show two digits of an error."""
+    if not sigma > 0:
+        return 3
+    return min(max(1 - math.floor(math.log10(sigma)), 0), 9)
 
 
 def coverage(search: BoardSearch) -> float:
@@ -67,12 +122,19 @@ def advice(calibration: LensCalibration) -> list[str]:
     search = calibration.search
     messages = []
     if outlying := calibration.outlying:
+        more = f" and {len(outlying) - 5} more" if len(outlying) > 5 else ""
         messages.append(
-            f"{_list(outlying)} fit{'s' * (len(outlying) == 1)} the lens much worse than the "
-            "others: look at them, and leave them out if they are blurred or the board is bent."
+            f"{', '.join(outlying[:5])}{more} fit{'s' * (len(outlying) == 1)} the lens much worse "
+            "than the others: look at them, and leave them out if they are blurred or the board is "
+            "bent."
         )
-    if few := _few_boards(calibration):
-        messages.append(few)
+    views, size = len(search.views), calibration.per_draw
+    if size < calibration.settings.subset:
+        messages.append(
+            f"{views} boards are few: each draw took {size} of them, and the standard errors are "
+            f"about {math.sqrt(RECOMMENDED_VIEWS / views):.1f} times those of {RECOMMENDED_VIEWS} "
+            "such boards. Take more photographs if you can."
+        )
     covered = coverage(search)
     if covered < WELL_COVERED:
         messages.append(
@@ -94,25 +156,11 @@ def advice(calibration: LensCalibration) -> list[str]:
     return messages
 
 
-def _few_boards(calibration: LensCalibration) -> str | None:
-    """What it costs that draws had to be smaller than set; None if they were not."""
-    views, size = len(calibration.search.views), calibration.per_draw
-    if size >= calibration.settings.subset:
-        return None
-    ratio = math.sqrt(RECOMMENDED_VIEWS / views)
-    return (
-        f"{views} boards are few: each draw took {size} of them, and the standard errors are about "
-        f"{ratio:.1f} times those of {RECOMMENDED_VIEWS} such boards. Take more photographs if "
-        "you can."
-    )
-
-
 def hint(calibration: LensCalibration) -> str | None:
     """A possible improvement where nothing is wrong; None if there is none."""
-    k3 = PARAMETERS.index("k3")
     if calibration.settings.fix_k3 or calibration.camera.is_fisheye:
         return None
-    if abs(calibration.values[k3]) > calibration.standard_errors[k3]:
+    if abs(calibration.values[-1]) > calibration.standard_errors[-1]:  # of k3
         return None
     return (
         "The coefficient k3 does not differ significantly from 0. It does no harm, but holding it "
@@ -142,6 +190,24 @@ def largest_shift_px(camera: Camera) -> float:
     return float(np.nanmax(shift)) if np.isfinite(shift).any() else float("nan")
 
 
-def _list(names: list[str]) -> str:
-    shown = ", ".join(names[:5])
-    return shown if len(names) <= 5 else f"{shown} and {len(names) - 5} more"
+def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[bytes, bytes]:
+    """Two JPEG images: the photograph with the found corners marked, and undistorted (same K)."""
+    grey = eight_bits(read_photograph(path))
+    if camera.is_fisheye:
+        undistorted = cv2.fisheye.undistortImage(grey, camera.K, camera.distortion, Knew=camera.K)
+    else:
+        undistorted = cv2.undistort(grey, camera.K, camera.distortion)
+    scale = PREVIEW_WIDTH / grey.shape[1]
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    marked, straight = (
+        cv2.resize(each, None, fx=scale, fy=scale, interpolation=how)
+        for each in (cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), undistorted)
+    )
+    corners = np.empty((0, 2)) if view is None else view.corners
+    for u, v in (corners + 0.5) * scale:
+        cv2.circle(marked, (int(16 * u), int(16 * v)), 16 * 4, ORANGE_BGR, 1, cv2.LINE_AA, 4)
+    first, second = (
+        bytes(cv2.imencode(".jpg", each, [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
+        for each in (marked, straight)
+    )
+    return first, second

@@ -19,10 +19,15 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.frames import several
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.frames.several import Everywhere, Moments, names_by_camera, pairs_of, put_together
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
-from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import (
+    LensCalibration,
+    LensSettings,
+    board_pose,
+    calibrate_lens,
+)
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -55,7 +60,7 @@ class StereoBoards:
     """The boards in the photographs of two cameras."""
 
     pairing: Pairing
-    searches: tuple[BoardSearch, BoardSearch]
+    searches: tuple[BoardSearch, ...]
     """Of all photographs of each camera, without repeated ones."""
     repeated: Mapping[int, int]
     """Frames left out because their board stands where that of an earlier frame did."""
@@ -84,16 +89,15 @@ class StereoBoards:
     def doubtful(self) -> dict[int, str]:
         """Of frames that are not used, the reason."""
         reasons = {item.name: item.reason for item in self.refused}
-        return {
-            pair.frame: "; ".join(
-                f"{name}: {reasons[name]}"
-                for name in (pair.primary, pair.secondary)
-                if name in reasons
-            )
-            or f"the board stands where it does in frame {self.repeated[pair.frame]}"
-            for pair in self.pairing.pairs
-            if pair.frame in self.repeated or reasons.keys() & {pair.primary, pair.secondary}
+        found = {
+            frame: f"the board stands where it does in frame {first}"
+            for frame, first in self.repeated.items()
         }
+        for pair in self.pairing.pairs:
+            own = [name for name in (pair.primary, pair.secondary) if name in reasons]
+            if own:
+                found[pair.frame] = "; ".join(f"{name}: {reasons[name]}" for name in own)
+        return found
 
     @property
     def sentence(self) -> str:
@@ -139,20 +143,21 @@ def find_stereo_boards(
     pairing = pairing or pair_names(photographs)
     if not pairing.pairs or pairing.ambiguous:
         raise StereocalError(pairing.sentence)
+    names = {str(camera): [getattr(pair, camera) for pair in pairing.pairs] for camera in CAMERAS}
+    for alone in pairing.alone:
+        names[CAMERAS[alone.camera]].append(alone.name)
+    files = [{name: photographs[name] for name in own} for own in names.values()]
     searches = []
-    for camera, stage in enumerate(STAGES[:2]):
+    for own, stage in zip(files, STAGES, strict=False):
         begin(stage)
-        names = [(pair.primary, pair.secondary)[camera] for pair in pairing.pairs]
-        names += [alone.name for alone in pairing.alone if alone.camera == camera]
-        own = {name: photographs[name] for name in names}
-        found = find_boards(own, pattern, executor, progress, cancelled, pieces)
-        if found is None:
+        search = find_boards(own, pattern, executor, progress, cancelled, pieces)
+        if search is None:
             return None
-        searches.append(found)
-    return stereo_boards(pairing, (searches[0], searches[1]))
+        searches.append(search)
+    return stereo_boards(pairing, tuple(searches))
 
 
-def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, BoardSearch]) -> StereoBoards:
+def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, ...]) -> StereoBoards:
     """The boards that were found by camera, without repeated ones.
 
     Raises:
@@ -168,7 +173,7 @@ def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, BoardSearch]) -> St
         )
     repeated = _repeated(common)
     again = [view.name for seen in common if seen.frame in repeated for view in seen.views]
-    kept = both[0].without(again), both[1].without(again)
+    kept = tuple(search.without(again) for search in both)
     return replace(boards, searches=kept, repeated=repeated)
 
 
@@ -189,45 +194,31 @@ def lenses_of_boards(
     return found[0], found[1]
 
 
-def _by_frame(camera: Camera, names: Mapping[str, int]) -> Camera:
-    """The camera with what its lens is without each board by frame, not by photograph."""
-    known = camera.uncertainty
-    if known is None or not known.without:
-        return camera
-    without = {str(names.get(name, name)): change for name, change in known.without.items()}
-    return replace(camera, uncertainty=replace(known, without=without))
-
-
 def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str) -> Recording:
     """The recording of the boards that both cameras see.
 
     Raises:
         StereocalError: the images of one camera are mirrored, or of another size than its lens.
     """
+    frames = {view.name: str(seen.frame) for seen in boards.common for view in seen.views}
+    named: dict[str, Camera] = {}
     for which, camera, search in zip(CAMERAS, cameras, boards.searches, strict=True):
         _check_size(which, camera, search)
-    frames = {view.name: seen.frame for seen in boards.common for view in seen.views}
-    rows = [
-        (seen.frame, camera, view.ids, view.corners)
-        for seen in in_one_order(boards.common, cameras, boards.pattern)
-        for camera, view in enumerate(seen.views)
-    ]
-    return Recording(
-        name=name,
-        cameras={
-            which: _by_frame(own, frames) for which, own in zip(CAMERAS, cameras, strict=True)
-        },
-        object=RigidObject.of_board(boards.pattern),
-        frame=np.concatenate([np.full(len(ids), frame) for frame, _, ids, _ in rows]),
-        camera=np.concatenate([np.full(len(ids), camera) for _, camera, ids, _ in rows]),
-        target=np.concatenate([ids for _, _, ids, _ in rows]),
-        points=np.concatenate([corners for *_, corners in rows]),
-        sigma_px=np.full(sum(len(ids) for _, _, ids, _ in rows), np.nan),
-    )
+        known = camera.uncertainty
+        if known is not None:  # what the lens is without each board: by frame, not by photograph
+            without = {frames.get(own, own): change for own, change in known.without.items()}
+            camera = replace(camera, uncertainty=replace(known, without=without))
+        named[which] = camera
+    moments: several.Moments = {
+        pair.frame: {CAMERAS[0]: pair.primary, CAMERAS[1]: pair.secondary}
+        for pair in boards.pairing.pairs
+    }
+    found = _put_together(moments, {CAMERAS: boards}, named, boards.pattern, {})
+    return replace(found.recording, name=name)
 
 
 def boards_everywhere(
-    moments: Moments,
+    moments: several.Moments,
     photographs: Photographs,
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,
@@ -236,42 +227,51 @@ def boards_everywhere(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[BoardView | Refused] | None = None,
-) -> Everywhere | None:
+) -> several.Everywhere | None:
     """The boards in the photographs of three cameras and more, as `find_everywhere`."""
     searches: dict[str, BoardSearch] = {}
-    for camera, names in names_by_camera(moments, cameras).items():
-        if not names:
-            continue
-        begin(BOARDS_STAGE)
-        own = {name: photographs[name] for name in names}
-        search = find_boards(own, pattern, executor, progress, cancelled, pieces)
-        if search is None:
-            return None
-        _check_size(camera, cameras[camera], search)
-        searches[camera] = search
+    for camera, names in several.names_by_camera(moments, cameras).items():
+        if names:
+            begin(BOARDS_STAGE)
+            own = {name: photographs[name] for name in names}
+            search = find_boards(own, pattern, executor, progress, cancelled, pieces)
+            if search is None:
+                return None
+            _check_size(camera, cameras[camera], search)
+            searches[camera] = search
     found = {}
     for one, other in combinations(searches, 2):
-        pairing = Pairing(tuple(pairs_of(moments, one, other)), (), (), "", ambiguous=False)
+        pairs = several.pairs_of(moments, one, other)
+        pairing = Pairing(tuple(pairs), (), (), "", ambiguous=False)
         with suppress(StereocalError):  # the two see no board in one frame
-            boards = stereo_boards(pairing, (searches[one], searches[other]))
-            found[one, other] = boards.common
-    points = {
-        pair: {
-            seen.frame: (_whole(seen.views[0], pattern), _whole(seen.views[1], pattern))
-            for seen in in_one_order(common, (cameras[pair[0]], cameras[pair[1]]), pattern)
-        }
-        for pair, common in found.items()
-    }
+            found[one, other] = stereo_boards(pairing, (searches[one], searches[other]))
     why = {item.name: item.reason for each in searches.values() for item in each.refused}
-    own_object = RigidObject.of_board(pattern)
-    return put_together(moments, points, orders_of(pattern), cameras, own_object, why)
+    return _put_together(moments, found, cameras, pattern, why)
 
 
-def _whole(view: BoardView, pattern: BoardPattern) -> FloatArray:
-    """(n, 3): u and v of all corners of the board, NaN if not seen, and no standard error."""
-    points = np.full((len(pattern.points), 3), np.nan)
-    points[view.ids, :2] = view.corners
-    return points
+def _put_together(
+    moments: several.Moments,
+    found: Mapping[tuple[str, str], StereoBoards],
+    cameras: Mapping[str, Camera],
+    pattern: BoardPattern,
+    why: Mapping[str, str],
+) -> several.Everywhere:
+    """The recording of the boards that were found pair by pair."""
+
+    def whole(view: BoardView) -> FloatArray:
+        """(n, 3): u and v of all corners of the board, NaN if not seen, and no standard error."""
+        points = np.full((len(pattern.points), 3), np.nan)
+        points[view.ids, :2] = view.corners
+        return points
+
+    points = {}
+    for (one, other), boards in found.items():
+        both = in_one_order(boards.common, (cameras[one], cameras[other]), pattern)
+        points[one, other] = {
+            seen.frame: (whole(seen.views[0]), whole(seen.views[1])) for seen in both
+        }
+    board = RigidObject.of_board(pattern)
+    return several.put_together(moments, points, orders_of(pattern), cameras, board, why)
 
 
 def _check_size(which: str, camera: Camera, search: BoardSearch) -> None:
@@ -286,20 +286,20 @@ def _repeated(common: Sequence[Seen]) -> dict[int, int]:
     """Frames whose board stands where that of an earlier frame did, and that frame."""
     found: dict[int, int] = {}
     for at, seen in enumerate(common):
-        for earlier in common[:at]:
-            both = zip(seen.views, earlier.views, strict=True)
-            if earlier.frame not in found and all(_same_place(*views) for views in both):
-                found[seen.frame] = earlier.frame
-                break
+        same = (
+            earlier.frame
+            for earlier in common[:at]
+            if earlier.frame not in found and all(map(_same_place, seen.views, earlier.views))
+        )
+        if (first := next(same, None)) is not None:
+            found[seen.frame] = first
     return found
 
 
 def _same_place(one: BoardView, other: BoardView) -> bool:
     _, a, b = np.intersect1d(one.ids, other.ids, return_indices=True)
-    if 2 * len(a) < len(one.ids):
-        return False
     apart = np.linalg.norm(one.corners[a] - other.corners[b], axis=1)
-    return bool(np.median(apart) < SAME_PLACE_PX)
+    return 2 * len(a) >= len(one.ids) and bool(np.median(apart) < SAME_PLACE_PX)
 
 
 def orders_of(pattern: BoardPattern) -> list[IntArray]:
@@ -326,9 +326,10 @@ def in_one_order(
     if np.median(errors) > FITTING_PX and len(common) > 2:
         grid = np.arange(len(pattern.points)).reshape(pattern.rows, pattern.columns)
         flipped = [grid[:, ::-1].ravel(), grid[::-1].ravel()]
-        mirrored = [Seen(s.frame, (s.views[0], _mirrored(s.views[1]))) for s in common]
-        other = cameras[0], _mirrored_camera(cameras[1])
-        if np.median(_best_orders(mirrored, other, pattern, flipped)[0]) <= FITTING_PX:
+        mirrored, camera = _mirrored(common, cameras[1])
+        if np.median(_best_orders(mirrored, (cameras[0], camera), pattern, flipped)[0]) <= (
+            FITTING_PX
+        ):
             raise StereocalError(
                 "The photographs of one camera are mirrored, left to right: only then do all "
                 "boards give one pose of the cameras. Give them as the camera recorded them."
@@ -337,6 +338,24 @@ def in_one_order(
         Seen(seen.frame, (seen.views[0], _renumbered(seen.views[1], orders[order])))
         for seen, order in zip(common, chosen, strict=True)
     ]
+
+
+def _mirrored(common: Sequence[Seen], camera: Camera) -> tuple[list[Seen], Camera]:
+    """The boards as a mirrored secondary camera would see them, and that camera."""
+    right = camera.image_size[0] - 1.0
+    K, distortion = camera.K.copy(), camera.distortion.copy()
+    K[0, 1:] = -K[0, 1], right - K[0, 2]
+    if not camera.is_fisheye:
+        distortion[3:4] *= -1.0
+    found = []
+    for frame, (first, second) in common:
+        corners = np.array([right, 0.0]) + [-1.0, 1.0] * second.corners
+        found.append(Seen(frame, (first, replace(second, corners=corners))))
+    return found, replace(camera, K=K, distortion=distortion)
+
+
+def _renumbered(view: BoardView, order: IntArray) -> BoardView:
+    return replace(view, ids=order[view.ids])
 
 
 def _best_orders(
@@ -366,16 +385,11 @@ def _best_orders(
 
 
 def _pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> Pose:
-    """`camera_from_board`."""
-    points = pattern.points[view.ids]
-    corners, K, distortion = view.corners, camera.K, camera.distortion
-    if camera.is_fisheye:
-        corners, K, distortion = camera.undistort(corners), np.eye(3), np.empty(0)
-        seen = np.isfinite(corners).all(axis=1)
-        points, corners = points[seen], corners[seen]
-    _, turn, shift = cv2.solvePnP(points, corners, K, distortion)
-    R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
-    return Pose(R, np.asarray(shift, dtype=np.float64).ravel())
+    """`camera_from_board`; behind the camera, where it fits nothing, if the view gives none."""
+    found = board_pose(camera, pattern, view)
+    if found is None:
+        return Pose(np.eye(3), np.array([0.0, 0.0, -1.0]))
+    return Pose(np.asarray(cv2.Rodrigues(found[:3])[0], dtype=np.float64), found[3:])
 
 
 def _distance_px(camera: Camera, pattern: BoardPattern, pose: Pose, view: BoardView) -> float:
@@ -386,21 +400,3 @@ def _distance_px(camera: Camera, pattern: BoardPattern, pose: Pose, view: BoardV
     with np.errstate(all="ignore"):  # far outside the image a distortion may have no value
         apart = np.linalg.norm(camera.project(points) - view.corners, axis=1)
     return float(np.median(np.nan_to_num(apart, nan=np.inf)))
-
-
-def _renumbered(view: BoardView, order: IntArray) -> BoardView:
-    return replace(view, ids=order[view.ids])
-
-
-def _mirrored(view: BoardView) -> BoardView:
-    width = view.image_size[0]
-    return replace(view, corners=np.array([width - 1.0, 0.0]) + [-1.0, 1.0] * view.corners)
-
-
-def _mirrored_camera(camera: Camera) -> Camera:
-    K, distortion = camera.K.copy(), camera.distortion.copy()
-    K[0, 2] = camera.image_size[0] - 1.0 - K[0, 2]
-    K[0, 1] *= -1.0
-    if not camera.is_fisheye:
-        distortion[3:4] *= -1.0
-    return replace(camera, K=K, distortion=distortion)

@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 import streamlit as st
 
+from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
 from stereocal.figures.frame_view import telling_frame
 from stereocal.figures.photograph import Photograph
-from stereocal.frames.thumbnails import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project

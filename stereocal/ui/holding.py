@@ -12,10 +12,8 @@ from typing import Any
 import streamlit as st
 
 from stereocal.detection.ball_colours import colour_at
-from stereocal.detection.balls import find_balls
-from stereocal.detection.proposed_colours import proposed_colours
-from stereocal.detection.sighting import Sighting
-from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Target, parse_target
+from stereocal.detection.balls import find_balls, proposed_colours
+from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Sighting, Target, parse_target
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.pairing import Pair

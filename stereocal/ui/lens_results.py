@@ -10,11 +10,9 @@ from stereocal.figures import lens as figures
 from stereocal.figures.residual_field import describe_residual_field, plot_residual_field
 from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
+from stereocal.intrinsics import quality
 from stereocal.intrinsics.calibrate_lens import LensCalibration, digest_of
 from stereocal.intrinsics.files import about
-from stereocal.intrinsics.preview import preview
-from stereocal.intrinsics.quality import advice, hint, largest_shift_px, note_on_model
-from stereocal.intrinsics.tables import lens_answer, lens_table
 from stereocal.projects.lens import ProjectLens
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose
@@ -26,7 +24,7 @@ from stereocal.ui.texts import escape_markdown
 
 @st.cache_data(show_spinner=False, max_entries=8)
 def _note_on_model(digest: str, _lens: LensCalibration) -> str:  # noqa: ARG001 - the key
-    return note_on_model(_lens.search, _lens.settings)
+    return quality.note_on_model(_lens.search, _lens.settings)
 
 
 def show_lens(store: ProjectLens) -> None:
@@ -41,11 +39,11 @@ def show_lens(store: ProjectLens) -> None:
     if lens is None:
         return
     st.header(f"The {store.which} camera's lens", divider="gray")
-    for sentence in advice(lens):
+    for sentence in quality.advice(lens):
         st.warning(escape_markdown(sentence))
-    st.success(escape_markdown(lens_answer(lens)))
+    st.success(escape_markdown(quality.lens_answer(lens)))
     st.caption(escape_markdown(_note_on_model(digest_of(lens.search, lens.settings), lens)))
-    if text := hint(lens):
+    if text := quality.hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)
     results, without = f"The {lens.settings.repeats} results", "Without distortion"
@@ -64,7 +62,7 @@ def show_lens(store: ProjectLens) -> None:
     else:
         plot, describe, key = views[view]
         show_figure(plot(lens), describe(lens), key)
-    st.table(lens_table(lens))
+    st.table(quality.lens_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
         "differ (delete-d jackknife); errors that all photographs share, such as a bent board, are "
@@ -115,10 +113,10 @@ def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
     name = choose(store.project, f"preview_{store.which}", "Photograph", names, as_menu=True)
     view = next(view for view in lens.search.views if view.name == name)
     with ErrorsShown():
-        marked, straight = preview(photographs[name], lens.camera, view)
+        marked, straight = quality.preview(photographs[name], lens.camera, view)
         left, right = st.columns(2)
         caption = "As photographed, with the corners that were found"
         left.image(marked, caption=caption, width="stretch")
-        shift = largest_shift_px(lens.camera)
+        shift = quality.largest_shift_px(lens.camera)
         caption = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
         right.image(straight, caption=caption, width="stretch")

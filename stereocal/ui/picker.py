@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import streamlit as st
 
-from stereocal.frames.thumbnails import eight_bits
+from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 

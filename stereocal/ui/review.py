@@ -13,7 +13,6 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.frames import review as reviewing
 from stereocal.frames.frame import Frame, correspondences_of, name_in
 from stereocal.frames.review import Edit, Review, is_open
-from stereocal.frames.review_words import DECIDE, centres_table, describe_residuals, describe_use
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
@@ -81,7 +80,7 @@ def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: boo
 def _show_one(store: ProjectPhotographs, running: bool) -> None:
     review = read_review(store)
     frame = _choose_frame(store, review)
-    st.markdown(f"{badge(frame.state)} {describe_use(frame)}")
+    st.markdown(f"{badge(frame.state)} {reviewing.describe_use(frame)}")
     # A container, even an empty one, keeps the position of what follows: otherwise the browser
     # would rebuild the photographs.
     with st.container():
@@ -104,8 +103,8 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         "Wheel, pinch, + and - zoom; drag and the arrow keys move; Enter picks at the cross-hair. "
         "Zoomed far in, the white circle is one sigma, the standard error."
     )
-    st.table(centres_table(frame))
-    st.markdown(describe_residuals(review.frames, frame, store.project.cameras))
+    st.table(reviewing.centres_table(frame))
+    st.markdown(reviewing.describe_residuals(review.frames, frame, store.project.cameras))
 
 
 def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
@@ -238,7 +237,7 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
         what = "where you clicked" if raw else f"at the {called(held)}"
         sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"
         after = reviewing.place(now, number, camera, target, centre)
-        decide = f" {DECIDE}" if is_open(after.frame(number)) else ""
+        decide = f" {reviewing.DECIDE}" if is_open(after.frame(number)) else ""
         return after, (
             f"{TARGETS[target]} in the {CAMERAS[camera]} photograph is now {what}, "
             f"({centre.u:.2f}, {centre.v:.2f}){sigma}.{decide}"

@@ -14,8 +14,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import SUFFIXES
-from stereocal.frames.video.extract import STAGES, VideoSettings, extract
-from stereocal.frames.video.times import Choice
+from stereocal.frames.video.extract import STAGES, Choice, VideoSettings, extract
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project

@@ -7,8 +7,7 @@ import pytest
 
 from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls
-from stereocal.detection.sighting import Sighting
-from stereocal.detection.target import Balls, parse_target
+from stereocal.detection.target import Balls, Sighting, parse_target
 from stereocal.errors import StereocalError
 from stereocal.frames.review import centre_at
 from stereocal.rig.camera import Camera

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stereocal.detection.proposed_colours import proposed_colours
+from stereocal.detection.balls import proposed_colours
 from stereocal.system.photograph import read_colours
 from tests.ball_bars import COLOURS, ball_bars
 from tests.bar_photographs import bar_set

@@ -13,8 +13,7 @@ from stereocal.figures.residual_field import (
     describe_residual_field,
     plot_residual_field,
 )
-from stereocal.intrinsics.preview import preview
-from stereocal.intrinsics.quality import lens_residuals, typical_and_noise_px
+from stereocal.intrinsics.quality import lens_residuals, preview, typical_and_noise_px
 from tests.intrinsics.test_intrinsics import FEW, usual
 from tests.lens import facing, photographed, png
 

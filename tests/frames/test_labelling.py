@@ -8,7 +8,8 @@ import pytest
 
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
-from stereocal.frames.labelling import FrameLabels, label_targets
+from stereocal.frames.epipolar_labels import FrameLabels
+from stereocal.frames.labelling import label_targets
 from tests import known_rig as rig
 
 FRAMES = 20

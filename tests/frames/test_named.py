@@ -11,12 +11,11 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.detection.balls import choose
-from stereocal.detection.sighting import Sighting, Spot
-from stereocal.detection.target import BRIGHT, Balls, Tags, Target, parse_target
+from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, Tags, Target, parse_target
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
-from stereocal.frames.named import EXCHANGED, frames_of, without_still
+from stereocal.frames.labelling import EXCHANGED, frames_of, without_still
 from stereocal.frames.pairing import Pair, pair_names
 from stereocal.frames.search import detect_frames
 from stereocal.rig.camera import CAMERAS, Camera

@@ -18,6 +18,7 @@ from stereocal.frames.review import (
     Review,
     centre_at,
     choose,
+    epipolar_residuals_px,
     is_open,
     next_doubtful,
     place,
@@ -25,7 +26,6 @@ from stereocal.frames.review import (
     target_meant,
     undo,
 )
-from stereocal.frames.review_words import epipolar_residuals_px
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import are_crossings, eight_bits
+from stereocal.intrinsics.board_corners import are_crossings
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_board
 from stereocal.intrinsics.calibrate_lens import (
     LensCalibration,
@@ -23,8 +24,7 @@ from stereocal.intrinsics.calibrate_lens import (
     solve,
 )
 from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
-from stereocal.intrinsics.quality import advice, coverage, note_on_model
-from stereocal.intrinsics.tables import lens_answer, lens_rows
+from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.fit import Corner
-from stereocal.detection.sighting import Sighting, Spot
+from stereocal.detection.target import Sighting, Spot
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate_runs
 from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.search import pack_detection, unpack_detection
