@@ -23,8 +23,8 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.studies import exact_interval, run_studies
 from stereocal.field.checking.findings import FOCAL_LEVEL
+from stereocal.field.checking.fits import ENOUGH
 from stereocal.field.checking.new_images import NewImages, images_of_bars
-from stereocal.field.checking.power import ENOUGH
 from stereocal.field.checking.recheck import recheck
 from stereocal.refined.unknowns import pose_of
 from stereocal.rig.camera import CAMERAS

@@ -16,8 +16,8 @@ from stereocal.commands.parser import Options
 from stereocal.commands.progress import report
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
+from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import NewImages, images_of_bars
-from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters

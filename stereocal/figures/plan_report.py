@@ -92,7 +92,7 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     add(figure, others, HOVER, name="other baselines", line=line_of(), marker={"size": 8})
     marker = {"size": 13, "symbol": "diamond", "color": PLAN_STYLES[0][0]}
     text = {"text": ["planned"], "textposition": "top right", "cliponaxis": False}
-    at = np.array([[planned, 100 * advice.length_error]])
+    at = np.array([[planned, 100 * found.fit.length_error]])
     add(figure, at, f"planned: {HOVER}", name="planned", marker=marker, **text)
     figure.update_layout(showlegend=False)
     ticks = {"tickvals": baselines, "ticktext": [f"{float(f'{b:.2g}'):g}" for b in baselines]}
@@ -110,8 +110,8 @@ def describe_plan_baselines(found: PlanForecast) -> str:
     best = known[int(np.argmin(advice.baseline_errors[known]))]
     return (
         "Mean length error against the baseline, the cameras aimed at the same place: "
-        f"{percent(advice.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as planned, "
-        f"least with {rounded(advice.baselines_m[best], 3)} m, "
+        f"{percent(found.fit.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as "
+        f"planned, least with {rounded(advice.baselines_m[best], 3)} m, "
         f"{percent(advice.baseline_errors[best])} %. A baseline is not tried where less than 60 % "
         "of the common view would be left."
     )

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.field.world.frame import WorldFrame
-from stereocal.field.world.observed import SOURCES
+from stereocal.field.world.frame import SOURCES, WorldFrame
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

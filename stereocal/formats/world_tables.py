@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.field.world.observed import KINDS, Line, LineKind, Observed, Survey, Throw
+from stereocal.field.world.frame import KINDS, Line, LineKind, Observed, Survey, Throw
 from stereocal.formats.world_file import is_json, parse_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.tables import Column, Reasons, Values, names_of, read_rows, text_of

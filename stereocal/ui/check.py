@@ -12,8 +12,8 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.field.checking.check_words import notes, sentence
 from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import NewImages
-from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of

@@ -16,10 +16,12 @@ from stereocal.field.world.frame import (
     SURVEY,
     VIEW,
     Axes,
+    Observed,
+    Survey,
+    Throw,
     WorldFrame,
     WorldSettings,
 )
-from stereocal.field.world.observed import Observed, Survey, Throw
 from stereocal.formats.world_file import is_json, parse_world, write_world
 from stereocal.formats.world_tables import FRAME, kind_of_table, read_observed
 from stereocal.matching.application import digest_of

@@ -1,11 +1,20 @@
-"""Judge parameter sets on simulated images of a rig whose truth is known, compiled."""
+"""Simulated images of a rig whose truth is known, and the errors of parameter sets on them."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from stereocal.evaluation.compiled_run import count_pairs
-from stereocal.refined.distortion import FISHEYE, TILTED, distort, fill_pixel_scale, set_distortion
+from stereocal.evaluation.compiled_run import BINS, count_pairs
+from stereocal.refined.distortion import (
+    FISHEYE,
+    TILTED,
+    distort,
+    empty_pixel_scale,
+    fill_pixel_scale,
+    set_distortion,
+)
 from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY
 from stereocal.refined.undistortion import undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
@@ -80,8 +89,46 @@ def add_noise(
             pixels[k, i] += part + along * (noise[k, i] - part)
 
 
-@compiled
+class Judged(NamedTuple):
+    """What `judge` counted and measured with s sets."""
+
+    counts: CountArray
+    """(s, 2, 2, BINS + 2): as in `evaluate.Run`."""
+    lengths: FloatArray
+    """(s, m): D^R / D of the bars."""
+    correct_px: FloatArray
+    """(s,): mean reprojection error of the correct pairs."""
+
+
 def judge(
+    sets: FloatArray,
+    stated_lenses: FloatArray,
+    pixels: FloatArray,
+    start: FloatArray,
+    distances: FloatArray,
+    partners: IntArray,
+) -> Judged:
+    """Count the errors of all pairs with each set, and measure the bars.
+
+    Args:
+        sets: (s, 25): the shared unknowns of `two_views` of each set.
+        stated_lenses: (2, 23), as in `views.fill_residuals`.
+        pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.
+        start: (4, n): initial rays for the undistortion.
+        distances: (m,), the true lengths in metres.
+        partners: (n, p): the secondary points paired with each primary point.
+    """
+    s = len(sets)
+    found = Judged(
+        np.zeros((s, 2, 2, BINS + 2), dtype=np.int32), np.empty((s, len(distances))), np.empty(s)
+    )
+    scale, nans = empty_pixel_scale(stated_lenses), np.zeros((s, 2), dtype=np.int64)
+    _judge(sets, stated_lenses, scale, pixels, start, distances, partners, nans, *found)
+    return found
+
+
+@compiled
+def _judge(
     sets: FloatArray,
     stated_lenses: FloatArray,
     scale: FloatArray,
@@ -89,23 +136,11 @@ def judge(
     start: FloatArray,
     distances: FloatArray,
     partners: IntArray,
-    counts: CountArray,
     nans: IntArray,
+    counts: CountArray,
     lengths: FloatArray,
     correct_px: FloatArray,
 ) -> None:
-    """Count the errors of all pairs with each set, and measure the bars.
-
-    Args:
-        sets: (s, 25): the shared unknowns of `two_views` of each set.
-        stated_lenses: (2, 23), as in `views.fill_residuals`.
-        scale: `distortion.empty_pixel_scale` of them, written.
-        pixels: (n, 4): the ends A and B of each bar in turn, n = 2 m.
-        start: (4, n): initial rays for the undistortion.
-        distances: (m,), the true lengths in metres.
-        partners: (n, p): the secondary points paired with each primary point.
-        counts, nans, lengths, correct_px: written, as in `compiled_run.validate_rays`.
-    """
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     rays, inverse_jacobians = start.copy(), np.empty((len(pixels), 2, 4))
     for s in range(len(sets)):

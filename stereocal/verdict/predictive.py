@@ -21,7 +21,6 @@ import numpy.typing as npt
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.evaluation import compiled_run
 from stereocal.evaluation.summary import Estimate, crossing
-from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.same_boards import lenses_without
 from stereocal.refined.solve import lenses_of
@@ -32,7 +31,7 @@ from stereocal.rig.rig import Rig
 from stereocal.verdict import intervals
 from stereocal.verdict.fresh_bars import GROUP, fresh_bars
 from stereocal.verdict.further_recording import Further, further_recordings, widened
-from stereocal.verdict.judging import add_noise, judge, photograph
+from stereocal.verdict.judging import Judged, add_noise, judge, photograph
 from stereocal.verdict.noise_model import draw_noise, noise_of_points
 
 DRAWS, BARS = 128, 200
@@ -232,38 +231,28 @@ def predict(
     noise = noise_of_points(of_noise.degrees, 4 * bars, rng)
     noise *= (model.sigma_px.value * of_noise.across)[:, None, None]
     partners = partners_in_groups(bars, rng)
-    size = (draws, 2, len(methods))
-    counts = np.zeros((*size, 2, 2, compiled_run.BINS + 2), dtype=np.int32)
-    nans = np.zeros((*size, 2), dtype=np.int64)
-    correct_px, lengths = np.empty(size), np.empty((*size, bars))
-
     bar = ends[:, :, 0] - ends[:, :, 1]
     distances = np.sqrt(np.einsum("dbk,dbk->db", bar, bar))
     distances /= truths[:, [BAR]]  # as measured, with the error of the bar at hand
     pixels = np.empty(noise.shape)
 
-    def judge_draw(draw: int) -> None:
+    def judge_draw(draw: int) -> list[Judged]:
         points, seen, start = ends[draw].reshape(-1, 3), pixels[draw], np.empty((4, 4 * bars))
         photograph(truths[draw], lenses, points, seen)
         add_noise(model.q, lenses, points, of_noise.along[draw], noise[draw], seen, start)
-        for half in range(2):
-            own = slice(2 * bars * half, 2 * bars * (half + 1))
-            judge(
-                sets,
-                lenses,
-                empty_pixel_scale(lenses),
-                seen[own],
-                np.ascontiguousarray(start[:, own]),
-                distances[draw, bars * half : bars * (half + 1)],
-                partners,
-                counts[draw, half],
-                nans[draw, half],
-                lengths[draw, half],
-                correct_px[draw, half],
-            )
+        found = []
+        for half, own in enumerate((slice(2 * bars), slice(2 * bars, None))):
+            rays = np.ascontiguousarray(start[:, own])
+            true = distances[draw, bars * half : bars * (half + 1)]
+            found.append(judge(sets, lenses, seen[own], rays, true, partners))
+        return found
 
     with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(judge_draw, range(draws)))
+        judged = list(pool.map(judge_draw, range(draws)))
+    counts, lengths, correct_px = (
+        np.array([[getattr(half, name) for half in each] for each in judged])
+        for name in Judged._fields
+    )
     halves = (draws, 2, bars, 2)
     radii = image_radii(model, pixels.reshape(-1, 4)).reshape(halves).mean(axis=-1)
     depths = ends[..., 2].reshape(halves).mean(axis=-1)

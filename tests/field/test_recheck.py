@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
+from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
-from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of

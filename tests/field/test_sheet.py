@@ -9,8 +9,7 @@ import pypdfium2
 import pytest
 
 from stereocal.field.planning.bars import bar_places, margin_px
-from stereocal.field.planning.common_view import sees
-from stereocal.field.planning.plan import AimedPose, Plan, SensorLens
+from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, sees
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.rig.geometry import Pose
 from tests.field.plans import plan

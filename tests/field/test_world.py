@@ -10,8 +10,7 @@ from scipy.stats import binom
 
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
-from stereocal.field.world.frame import Axes, WorldSettings
-from stereocal.field.world.observed import Line
+from stereocal.field.world.frame import Axes, Line, WorldSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from stereocal.field.world.observed import Line, Survey, Throw
+from stereocal.field.world.frame import Line, Survey, Throw
 
 PIXELS = ["u_primary", "v_primary", "u_secondary", "v_secondary"]
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.frame import WorldFrame
-from stereocal.field.world.observed import Survey, Throw
+from stereocal.field.world.frame import Survey, Throw, WorldFrame
 from stereocal.formats.world_file import WORLD_FORMAT, read_world, write_world
 from stereocal.formats.world_tables import read_observed
 from stereocal.matching.reconstruction import name_of_world

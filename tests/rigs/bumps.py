@@ -7,9 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.field.checking.fits import Fit, pose_change, pose_difference, turned
+from stereocal.field.checking.fits import (
+    Fit,
+    information_of,
+    pose_change,
+    pose_difference,
+    power_of,
+    turned,
+)
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
-from stereocal.field.checking.power import information_of, power_of
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine

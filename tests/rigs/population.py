@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
-from stereocal.evaluation.compiled_run import BINS, CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
+from stereocal.evaluation.compiled_run import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.refined.solve import lenses_of_cameras
@@ -51,22 +51,14 @@ def population(
     pixels = np.column_stack([truth.primary.project(points), truth.secondary.project(seen)])
     pixels += noise_px * rng.standard_normal(pixels.shape)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
-    counts = np.zeros((len(methods), 2, 2, BINS + 2), dtype=np.int32)
-    nans, lengths = np.zeros((len(methods), 2), dtype=np.int64), np.empty((len(methods), bars))
-    correct_px = np.empty(len(methods))
     any_file = next(iter(files.values()))
-    judge(
+    counts, lengths, correct_px = judge(
         np.array([shared_unknowns(files[method]) for method in methods]),
         lenses_of_cameras(any_file.primary, any_file.secondary),
-        any_file.pixel_scale,
         pixels,
         np.ascontiguousarray(start.T),
         np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1) / bar_factor,
         partners_in_groups(bars, rng, 2 * GROUP - 1),
-        counts,
-        nans,
-        lengths,
-        correct_px,
     )
     found = {}
     for at, method in enumerate(methods):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
-from stereocal.field.world.observed import Line, Survey, Throw
+from stereocal.field.world.frame import Line, Survey, Throw
 from stereocal.field.world.throw import path
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine

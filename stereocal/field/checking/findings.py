@@ -14,7 +14,6 @@ from scipy.special import fdtrc, stdtrit
 from stereocal.evaluation.summary import Estimate
 from stereocal.field.checking import fits
 from stereocal.field.checking.new_images import NewImages
-from stereocal.field.checking.power import Power, Smallest
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
 from stereocal.refined.two_views import BASELINE
@@ -68,8 +67,8 @@ class Recheck:
     """Of `after`: the pose has changed."""
     both: fits.Fit
     """Of `after`: pose and focal lengths have changed."""
-    power: Power
-    smallest: Smallest
+    power: fits.Power
+    smallest: fits.Smallest
     p_pose: float
     """Probability of such a cost difference by chance, with nothing changed."""
     p_focal: float
@@ -132,16 +131,20 @@ class Recheck:
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
         """What may have changed, the likeliest first."""
-        pose = self._pose_change
-        turns = [fits.turn_in_place(pose_of(self.prior.q), k) for k in (0, 1)]
         found = [Explanation(True, (), self.pose), Explanation(True, CAMERAS, self.both)]
-        found += [Explanation(True, (), self.fit(turn)) for turn in turns]
+        found += [Explanation(True, (), fit) for fit in self._turns]
         for k, which in enumerate(CAMERAS):
             focal = fits.focal_change(self.prior, k)
+            both = self.fit(self._pose_change + focal, pose_of(self.pose.q))
             found.append(Explanation(False, (which,), self.fit(focal)))
-            found.append(Explanation(True, (which,), self.fit(pose + focal, pose_of(self.pose.q))))
+            found.append(Explanation(True, (which,), both))
         found.append(Explanation(False, CAMERAS, self.fit(fits.focal_changes(self.prior))))
         return tuple(sorted(found, key=lambda each: each.score))
+
+    @cached_property
+    def _turns(self) -> list[fits.Fit]:
+        """Either camera has turned in place."""
+        return [self.fit(fits.turn_in_place(pose_of(self.prior.q), k)) for k in (0, 1)]
 
     @property
     def refocused(self) -> tuple[CameraName, ...]:
@@ -219,7 +222,9 @@ class Recheck:
         the secondary's axes."""
         fit = self._with_pose
         vector = Rotation.from_matrix(pose_of(fit.q).R @ pose_of(fit.before).R.T).as_rotvec()
-        covariance = _of_rotation(fit)
+        yaw, R = fit.q[0], pose_of(fit.q).R
+        axes = np.column_stack([[0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)], R[:, 2]])
+        covariance = axes @ fit.change_covariance[:3, :3] @ axes.T
         angle = max(float(np.linalg.norm(vector)), 1e-15)
         along = vector / angle
         variance = float(along @ covariance @ along)
@@ -234,10 +239,9 @@ class Recheck:
     @cached_property
     def baseline_m(self) -> Estimate | None:
         """The baseline now, with its 95 % interval; None where lengths are unknown."""
-        if not self.scale:
-            return None
         fit = self._with_pose
-        return self._interval(fit.q[BASELINE], np.sqrt(fit.covariance[BASELINE, BASELINE]))
+        sigma = np.sqrt(fit.covariance[BASELINE, BASELINE])
+        return self._interval(fit.q[BASELINE], sigma) if self.scale else None
 
     @cached_property
     def baseline_change(self) -> Estimate | None:
@@ -260,13 +264,13 @@ class Recheck:
     @cached_property
     def possible_causes(self) -> tuple[CameraName, ...]:
         """The cameras whose turn in place alone explains the movement."""
-        pose, degrees = pose_of(self.prior.q), len(self._pose_change) - 3
-        found = []
-        for k, which in enumerate(CAMERAS):
-            gain = self.fit(fits.turn_in_place(pose, k)).cost - self.pose.cost
-            if self.noise.probability(gain, degrees) > CONSISTENT:
-                found.append(which)
-        return tuple(found)
+        degrees, cost = len(self._pose_change) - 3, self.pose.cost
+        turns = zip(CAMERAS, self._turns, strict=True)
+        return tuple(
+            which
+            for which, turn in turns
+            if self.noise.probability(turn.cost - cost, degrees) > CONSISTENT
+        )
 
     @property
     def _pose_change(self) -> fits.Change:
@@ -279,11 +283,3 @@ class Recheck:
     def _interval(self, value: float, sigma: float) -> Estimate:
         reach = self._quantile * float(sigma)
         return Estimate(float(value), float(value) - reach, float(value) + reach)
-
-
-def _of_rotation(fit: fits.Fit) -> FloatArray:
-    """(3, 3): covariance of the rotation vector of the change, in the secondary's axes."""
-    q = fit.q
-    yaw, R = q[0], pose_of(q).R
-    axes = np.column_stack([[0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)], R[:, 2]])
-    return np.asarray(axes @ fit.change_covariance[:3, :3] @ axes.T)

@@ -1,18 +1,21 @@
-"""Fits of new images with the old parameters as prior and some of their values free to change.
+"""Fits of new images with the old parameters as prior, and how small a movement they would reveal.
 
 The unknowns are q = q0 + L p + U d: the old parameters within their covariance, L p with p normal,
 and a change d of what U spans. Two hypotheses with nested U are compared by the difference of their
-costs, which follows the F distribution if the smaller one is true.
+costs, which follows the F distribution if the smaller one is true. For a known noise it is
+chi-square, noncentral with d' I d where the larger one is true: I is the information of the new
+images about the change d with the old parameters eliminated, their covariance included.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
-from scipy.special import fdtrc
+from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
@@ -40,6 +43,13 @@ CLEARLY = 0.5
 lengths are not: a turn about the baseline's normal hardly changes any."""
 NOT_WORSE = 1.2
 """By what factor length errors may grow then, by chance."""
+
+
+LEVEL = 0.01
+"""False alarms."""
+ENOUGH = 0.8
+AXES = np.array([v for v in product((-1, 0, 1), repeat=3) if v > (0, 0, 0)], dtype=np.float64)
+"""13 directions, evenly spread over all axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,26 +126,21 @@ class Fit(Solve):
         )
         super().__init__(images.dataset, prior.rig.pose, settings)
         self.prior, self.change = prior, change
-        known = prior.root.shape[1]
+        known = self.known = prior.root.shape[1]
         unknowns = Unknowns(
-            names=(
-                *(f"prior {i}" for i in range(known)),
-                *(f"change {i}" for i in range(len(change))),
-            ),
+            names=tuple(f"value {i}" for i in range(known + len(change))),
             origin=prior.q,
             M=np.ascontiguousarray(np.column_stack([prior.root, change.directions])),
             sigma=np.concatenate([np.ones(known), change.sigma]),
             precision=block_diag(np.eye(known), np.diag(1.0 / change.sigma**2)),
         )
         self.start_with(unknowns, np.zeros(known + len(change)))
-        left = len(change) - round(prior.degrees)
-        self.set_limits(left)
+        self.set_limits(len(change) - round(prior.degrees))
 
     def start_at(self, pose: Pose) -> None:
         """Start with the pose changed to this one; the change must begin with the pose."""
         self.p[:] = 0.0
-        first = self.prior.root.shape[1]
-        count = min(len(self.change), BASELINE + 1)
+        first, count = self.known, min(len(self.change), BASELINE + 1)
         self.p[first : first + count] = pose_difference(pose, self.prior.rig.pose)[:count]
         self.points[:] = np.nan
 
@@ -155,30 +160,23 @@ class Fit(Solve):
     @property
     def d(self) -> FloatArray:
         """(m,): the change."""
-        return self.p[self.prior.root.shape[1] :]
+        return self.p[self.known :]
 
     @property
     def before(self) -> FloatArray:
         """(25,): the shared unknowns before the change, by these images too."""
-        known = self.prior.root.shape[1]
-        return np.asarray(self.prior.q + self.prior.root @ self.p[:known])
-
-    @property
-    def p_covariance(self) -> FloatArray:
-        """(k, k): covariance of p and d."""
-        return self.unknowns.covariance(self.H)
+        return np.asarray(self.prior.q + self.prior.root @ self.p[: self.known])
 
     @property
     def change_covariance(self) -> FloatArray:
         """(m, m): covariance of the change."""
-        known = self.prior.root.shape[1]
-        return np.asarray(self.p_covariance[known:, known:])
+        return np.asarray(self.unknowns.covariance(self.H)[self.known :, self.known :])
 
     @property
     def covariance(self) -> FloatArray:
         """(25, 25): covariance of the shared unknowns after the change."""
         M = self.unknowns.M
-        return np.asarray(M @ self.p_covariance @ M.T)
+        return np.asarray(M @ self.unknowns.covariance(self.H) @ M.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +208,8 @@ class HeldOut:
     """Mean errors of groups that were held out, before and after the repair."""
 
     px: tuple[float, float]
-    """Mean reprojection errors."""
     length: tuple[float, float] | None
-    """Mean |reconstructed - stated| / stated lengths; None without bars."""
+    """Of lengths, |reconstructed - stated| / stated; None without bars."""
 
     @property
     def better(self) -> bool:
@@ -245,8 +242,80 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
         part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, q)
         errors.append(np.stack([part.errors_with(old), part.errors_with(repaired)], axis=1))
     whole = np.concatenate(errors, axis=2)
-    (px, new_px), lengths = np.nanmean(whole[0], axis=1).tolist(), None
-    if np.isfinite(whole[1]).any(axis=1).all():
-        was, now = np.nanmean(whole[1], axis=1).tolist()
-        lengths = was, now
-    return HeldOut((px, new_px), lengths)
+    known = np.isfinite(whole[1]).any(axis=1).all()
+    (px, new_px), *lengths = np.nanmean(whole[: 2 if known else 1], axis=2).tolist()
+    return HeldOut((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest movement that matters."""
+
+    turn_rad: float = float(np.radians(0.05))
+    baseline: float = 0.001
+    """Fraction of the baseline."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """What new images would reveal."""
+
+    turn: float
+    """Probability that the smallest turn of interest is found, about the worst axis."""
+    turn_anywhere: float
+    """The same about an axis at random."""
+    baseline: float | None
+    """Probability that the smallest change of the baseline is found; None without lengths."""
+    detectable_turn_rad: float
+    """Turn about the worst axis that is found with a probability of 80 %."""
+    detectable_baseline: float | None
+    """Fraction of the baseline, likewise."""
+
+    @property
+    def is_enough(self) -> bool:
+        return self.turn >= ENOUGH and (self.baseline is None or self.baseline >= ENOUGH)
+
+
+def information_of(fit: Fit) -> FloatArray:
+    """(m, m): information of the images of a fit about its change, old parameters eliminated."""
+    root, U = fit.prior.root, fit.change.directions
+    across = U.T @ fit.H @ root
+    known = root.T @ fit.H @ root + np.eye(root.shape[1])
+    return np.asarray(U.T @ fit.H @ U - across @ np.linalg.solve(known, across.T))
+
+
+def power_of(information: FloatArray, change: FloatArray, level: float = LEVEL) -> float:
+    """Probability that a change (m,) is found, for a known noise, at a level of false alarms."""
+    degrees = len(change)
+    noncentrality = float(change @ information @ change)
+    return float(1.0 - chndtr(chdtri(degrees, level), degrees, noncentrality))
+
+
+def power(fit: Fit, smallest: Smallest) -> Power:
+    """The power of new images.
+
+    Args:
+        fit: of the pose; its change is the five angles and, with lengths, the baseline.
+    """
+    pose, information, m = fit.prior.rig.pose, information_of(fit), len(fit.change)
+    # The noncentrality that is found with a probability of 80 %.
+    needed = float(chndtrinc(chdtri(m, LEVEL), m, 1.0 - ENOUGH))
+
+    def factor(change: FloatArray) -> float:  # by which it must be larger
+        return float(np.sqrt(needed / max(float(change @ information @ change), 1e-300)))
+
+    # One camera turned in place, about 13 axes each.
+    axes = smallest.turn_rad * AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
+    turns = [
+        pose_difference(turned(pose, camera, axis), pose)[:m] for camera in (0, 1) for axis in axes
+    ]
+    powers = [power_of(information, turn) for turn in turns]
+    longer = smallest.baseline * pose.baseline * np.eye(m)[-1]
+    lengths = m > BASELINE
+    return Power(
+        min(powers),
+        float(np.mean(powers)),
+        power_of(information, longer) if lengths else None,
+        min(smallest.turn_rad * max(map(factor, turns)), float(np.pi)),
+        smallest.baseline * factor(longer) if lengths else None,
+    )

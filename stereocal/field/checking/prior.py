@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, naming
 from stereocal.matching.reconstruction import POSE, noise_of_file
 from stereocal.refined.robust import ASSUMED, GIVEN
 from stereocal.refined.two_views import BAR
@@ -23,6 +23,7 @@ DEGREES_GIVEN, DEGREES_ASSUMED = 1000.0, 4.0
 """Of a noise that was stated, and of one that nothing was known about."""
 SMALLEST_EIGENVALUE = 1e-12
 """Of the correlation; directions below are taken as exact."""
+IMPOSSIBLE = "The covariance of the parameter file is not symmetric and positive."
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +50,8 @@ class Prior:
         return np.asarray(self.root @ self.root.T)
 
     def with_bar_of(self, dataset: Dataset) -> Prior:
-        """The prior for the bar of a data set.
-
-        A bar of the same stated length is taken for that of the calibration, whose factor is
-        correlated with the baseline; another has its own standard error.
+        """The prior for the bar of a data set: that of the calibration, whose factor is correlated
+        with the baseline, if its stated length is the same; another has its own standard error.
         """
         stated, length = self.rig.inputs.get("target_distance_m"), dataset.target_distance_m
         if isinstance(stated, float) and np.isclose(stated, length, rtol=1e-6, atol=0.0):
@@ -61,9 +60,7 @@ class Prior:
         q[BAR], covariance[BAR], covariance[:, BAR] = 1.0, 0.0, 0.0
         sigma = dataset.target_distance_sigma_m or DEFAULT_DISTANCE * length
         covariance[BAR, BAR] = (sigma / length) ** 2
-        root = _root(covariance)
-        assert root is not None  # a covariance without one of its rows is one
-        return replace(self, q=q, root=root)
+        return replace(self, q=q, root=root_of(covariance))
 
 
 def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
@@ -84,9 +81,10 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
         design_effect = float(about.get("design_effect", 1.0))
     except DAMAGED as error:
         raise StereocalError(f"{source}: the uncertainties are damaged ({error}).") from error
-    root = _root(covariance)
-    if root is None or not (covariance[:POSE, :POSE].any() and sigma_px > 0):
-        raise StereocalError(f"{source}: the covariance is not symmetric and positive.")
+    with naming(source):
+        root = root_of(covariance)
+        if not (covariance[:POSE, :POSE].any() and sigma_px > 0):
+            raise StereocalError(IMPOSSIBLE)
     numbers = np.array([scatter, factor, sigma_px, design_effect])
     if not (np.isfinite(numbers).all() and scatter >= 0 and factor > 0 and design_effect >= 1):
         raise StereocalError(f"{source}: the uncertainties have an impossible noise or length.")
@@ -96,31 +94,27 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
 
 
 def _degrees(rig: RigParameters, noise: Mapping[str, Any]) -> float:
-    """Degrees of freedom of the file's noise.
-
-    If the file does not state them: three for each bar, less what the unknowns spend.
-    """
-    source = noise.get("source")
+    """Degrees of freedom of the file's noise; if the file does not state them, three for each bar,
+    less what the unknowns spend."""
     if "degrees_of_freedom" in noise:
         return float(np.clip(float(noise["degrees_of_freedom"]), 1.0, DEGREES_GIVEN))
+    source, frames = noise.get("source"), rig.inputs.get("frames")
     if source == GIVEN:
         return DEGREES_GIVEN
-    frames = rig.inputs.get("frames")
     if source == ASSUMED or not isinstance(frames, list):
         return DEGREES_ASSUMED
     used = len(set(map(str, frames)) - set(map(str, rig.frames_left_out)))
     return max(3.0 * used - SPENT, DEGREES_ASSUMED)
 
 
-def _root(covariance: FloatArray) -> FloatArray | None:
-    """(n, r): root root^T = covariance; None if it is not a covariance."""
+def root_of(covariance: FloatArray) -> FloatArray:
+    """(n, r): root root^T = covariance, whose entries may differ in their units."""
     variances = np.diag(covariance)
-    if not np.isfinite(covariance).all() or (variances < 0).any():
-        return None
     scale = np.sqrt(np.where(variances > 0, variances, 1.0))
     correlation = covariance / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(correlation)
-    if not np.allclose(correlation, correlation.T, atol=1e-6) or values[0] < -1e-6:
-        return None
+    symmetric = np.allclose(correlation, correlation.T, atol=1e-6)
+    if not symmetric or (variances < 0).any() or values[0] < -1e-6:
+        raise StereocalError(IMPOSSIBLE)
     kept = values > SMALLEST_EIGENVALUE
     return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))

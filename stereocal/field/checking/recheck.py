@@ -14,9 +14,17 @@ from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.findings import Recheck
-from stereocal.field.checking.fits import NOTHING, Change, Fit, Noise, focal_changes, pose_change
+from stereocal.field.checking.fits import (
+    NOTHING,
+    Change,
+    Fit,
+    Noise,
+    Smallest,
+    focal_changes,
+    pose_change,
+    power,
+)
 from stereocal.field.checking.new_images import NewImages
-from stereocal.field.checking.power import Smallest, power
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since, since_when
 from stereocal.refined.design_effect import clusters_in, design_effect

@@ -16,8 +16,8 @@ from typing import Any
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import sentence, to_json, what_changed
 from stereocal.field.checking.findings import FOCAL_LEVEL, POSE_LEVEL, Recheck, Verdict
+from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
-from stereocal.field.checking.power import Smallest
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.network.pairs import pair_name

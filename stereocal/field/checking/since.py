@@ -39,11 +39,8 @@ class Since:
 
 
 def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray) -> Since:
-    """The change point.
-
-    Args:
-        moved: a fit of all groups with the pose free.
-        outlying: (f,): groups that contradict their neighbours.
+    """The change point; `moved` is a fit of all groups with the pose free, and `outlying` (f,) are
+    groups that contradict their neighbours.
     """
     change, sigma_px, numbers = moved.change, moved.sigma_px, images.numbers
     same = _equations(Fit(prior, images, NOTHING, sigma_px), prior.q, outlying)
@@ -82,15 +79,13 @@ def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray)
 class _Equations:
     """Quadratic costs c + 2 g x + x H x of groups, x being q minus that of the prior.
 
-    Each row is the sum over the groups from i to the last.
+    Each row, of (f + 1, 25, 25), (f + 1, 25) and (f + 1,), is the sum over the groups from i to the
+    last.
     """
 
     H: FloatArray
-    """(f + 1, 25, 25)."""
     g: FloatArray
-    """(f + 1, 25)."""
     c: FloatArray
-    """(f + 1,)."""
 
     def between(self, first: int, x: FloatArray) -> FloatArray:
         """(2,): the costs at x of the two halves of the groups from the first on."""

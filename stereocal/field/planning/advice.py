@@ -28,16 +28,12 @@ MORE_FRAMES = 4.0
 WORTH_IT = 0.93
 """Errors above this fraction of the planned one are no improvement."""
 LENSES_TWICE = {"primary": 0.5, "secondary": 0.5}
-LIMITS = ("image noise", "calibration", "lenses", "baseline")
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A change of the plan, and the error with it: of lengths (a fraction) or of positions (m)."""
-
-    text: str
-    error: float
-    of_positions: bool = False
+LIMITS = {
+    "image noise": "the noise of the image points",
+    "calibration": "the number of bars to calibrate with",
+    "lenses": "how well the lenses are known",
+    "baseline": "the baseline",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,33 +46,12 @@ class Advice:
     it names the baseline, which can be changed.
     """
 
-    length_error: float
-    """Mean relative length error of the refined set in the volume, as planned."""
-    position_error_m: float
-    """Mean standard error of its points."""
     limited_by: str
-    variants: tuple[Variant, ...]
+    sentences: tuple[str, ...]
     """The changes worth making, best first."""
     baselines_m: FloatArray
     baseline_errors: FloatArray
-    """The length error with each of `baselines_m`; NaN where the plan cannot work."""
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The variants for people."""
-        if not self.variants:
-            return (
-                "No single change would help much: neither another baseline, more bars, better "
-                "known lenses nor a longer bar.",
-            )
-        return tuple(
-            f"{own.text}: positions to {distance(own.error)} instead of "
-            f"{distance(self.position_error_m)}."
-            if own.of_positions
-            else f"{own.text}: a mean length error of {percent(own.error)} % instead of "
-            f"{percent(self.length_error)} %."
-            for own in self.variants
-        )
+    """The mean length error with each of `baselines_m`; NaN where the plan cannot work."""
 
 
 def advise(fit: ExpectedFit) -> Advice:
@@ -84,17 +59,17 @@ def advise(fit: ExpectedFit) -> Advice:
     plan, own = fit.plan, fit.plan.uncertainty
     H, P = fit.result.information, fit.result.unknowns.precision
 
-    def known(better: dict[str, float]) -> float:
+    def known(**better: float) -> float:
         return fit.error_with(H, fit.precision_knowing(better))
 
-    baselines, errors = baseline_scan(fit)
-    half_noise, lenses = fit.error_with(4.0 * H, P, 0.5), known(LENSES_TWICE)
+    baselines, errors = _baseline_scan(fit)
+    half_noise, lenses = fit.error_with(4.0 * H, P, 0.5), known(**LENSES_TWICE)
     twice = errors[np.argmin(np.abs(baselines - 2 * plan.baseline_m))]
     halves = {  # of LIMITS, with one of them twice as good
         "image noise": half_noise,
         "calibration": fit.error_with(MORE_FRAMES * H, P),
         "lenses": lenses,
-        "baseline": float(np.nanmin([twice, known({"baseline": 0.5, "bar": 0.5})])),
+        "baseline": float(np.nanmin([twice, known(baseline=0.5, bar=0.5)])),
     }
     limit = min(halves, key=lambda name: halves[name])
     if limit == "image noise" and halves["baseline"] <= NEARLY_LEAST * halves[limit]:
@@ -105,38 +80,48 @@ def advise(fit: ExpectedFit) -> Advice:
     )
     baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
     noise = digits(0.5 * plan.noise_px, 2)
+    positions, better = (
+        _position_error(fit, precision) for precision in (P, fit.precision_knowing(LENSES_TWICE))
+    )
+    # Each with the fraction of the planned error that is left, and that error.
     found = [
-        *_another_baseline(plan, baselines, errors),
-        _more_bars(fit),
-        Variant(better_lenses, lenses),
-        Variant(f"The baseline measured to {baseline} mm", known({"baseline": 0.5})),
-        Variant(f"The bar measured to {bar} mm", known({"bar": 0.5})),
-        Variant(
-            f"Half the noise in the images, {noise} px (larger targets, sharper images)", half_noise
-        ),
-        *_longer_bar(fit),
+        (
+            error / fit.length_error,
+            f"{text}: a mean length error of {percent(error)} % instead of "
+            f"{percent(fit.length_error)} %.",
+        )
+        for text, error in (
+            *_another_baseline(plan, baselines, errors),
+            _more_bars(fit),
+            (better_lenses, lenses),
+            (f"The baseline measured to {baseline} mm", known(baseline=0.5)),
+            (f"The bar measured to {bar} mm", known(bar=0.5)),
+            (
+                f"Half the noise in the images, {noise} px (larger targets, sharper images)",
+                half_noise,
+            ),
+            *_longer_bar(fit),
+        )
     ]
-    positions = _position_error(fit, P)
-    better = _position_error(fit, fit.precision_knowing(LENSES_TWICE))
-    found.append(Variant(better_lenses, better, of_positions=True))
+    instead = f"positions to {distance(better)} instead of {distance(positions)}."
+    found.append((better / positions, f"{better_lenses}: {instead}"))
+    worth = [text for left, text in sorted(found, key=lambda each: each[0]) if left < WORTH_IT]
+    nothing = (
+        "No single change would help much: neither another baseline, more bars, better known "
+        "lenses nor a longer bar."
+    )
+    return Advice(limit, tuple(worth) or (nothing,), baselines, errors)
 
-    def share(own: Variant) -> float:
-        return own.error / (positions if own.of_positions else fit.length_error)
 
-    worth = tuple(sorted((own for own in found if share(own) < WORTH_IT), key=share))
-    return Advice(fit.length_error, positions, limit, worth, baselines, errors)
-
-
-def baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
+def _baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
     """Baselines in m, and the length error with each; NaN where the common view is lost."""
     plan = fit.plan
-    seen = len(plan.common_points)
     baselines = plan.baseline_m * BASELINES
     errors = np.where(BASELINES == 1.0, fit.length_error, np.nan)
     for at in np.flatnonzero(BASELINES != 1.0):
         with suppress(StereocalError):
             other = with_baseline(plan, float(baselines[at]))
-            if len(other.common_points) >= KEPT_VIEW * seen:
+            if len(other.common_points) >= KEPT_VIEW * len(plan.common_points):
                 errors[at] = expect(other).length_error
     return baselines, errors
 
@@ -158,7 +143,9 @@ def with_baseline(plan: Plan, baseline_m: float) -> Plan:
     return replace(plan, stated_pose=Pose(turned, -turned @ centre))
 
 
-def _another_baseline(plan: Plan, baselines: FloatArray, errors: FloatArray) -> list[Variant]:
+def _another_baseline(
+    plan: Plan, baselines: FloatArray, errors: FloatArray
+) -> list[tuple[str, float]]:
     if not np.isfinite(errors).any():
         return []
     at = int(np.flatnonzero(errors <= NEARLY_LEAST * np.nanmin(errors))[0])
@@ -166,10 +153,10 @@ def _another_baseline(plan: Plan, baselines: FloatArray, errors: FloatArray) -> 
     stated = with_baseline(plan, float(baselines[at])).stated_pose
     if isinstance(stated, AimedPose):
         text += f", each camera turned in by {rounded(stated.toe_in_deg)}°"
-    return [Variant(text, float(errors[at]))]
+    return [(text, float(errors[at]))]
 
 
-def _more_bars(fit: ExpectedFit) -> Variant:
+def _more_bars(fit: ExpectedFit) -> tuple[str, float]:
     """Twice as many bars, where they help most."""
     result, depths = fit.result, fit.ends_m[..., 2].mean(axis=1)
     directions = fit.ends_m.mean(axis=1)[:, :2] / depths[:, None]
@@ -177,19 +164,18 @@ def _more_bars(fit: ExpectedFit) -> Variant:
     third, two_thirds = np.quantile(depths, [1 / 3, 2 / 3])
     places = {
         "all over the volume": np.ones(len(depths), dtype=np.bool_),
-        f"nearer than {rounded(third)} m": np.asarray(depths <= third),
-        f"farther than {rounded(two_thirds)} m": np.asarray(depths >= two_thirds),
-        "towards the edges of the images": np.asarray(away >= np.median(away)),
+        f"nearer than {rounded(third)} m": depths <= third,
+        f"farther than {rounded(two_thirds)} m": depths >= two_thirds,
+        "towards the edges of the images": away >= np.median(away),
     }
     errors = {
-        where: fit.error_with(
-            result.information + fit.plan.frames * fit.information_of(among),
+        f"{fit.plan.frames} more bars, {where}": fit.error_with(
+            result.information + fit.plan.frames * fit.information_of(np.asarray(among)),
             result.unknowns.precision,
         )
         for where, among in places.items()
     }
-    where = min(errors, key=lambda name: errors[name])
-    return Variant(f"{fit.plan.frames} more bars, {where}", errors[where])
+    return min(errors.items(), key=lambda each: each[1])
 
 
 def _position_error(fit: ExpectedFit, precision: FloatArray) -> float:
@@ -199,12 +185,12 @@ def _position_error(fit: ExpectedFit, precision: FloatArray) -> float:
     return float(np.mean(np.sqrt(np.trace(covariances, axis1=1, axis2=2))))
 
 
-def _longer_bar(fit: ExpectedFit) -> list[Variant]:
+def _longer_bar(fit: ExpectedFit) -> list[tuple[str, float]]:
     """A bar twice as long, for lengths like the planned one's."""
     longer = 2.0 * fit.plan.bar_m
     try:
-        other = expect(replace(fit.plan, bar_m=longer))
+        other = expect(replace(fit.plan, bar_m=longer)).result
     except StereocalError:
         return []
-    error = fit.error_with(other.result.information, other.result.unknowns.precision)
-    return [Variant(f"A bar of {rounded(longer)} m instead of {rounded(fit.plan.bar_m)} m", error)]
+    error = fit.error_with(other.information, other.unknowns.precision)
+    return [(f"A bar of {rounded(longer)} m instead of {rounded(fit.plan.bar_m)} m", error)]

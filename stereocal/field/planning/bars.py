@@ -8,8 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.planning.common_view import COLUMNS, DEPTHS, ROWS, common_points, sees
-from stereocal.field.planning.plan import AimedPose, Plan
+from stereocal.field.planning.plan import (
+    COLUMNS,
+    DEPTHS,
+    ROWS,
+    AimedPose,
+    Plan,
+    common_points,
+    sees,
+)
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 
@@ -20,11 +27,8 @@ SIGMAS = 3.0
 MOST_MARGIN = 0.1
 """Of the smaller side of an image."""
 ROUNDS = 200
-DISTANCES, ACROSS, HEIGHTS = (
-    ("near", "middle", "far"),
-    ("left", "centre", "right"),
-    ("low", "middle", "high"),
-)
+DISTANCES = ("near", "middle", "far")
+ACROSS, HEIGHTS = ("left", "centre", "right"), ("low", "middle", "high")
 DIRECTIONS = {
     "level": (1.0, 0.0, 0.0),
     "upright": (0.0, 1.0, 0.0),
@@ -141,16 +145,10 @@ def bar_places(plan: Plan) -> list[BarPlace]:
         (distance, across, height), _, fitting = spots[at]
         in_turn = (at + k // count + np.arange(len(DIRECTIONS))) % len(DIRECTIONS)
         way = int(in_turn[np.argmax(fitting[in_turn])])
-        direction = tuple(DIRECTIONS)[way]
-        places.append(BarPlace(distance, across, height, direction, positions[at], ends[at, way]))
-    return sorted(
-        places,
-        key=lambda one: (
-            DISTANCES.index(one.distance),
-            ACROSS.index(one.across),
-            HEIGHTS.index(one.height),
-        ),
-    )
+        own = tuple(DIRECTIONS)[way], positions[at], ends[at, way]
+        places.append((at, BarPlace(distance, across, height, *own)))
+    # The spots are from near to far, left to right and low to high.
+    return [place for _, place in sorted(places, key=lambda each: each[0])]
 
 
 def _spots(plan: Plan, distance: int) -> list[tuple[tuple[str, str, str], FloatArray, BoolArray]]:
@@ -173,12 +171,8 @@ def _spots(plan: Plan, distance: int) -> list[tuple[tuple[str, str, str], FloatA
         tried[:, :2] += share * reach
         fitting = _in_view(plan, _ends(plan, tried))
         if (fitting.sum(axis=1) >= enough).all():
-            found = [
-                ((DISTANCES[distance], *words), *own)
-                for words, *own in zip(
-                    itertools.product(ACROSS, HEIGHTS), tried, fitting, strict=True
-                )
-            ]
+            words = itertools.product(DISTANCES[distance : distance + 1], ACROSS, HEIGHTS)
+            found = list(zip(words, tried, fitting, strict=True))
             return found if share > 1.5 / STEPS else [found[4]]  # one place is left
     return []
 

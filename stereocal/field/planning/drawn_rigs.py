@@ -23,7 +23,6 @@ from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.expected import planned_dataset, refine_settings
 from stereocal.field.planning.plan import Plan
-from stereocal.refined.distortion import empty_pixel_scale
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import BAR, BASELINE, PRIMARY, SECONDARY
@@ -67,7 +66,6 @@ class DrawnRigs:
 
     @property
     def count(self) -> int:
-        """The number of rigs."""
         return len(self.position_m)
 
     @property
@@ -78,7 +76,10 @@ class DrawnRigs:
 
 def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     """The figures of the rigs from `first` to before `end` of the sequence of a seed."""
-    errors = standard_errors(seed, end)[first:]
+    # Standard normal errors of the two focal lengths, centres, baseline and bar.
+    sequence = Sobol(8, scramble=True, rng=np.random.default_rng([seed, 8]))
+    uniform = sequence.random_base2(int(np.ceil(np.log2(max(end, 2)))))[first:end]
+    errors = ndtri(np.clip(uniform, 1e-6, 1 - 1e-6))
     rng = np.random.default_rng([seed, first])
     needed = plan.frames + TEST_BARS
     bars = place_planned_bars(plan, int(SPARE * needed) + (len(errors) - 1) * plan.frames, rng)
@@ -104,14 +105,6 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     return DrawnRigs(figures, position)
 
 
-def standard_errors(seed: int, rigs: int) -> FloatArray:
-    """(rigs, 8): standard normal errors of the two focal lengths, centres, baseline and bar."""
-    sequence = Sobol(8, scramble=True, rng=np.random.default_rng([seed, 8]))
-    power = int(np.ceil(np.log2(max(rigs, 2))))
-    uniform = sequence.random_base2(power)[:rigs]
-    return np.asarray(ndtri(np.clip(uniform, 1e-6, 1 - 1e-6)))
-
-
 def _one_rig(
     plan: Plan,
     truth: FloatArray,
@@ -123,8 +116,7 @@ def _one_rig(
     """(files, figures), and the position error of the refined set in metres; without it, the
     figures of the other two files, and NaN.
 
-    Args:
-        truth: (25,): the shared unknowns, with the true length of the bar over the stated.
+    `truth` (25,) are the shared unknowns, with the true length of the bar over the stated.
     """
     lenses = lenses_of_cameras(plan.primary, plan.secondary)
     middle = bars.mean(axis=1, keepdims=True)
@@ -166,41 +158,22 @@ def _judged(
     seen = pose_of(truth).apply(points)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
     rays = np.ascontiguousarray(start.T)
-    counts = np.zeros((len(sets), 2, 2, compiled_run.BINS + 2), dtype=np.int32)
-    nans, lengths = np.zeros((len(sets), 2), dtype=np.int64), np.empty((len(sets), len(ends)))
-    correct_px = np.empty(len(sets))
     distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    judge(
-        sets,
-        lenses,
-        empty_pixel_scale(lenses),
-        pixels,
-        rays,
-        distances,
-        partners,
-        counts,
-        nans,
-        lengths,
-        correct_px,
-    )
+    counts, lengths, correct_px = judge(sets, lenses, pixels, rays, distances, partners)
     of_px = counts[:, compiled_run.REPROJECTION].astype(np.int64)
-    limits = crossing(of_px)
-    errors, wrong = np.abs(lengths - 1.0), of_px[:, 1 - compiled_run.CORRECT]
-    below = [
-        own[compiled_run.UNDERFLOW] + own[:limit].sum()
-        for own, limit in zip(wrong, limits, strict=True)
-    ]
+    limits, wrong = crossing(of_px), of_px[:, 1 - compiled_run.CORRECT]
+    inside = np.arange(wrong.shape[1])[None] < limits[:, None]
+    below = wrong[:, compiled_run.UNDERFLOW] + np.where(inside, wrong, 0).sum(axis=1)
+    errors = np.abs(lengths - 1.0)
     quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
-    median, p95 = quantiles(errors, (50, 95), axis=1)
     figures = np.column_stack(
         [
             np.nanmean(errors, axis=1),
-            median,
-            p95,
+            *quantiles(errors, (50, 95), axis=1),
             overlap(merge_bins(of_px, MERGE)),
             10.0 ** (compiled_run.LOWEST + compiled_run.BIN_WIDTH * limits),
             correct_px,
-            np.array(below) / wrong.sum(axis=1),
+            below / wrong.sum(axis=1),
         ]
     )
     if len(sets) < len(FILES):

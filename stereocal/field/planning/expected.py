@@ -15,8 +15,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import place_planned_bars
-from stereocal.field.planning.common_view import common_points, sees
-from stereocal.field.planning.plan import Plan
+from stereocal.field.planning.plan import Plan, common_points, sees
 from stereocal.refined import uncertainty
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras

@@ -18,7 +18,7 @@ import numpy as np
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.field.planning.advice import Advice, advise
+from stereocal.field.planning.advice import LIMITS, Advice, advise
 from stereocal.field.planning.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_rigs
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import Plan
@@ -33,12 +33,6 @@ FRAMES_OF_RIGS = 50
 """With more frames than this, fewer rigs are drawn; each then gives more information."""
 CHUNK = 16
 LEVEL = (2.5, 97.5)
-LIMITS = {
-    "image noise": "the noise of the image points",
-    "calibration": "the number of bars to calibrate with",
-    "lenses": "how well the lenses are known",
-    "baseline": "the baseline",
-}
 TOLD_APART = 0.05
 """Share of the points that may have a wrong partner within the threshold."""
 MOST_FAILED = 0.5
@@ -80,12 +74,16 @@ class PlanForecast:
     @cached_property
     def match_with(self) -> Method:
         """The file with the smaller FCP."""
-        return min(("refined", "2d"), key=lambda method: self._mean(method, "fcp_reprojection"))
+        return self._better("2d", "fcp_reprojection")
 
     @cached_property
     def measure_with(self) -> Method:
         """The file with the smallest length error."""
-        return min(("refined", "3d"), key=lambda method: self._mean(method, "mean_length_error"))
+        return self._better("3d", "mean_length_error")
+
+    def _better(self, own: Method, figure: str) -> Method:
+        files: tuple[Method, ...] = ("refined", own)
+        return min(files, key=lambda method: self.estimate(method, figure).value)
 
     @cached_property
     def points_per_frame(self) -> Estimate:
@@ -125,9 +123,6 @@ class PlanForecast:
         """The file; equal plans and seeds give equal bytes."""
         return (json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n").encode()
 
-    def _mean(self, method: Method, figure: str) -> float:
-        return self.estimate(method, figure).value
-
 
 def forecast(
     plan: Plan,
@@ -147,11 +142,8 @@ def forecast(
     if rigs is None:
         rigs = int(np.clip(RIGS * FRAMES_OF_RIGS / plan.frames, FEWEST_RIGS, RIGS))
     fit = expect(plan, seed)
-    ranges = [(first, min(first + CHUNK, rigs)) for first in range(0, rigs, CHUNK)]
-    tasks = [
-        Task(f"{first}-{end}", draw_rigs, (plan, seed, first, end), end - first)
-        for first, end in ranges
-    ]
+    ranges = ((first, min(first + CHUNK, rigs)) for first in range(0, rigs, CHUNK))
+    tasks = [Task(f"{a}-{b}", draw_rigs, (plan, seed, a, b), b - a) for a, b in ranges]
     with closing(run_tasks(tasks, executor, rigs, progress)) as finished:
         parts = zip(*((own.figures, own.position_m) for _, own in finished), strict=True)
         whole = DrawnRigs(*map(np.concatenate, parts))

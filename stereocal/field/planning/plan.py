@@ -7,14 +7,13 @@ common, and the bar fits into it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.planning.common_view import DEPTHS, common_points
 from stereocal.rig.camera import Camera, LensModel
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -24,6 +23,11 @@ FEWEST_FRAMES, MOST_FRAMES = 5, 2000
 LARGEST_NOISE_PX = 20.0
 LARGEST_TOE_IN_DEG = 80.0
 SMALLEST_MM, LARGEST_MM = 0.01, 10_000.0
+COLUMNS, ROWS, DEPTHS = 25, 19, 13
+"""Of the grid in which a common view is looked for."""
+KEPT_CAMERAS = 64
+FOLD_MARGIN = 1.05
+"""A ray farther from the axis than this many times the farthest ray of the image is not seen."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,13 @@ class Plan:
 
     def __post_init__(self) -> None:
         self._check_numbers()
-        self._check_common_view()
+        largest = float(np.linalg.norm(np.ptp(self.common_points, axis=0)))
+        if self.bar_m >= largest:
+            raise StereocalError(
+                f"The bar of {self.bar_m:g} m is larger than what both cameras see from "
+                f"{self.near_m:g} to {self.far_m:g} m (about {rounded(largest)} m): take a shorter "
+                "bar, or go farther away."
+            )
 
     @cached_property
     def primary(self) -> Camera:
@@ -190,7 +200,7 @@ class Plan:
     def secondary(self) -> Camera:
         return _camera(self.stated_secondary)
 
-    @cached_property
+    @property
     def pose(self) -> Pose:
         """`secondary_from_primary`."""
         stated = self.stated_pose
@@ -244,15 +254,57 @@ class Plan:
                 f"much for an image of {smallest} px; 5 px is usual."
             )
 
-    def _check_common_view(self) -> None:
-        largest = float(np.linalg.norm(np.ptp(self.common_points, axis=0)))
-        if self.bar_m >= largest:
-            raise StereocalError(
-                f"The bar of {self.bar_m:g} m is larger than what both cameras see from "
-                f"{self.near_m:g} to {self.far_m:g} m (about {rounded(largest)} m): take a shorter "
-                "bar, or go farther away."
-            )
-
 
 def _camera(stated: Camera | SensorLens) -> Camera:
     return stated.camera if isinstance(stated, SensorLens) else stated
+
+
+@lru_cache(KEPT_CAMERAS)
+def rays_of_image(camera: Camera) -> FloatArray:
+    """(n, 3): rays with z = 1 through a grid of pixels that spans the image."""
+    width, height = camera.image_size
+    u, v = np.meshgrid(np.linspace(0, width - 1, COLUMNS), np.linspace(0, height - 1, ROWS))
+    rays = camera.undistort(np.column_stack([u.ravel(), v.ravel()]))
+    known = camera.uses(rays)
+    if known.mean() < 0.5:
+        raise StereocalError(
+            "The lens model of a camera cannot be inverted in most of its image: check its focal "
+            "length and distortion."
+        )
+    return np.column_stack([rays, np.ones(len(rays))])[known]
+
+
+def sees(camera: Camera, points_m: FloatArray, margin_px: float = 0.0) -> BoolArray:
+    """(n,): whether points (n, 3) in the camera's frame are in its image.
+
+    Far outside the view a distortion polynomial can fold back and map points into the image; such
+    points are farther from the axis than all rays of the image, and do not count.
+    """
+    points = np.asarray(points_m, dtype=np.float64)
+    pixels = camera.project(points)
+    with np.errstate(invalid="ignore"):
+        inside = (pixels >= margin_px) & (pixels <= np.array(camera.image_size) - 1.0 - margin_px)
+    found = np.asarray(inside.all(axis=1))
+    if camera.distortion.any():
+        most = FOLD_MARGIN**2 * np.square(rays_of_image(camera)[:, :2]).sum(axis=1).max()
+        found &= np.square(points[:, :2]).sum(axis=1) <= most * points[:, 2] ** 2
+    return found
+
+
+def common_points(rig: Rig, depths_m: FloatArray) -> FloatArray:
+    """(n, 3): grid points of the primary's view at some depths that the secondary sees too."""
+    points = (np.asarray(depths_m)[:, None, None] * rays_of_image(rig.primary)).reshape(-1, 3)
+    seen = rig.pose.apply(points)
+    near, far = float(depths_m[0]), float(depths_m[-1])
+    if not (seen[:, 2] > 0).any():
+        raise StereocalError(
+            f"The volume from {near:g} to {far:g} m in front of the primary is behind the "
+            "secondary camera: check R and T, or the toe-in."
+        )
+    common = points[sees(rig.secondary, seen)]
+    if not len(common):
+        raise StereocalError(
+            f"The cameras see nothing in common from {near:g} to {far:g} m: turn them towards each "
+            "other or bring them closer together, or choose another range."
+        )
+    return np.asarray(common)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import chi2, f, norm, t
 
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
 from stereocal.rig.compiled import FloatArray, IntArray
 
 LEVEL = 0.95
@@ -46,7 +47,6 @@ class Solution:
 
     @property
     def degrees(self) -> int:
-        """Degrees of freedom."""
         return len(self.errors) - len(self.x)
 
     @cached_property
@@ -89,13 +89,8 @@ class Solution:
 
     def scaled(self, factor: float) -> Solution:
         """The same where the noise is this factor larger, as the residuals show."""
-        return replace(
-            self,
-            J=self.J / factor,
-            errors=self.errors / factor,
-            by_rig=self.by_rig / factor,
-            noise_is_known=True,
-        )
+        J, errors, by_rig = self.J / factor, self.errors / factor, self.by_rig / factor
+        return Solution(self.x, J, errors, by_rig, noise_is_known=True)
 
     @property
     def _has_t(self) -> bool:
@@ -106,6 +101,11 @@ class Solution:
         """Half of a 95 % interval over the standard error."""
         upper = 0.5 + 0.5 * LEVEL
         return float(t.ppf(upper, self.degrees) if self._has_t else norm.ppf(upper))
+
+    def interval(self, value: float, variance: float) -> Estimate:
+        """The 95 % interval of an estimate."""
+        half = self.quantile * float(np.sqrt(variance))
+        return Estimate(value, value - half, value + half)
 
     def bound(self, covariance: FloatArray) -> float:
         """Length that holds 95 % of errors with a covariance (k, k); for k = 3, at least 95 %."""
@@ -123,10 +123,9 @@ class Solution:
         stretched = (values[0] * np.cos(angle) ** 2 + values[1] * np.sin(angle) ** 2) / top**2
 
         def outside(length: float) -> float:
-            squares = length**2 / stretched
-            if self._has_t:
-                return float(np.mean(f.sf(0.5 * squares, 2, self.degrees))) - (1 - LEVEL)
-            return float(np.mean(np.exp(-0.5 * squares))) - (1 - LEVEL)
+            squares = 0.5 * length**2 / stretched
+            beyond = f.sf(squares, 2, self.degrees) if self._has_t else np.exp(-squares)
+            return float(np.mean(beyond)) - (1 - LEVEL)
 
         return top * float(brentq(outside, 1.0, 1e3))
 

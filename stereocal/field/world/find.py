@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.frame import WorldFrame, WorldSettings
+from stereocal.field.world.frame import Observed, Survey, Throw, WorldFrame, WorldSettings
 from stereocal.field.world.lines import world_of_lines
-from stereocal.field.world.observed import Observed, Survey, Throw
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
 from stereocal.rig.parameters import RigParameters

@@ -1,21 +1,71 @@
-"""The world frame found: pose, uncertainty, and the choice of origin and axes."""
+"""What was observed to find the world frame, the choice of origin and axes, and what was found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.noise import Noise
-from stereocal.field.world.observed import Source
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import rounded
 
+LineKind = Literal["plumb", "level", "horizon"]
+KINDS: tuple[LineKind, ...] = ("plumb", "level", "horizon")
+Source = Literal["survey", "plumb", "level", "throw"]
+SOURCES: tuple[Source, ...] = ("survey", "plumb", "level", "throw")
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Points with surveyed coordinates, n rows; several rows may be of one point."""
+
+    names: tuple[str, ...]
+    """(n,)."""
+    world_m: FloatArray
+    """(n, 3): surveyed coordinates."""
+    pixels: FloatArray
+    """(n, 4): raw pixels u, v in the primary and in the secondary; NaN if `measured_m` is given."""
+    measured_m: FloatArray
+    """(n, 3): already reconstructed, in the primary's frame; NaN if `pixels` is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Points along a straight line; those of the two images need not be the same points."""
+
+    name: str
+    kind: LineKind
+    pixels: tuple[FloatArray, FloatArray]
+    """(m, 2) raw pixels in the primary, (k, 2) in the secondary; m or k may be 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Throw:
+    """Images of objects in free flight, n rows, with a time for each frame."""
+
+    tracks: tuple[str, ...]
+    """(n,): names of the throws; all are of the same object."""
+    frames: IntArray
+    """(n,)."""
+    pixels: FloatArray
+    """(n, 4): raw pixels u, v in the primary and in the secondary."""
+    frame_rate: float
+    """Frames per second."""
+
+    def __post_init__(self) -> None:
+        if not 0.1 <= self.frame_rate <= 1e6:
+            raise StereocalError(
+                f"The frame rate is {self.frame_rate:g} frames per second; it must be from 0.1 to "
+                "1,000,000."
+            )
+
+
+Observed = Survey | Sequence[Line] | Throw
 CAMERA, VIEW, BASELINE = "camera", "view", "baseline"
 SURVEY, FIRST = "survey", "first"
 NEAREST_TO_UP = float(np.sin(np.radians(5.0)))
@@ -105,13 +155,11 @@ def frame_of_up(
     level = along - (along @ up) * up
     if np.linalg.norm(level) < NEAREST_TO_UP:
         raise StereocalError(
-            f"The x axis cannot follow {chosen[1]}, which points straight up or "
-            f"down; choose another: {', '.join(directions)}."
+            f"The x axis cannot follow {chosen[1]}, which points straight up or down; choose "
+            f"another: {', '.join(directions)}."
         )
-    x = level / np.linalg.norm(level)
-    y = np.cross(up, x)
-    heading = np.radians(axes.heading_deg)
-    turned = np.cos(heading) * x + np.sin(heading) * y
+    x, heading = level / np.linalg.norm(level), np.radians(axes.heading_deg)
+    turned = np.cos(heading) * x + np.sin(heading) * np.cross(up, x)
     R = np.array([turned, np.cross(up, turned), up])
     return Pose(R, -R @ origin)
 
@@ -124,34 +172,26 @@ def uprightness(rig: Rig, up: FloatArray) -> float:
 
 
 def check_tilt(what: str, bound: float, advice: str) -> None:
-    """Check that axes are determined: the angle (radians) that holds their error at 95 %."""
+    """Check that axes are determined; `bound` holds their error at 95 %, in radians."""
     if not bound <= LARGEST_TILT:
         raise StereocalError(f"{what} undetermined (within {degrees(bound)}). {advice}")
 
 
-def about_noise(noise: Noise) -> dict[str, Any]:
-    """Entries of `uncertainty` that say what it rests on."""
-    return {
-        "level": 0.95,
-        "noise_px": {"value": noise.sigma_px, "source": noise.source},
-        "errors_of_parameters": noise.of_cameras,
-    }
-
-
-def how_cameras_stand(pose: Pose) -> str:
-    """The primary's tilt and roll in words, to be compared with what is known of the place."""
-    view, right = pose.R[:, 2], pose.R[:, 0]
+def vertical_in_words(pose: Pose, bound: float) -> str:
+    """How well the vertical is known, and the primary's tilt and roll, to be compared with what is
+    known of the place."""
+    view, right, image_up = pose.R[:, 2], pose.R[:, 0], -pose.R[:, 1]
     tilt = float(np.degrees(np.arcsin(np.clip(view[2], -1, 1))))
-    looks = "upwards" if tilt > 0 else "downwards"
-    text = f"the primary looks {abs(tilt):.1f}° {looks}"
+    text = (
+        f"the vertical is known within {degrees(bound)} (95 %); the primary looks {abs(tilt):.1f}° "
+        f"{'upwards' if tilt > 0 else 'downwards'}"
+    )
     if abs(tilt) > 80:
         return text
-    image_up = -pose.R[:, 1]
     roll = float(np.degrees(np.arctan2(-right[2], image_up[2])))
     way = "clockwise" if roll > 0 else "counter-clockwise"
     return f"{text} and is rolled {way} by {abs(roll):.1f}°"
 
 
 def degrees(radians: float) -> str:
-    """An angle for people: 0.03°."""
     return f"{rounded(np.degrees(radians))}°"

@@ -17,7 +17,6 @@ from stereocal.errors import StereocalError
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import FEWEST_DEGREES, Blocks, Solution, culprit, solve
 from stereocal.field.world.noise import Noise, check_inside, noise_of, turns_at, usual_place
-from stereocal.field.world.observed import KINDS, Line, LineKind, Source
 from stereocal.refined.unknowns import rig_errors
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -54,24 +53,22 @@ class Image:
 
     def rays(self, rig: Rig) -> FloatArray:
         """(m, 2): the points on the plane z = 1."""
-        return _camera(rig, self.camera).undistort(self.pixels)
+        return _cameras(rig)[self.camera].undistort(self.pixels)
 
 
 @dataclass(frozen=True, eq=False)
 class LineFit:
-    """The vertical, and the level lines' directions."""
+    """The vertical (3,), and the directions of the level lines, in the primary's frame."""
 
     up: FloatArray
-    """(3,) in the primary's frame."""
     along: dict[str, FloatArray]
-    """Directions of the level lines, in the primary's frame."""
     solution: Solution
     bound: float
     """Angle that holds the error of the vertical at 95 %, radians."""
 
 
 def world_of_lines(
-    rig: RigParameters, lines: Sequence[Line], stated: frame.WorldSettings
+    rig: RigParameters, lines: Sequence[frame.Line], stated: frame.WorldSettings
 ) -> frame.WorldFrame:
     """The world frame with the vertical of plumb lines, level lines and horizons."""
     images = _images(rig, lines)
@@ -106,35 +103,36 @@ def world_of_lines(
             "lie on their side. Take a thrown object or surveyed points instead."
         )
     up = np.sign(upright) * (-1.0 if stated.upside_down else 1.0) * fit.up
-    usual = frame.CAMERA, frame.VIEW
-    pose = frame.frame_of_up(rig, up, stated.axes, {}, fit.along, usual)
-    counts = {kind: sum(line.kind == kind for line in lines) for kind in KINDS}
-    parts = [
+    pose = frame.frame_of_up(rig, up, stated.axes, {}, fit.along, (frame.CAMERA, frame.VIEW))
+    counts = {kind: sum(line.kind == kind for line in lines) for kind in frame.KINDS}
+    parts = " and ".join(
         f"{n} {kind}{' line' * (kind != 'horizon')}{'s' * (n != 1)}"
         for kind, n in counts.items()
         if n
-    ]
-    sentence = (
-        f"World frame of {' and '.join(parts)}: the vertical is known within "
-        f"{frame.degrees(fit.bound)} (95 %); {frame.how_cameras_stand(pose)}."
     )
-    source: Source = "plumb" if counts["plumb"] else "level"
-    limits = {**frame.about_noise(noise), "vertical_deg": float(np.degrees(fit.bound))}
-    notes = _notes(counts, noise, fit.solution.widening)
-    return frame.WorldFrame(pose, source, limits, sentence, notes)
+    limits = {**noise.entries, "vertical_deg": float(np.degrees(fit.bound))}
+    return frame.WorldFrame(
+        pose,
+        "plumb" if counts["plumb"] else "level",
+        limits,
+        f"World frame of {parts}: {frame.vertical_in_words(pose, fit.bound)}.",
+        _notes(counts, noise, fit.solution.widening),
+    )
 
 
-def _images(rig: Rig, lines: Sequence[Line]) -> list[Image]:
+def _images(rig: Rig, lines: Sequence[frame.Line]) -> list[Image]:
     """The lines' images with two points or more."""
     found = []
     for k, line in enumerate(lines):
-        for number, pixels in enumerate(line.pixels):
-            camera = _camera(rig, number)
+        for number, (camera, pixels) in enumerate(zip(_cameras(rig), line.pixels, strict=True)):
             check_inside(pixels, camera.image_size, CAMERAS[number], (line.name,) * len(pixels))
             rays = camera.undistort(pixels)
             if len(pixels) < 2 or not np.ptp(rays, axis=0).any():
                 continue
-            normal = _plane(rays)
+            along = np.column_stack([rays, np.ones(len(rays))])
+            along /= np.linalg.norm(along, axis=1, keepdims=True)
+            # Padded, so that two rows have three singular vectors.
+            normal = np.linalg.svd(np.vstack([along, np.zeros(3)]))[2][2]
             off = _distances(camera, rays, normal)
             here = rig.pose.R.T @ normal if number else normal
             found.append(Image(k, number, pixels, here, float(off @ off)))
@@ -143,15 +141,14 @@ def _images(rig: Rig, lines: Sequence[Line]) -> list[Image]:
 
 def _noise_of_clicks(images: Sequence[Image], known: Noise) -> Noise:
     """The noise of the points by their scatter about straight lines, unless it is stated: clicks
-    are not as exact as the targets of the calibration.
-
-    The median over the images, so that a bent line does not hide itself. Too few points can only
-    show that the noise is larger than that of the targets.
+    are not as exact as the targets of the calibration. Too few points can only show that the noise
+    is larger than that of the targets.
     """
     scatter = [(one.scatter, len(one.pixels) - 2) for one in images if len(one.pixels) > 2]
     if known.source == "stated" or not scatter:
         return known
     squares, degrees_of = np.array(scatter).T
+    # The median over the images, so that a bent line does not hide itself.
     order = np.argsort(squares / degrees_of)
     middle = order[np.searchsorted(np.cumsum(degrees_of[order]), 0.5 * degrees_of.sum())]
     # The median of chi-square is below its mean.
@@ -162,15 +159,8 @@ def _noise_of_clicks(images: Sequence[Image], known: Noise) -> Noise:
     return replace(known, sigma_px=seen, source="residuals")
 
 
-def _camera(rig: Rig, number: int) -> Camera:
-    return rig.secondary if number else rig.primary
-
-
-def _plane(rays: FloatArray) -> FloatArray:
-    """(3,): unit normal of the plane through the centre nearest to rays (m, 2) of z = 1."""
-    along = np.column_stack([rays, np.ones(len(rays))])
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    return np.asarray(np.linalg.svd(np.vstack([along, np.zeros(3)]))[2][2])
+def _cameras(rig: Rig) -> tuple[Camera, Camera]:
+    return rig.primary, rig.secondary
 
 
 def _distances(camera: Camera, rays: FloatArray, normal: FloatArray) -> FloatArray:
@@ -180,7 +170,7 @@ def _distances(camera: Camera, rays: FloatArray, normal: FloatArray) -> FloatArr
 
 
 def _fit(
-    rig: RigParameters, lines: Sequence[Line], images: Sequence[Image], noise: Noise
+    rig: RigParameters, lines: Sequence[frame.Line], images: Sequence[Image], noise: Noise
 ) -> LineFit:
     up0, along0 = _start(lines, images)
     across = np.linalg.svd(up0[None])[2][1:]
@@ -209,7 +199,7 @@ def _fit(
                 n = image.normal + turns[k] * np.cross(e, image.normal)
                 normal = n - (n @ e) * e
             own = of.pose.R @ normal if image.camera else normal
-            found.append(_distances(_camera(of, image.camera), seen, own))
+            found.append(_distances(_cameras(of)[image.camera], seen, own))
         return np.concatenate(found) / noise.sigma_px
 
     points = [image.rays(rig) for image in images]
@@ -220,8 +210,9 @@ def _fit(
 
         return rig_errors(at, rig, noise.spread)
 
-    block_of = {k: block for block, k in enumerate(free)}
-    of_error = [np.full(len(seen), block_of.get(k, -1)) for k, seen in enumerate(points)]
+    of_error = [
+        np.full(len(seen), free.index(k) if k in free else -1) for k, seen in enumerate(points)
+    ]
     blocks = Blocks(common, 1, np.concatenate(of_error))
     found = solve(lambda x: distances(x, rig, points), np.zeros(count), by_rig, blocks)
     up, along = directions(found.x)
@@ -248,7 +239,7 @@ def _places(rig: RigParameters, images: Sequence[Image]) -> FloatArray:
 
 
 def _start(
-    lines: Sequence[Line], images: Sequence[Image]
+    lines: Sequence[frame.Line], images: Sequence[Image]
 ) -> tuple[FloatArray, dict[int, FloatArray]]:
     """A first vertical, and first directions of the level lines, by number."""
     rows: list[FloatArray] = []
@@ -264,7 +255,6 @@ def _start(
             rows += [each for n in normals for each in np.linalg.svd(n[None])[2][1:]]
     if len(rows) < 2:
         raise StereocalError(UNDETERMINED)
-    # Padded, so that two rows have three singular vectors.
     up = np.linalg.svd(np.vstack([*rows, np.zeros(3)]))[2][2]
     flat = {k: e - (e @ up) * up for k, e in along.items()}
     if any(np.linalg.norm(flat[k]) <= 0.1 * np.linalg.norm(e) for k, e in along.items()):
@@ -279,7 +269,7 @@ def _unit(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _notes(counts: dict[LineKind, int], noise: Noise, widening: float) -> tuple[str, ...]:
+def _notes(counts: dict[frame.LineKind, int], noise: Noise, widening: float) -> tuple[str, ...]:
     notes = []
     if counts == {"plumb": 1, "level": 0, "horizon": 0}:
         notes.append("A single plumb line has nothing to check it; a second one would.")

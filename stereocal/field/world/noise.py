@@ -7,11 +7,12 @@ independent and standard normal, so that an observation's change is first order 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.field.checking.prior import root_of
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import SHARED
@@ -23,8 +24,6 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 
 ASSUMED_PX = 0.5
-SMALLEST_PART = 1e-10
-"""Directions with a smaller part of the correlation's variance are left out."""
 LARGEST_MISFIT = 0.05
 """Largest reprojection error over the image's diagonal; beyond it the images are not of one point,
 or not of this rig."""
@@ -41,10 +40,14 @@ class Noise:
     """(25, r): of the shared unknowns of `two_views`; r = 0 if the file states no covariance."""
 
     @property
-    def of_cameras(self) -> str:
-        """Whether the errors of the parameters take part, in words."""
-        known = self.spread.shape[1]
-        return "covariance of the parameter file" if known else "unknown: image noise only"
+    def entries(self) -> dict[str, Any]:
+        """What `uncertainty` says of the observations and of the parameters."""
+        known = "covariance of the parameter file"
+        return {
+            "level": 0.95,
+            "noise_px": {"value": self.sigma_px, "source": self.source},
+            "errors_of_parameters": known if self.spread.size else "unknown: image noise only",
+        }
 
 
 def noise_of(rig: RigParameters, sigma_px: float | None = None) -> Noise:
@@ -52,20 +55,11 @@ def noise_of(rig: RigParameters, sigma_px: float | None = None) -> Noise:
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")
     of_file, covariance = noise_of_file(rig)
-    spread = np.zeros((SHARED, 0)) if covariance is None else _spread_of(covariance)
+    spread = np.zeros((SHARED, 0)) if covariance is None else root_of(covariance)
     if sigma_px is not None:
         return Noise(sigma_px, "stated", spread)
     known = of_file or rig.noise_px
     return Noise(known or ASSUMED_PX, "parameter file" if known else "assumed", spread)
-
-
-def _spread_of(covariance: FloatArray) -> FloatArray:
-    """(25, r): a root of a covariance (25, 25), whose entries differ in their units."""
-    sigma = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
-    scale = np.where(sigma > 0, sigma, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    kept = values > SMALLEST_PART
-    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +75,6 @@ class MeasuredPoints:
 
 
 def measured_points(rig: Rig, xyz: FloatArray, spread: FloatArray) -> MeasuredPoints:
-    """Points (n, 3) with their errors."""
     lenses = lenses_of_cameras(rig.primary, rig.secondary)
     own, jacobian = point_errors(shared_unknowns(rig), lenses, 1.0, xyz)
     return MeasuredPoints(xyz, own, jacobian @ spread)
@@ -92,10 +85,7 @@ def turns_at(rig: Rig, up: FloatArray, places: FloatArray, spread: FloatArray) -
 
     The parameters' errors turn what is reconstructed there, and with it the vertical found from
     it. That is no error of the world frame, whose points are reconstructed alike.
-
-    Args:
-        up: (3,) unit vector in the primary's frame.
-        places: (n, 3).
+    `up` is a unit vector (3,), the places are (n, 3), in the primary's frame.
     """
     half = 0.05 * np.linalg.norm(places, axis=1, keepdims=True)
     ends = [measured_points(rig, places + way * half * up, spread).by_rig for way in (1, -1)]
@@ -111,11 +101,7 @@ def usual_place(rig: RigParameters) -> FloatArray:
 
 
 def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """Points (n, 3) of raw pixels (n, 4).
-
-    Args:
-        names: of the points, for messages.
-    """
+    """Points (n, 3) of raw pixels (n, 4) with their names."""
     seen = pixels[:, :2], pixels[:, 2:]
     for side, camera, at in zip(CAMERAS, (rig.primary, rig.secondary), seen, strict=True):
         check_inside(at, camera.image_size, side, names)

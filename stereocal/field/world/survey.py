@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import Solution, culprit, solve
 from stereocal.field.world.noise import (
@@ -18,7 +19,6 @@ from stereocal.field.world.noise import (
     noise_of,
     reconstructed,
 )
-from stereocal.field.world.observed import Survey
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -59,12 +59,12 @@ class RigidFit:
 
     @property
     def is_close(self) -> bool:
-        """Whether the residuals are below this limit, or no larger than the noise explains."""
+        """Whether the residuals are small, or no larger than the noise explains."""
         return self.rms_m <= self.limit_m or self.solution.widening < 3
 
 
 def world_of_survey(
-    rig: RigParameters, survey: Survey, stated: frame.WorldSettings
+    rig: RigParameters, survey: frame.Survey, stated: frame.WorldSettings
 ) -> frame.WorldFrame:
     """The world frame of surveyed points."""
     sigma_m, world_m = stated.survey_sigma_m, survey.world_m
@@ -110,7 +110,13 @@ def world_of_survey(
             again = fit_rigid(part, world_m[rest], noise, sigma_m, scale=True)
             return again.rms_m < 0.2 * scaled.limit_m
 
-        raise _contradiction(scaled, distinct, agree_without)
+        tried = distinct if len(distinct) > FEWEST_POINTS + 1 else []
+        raise StereocalError(
+            "The surveyed and the measured points contradict each other by "
+            f"{rounded(scaled.rms_m, 3)} m (root mean square): "
+            f"{culprit(tried, agree_without, MOST_TRIED)}. Check the names, the coordinates and "
+            "the image points."
+        )
     fit = fit_rigid(measured, world_m, noise, sigma_m)
     if not hand and frame.uprightness(rig, fit.pose.R[2]) < UPRIGHT:
         raise StereocalError(
@@ -124,7 +130,31 @@ def world_of_survey(
     up, along, usual = fit.pose.R[2], {frame.SURVEY: fit.pose.R[0]}, (frame.SURVEY, frame.SURVEY)
     pose = frame.frame_of_up(rig, up, stated.axes, origins, along, usual)
     residuals = {name: fit.residuals_m[names == name].mean(axis=0) for name in distinct}
-    return _found(fit, scaled, pose, residuals, noise, sigma_m, _hand_note(rig, fit, hand))
+    tilt, heading, position = (
+        fit.solution.bound(fit.solution.covariance[part, part])
+        for part in (slice(2), slice(2, 3), slice(3, 6))
+    )
+    advice = "Survey points farther apart, and not along one line."
+    frame.check_tilt("The points leave the axes", max(tilt, heading), advice)
+    limits = {
+        "survey_m": sigma_m,
+        "vertical_deg": float(np.degrees(tilt)),
+        "heading_deg": float(np.degrees(heading)),
+        "position_m": position,
+    }
+    variance = scaled.solution.covariance[6, 6] + np.sum(scaled.solution.shift[6] ** 2)
+    scale = scaled.solution.interval(float(np.log(scaled.scale)), variance)
+    return frame.WorldFrame(
+        pose,
+        "survey",
+        {**noise.entries, **limits},
+        _sentence(pose, residuals, tilt, position),
+        tuple(_notes(rig, fit, scaled, scale, noise, sigma_m, hand)),
+        {
+            "residuals_m": {name: each.tolist() for name, each in residuals.items()},
+            "scale": {name: float(np.exp(each)) for name, each in vars(scale).items()},
+        },
+    )
 
 
 def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
@@ -135,18 +165,6 @@ def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
                 f"The {what} points lie on one line, so nothing fixes the turn about it: add a "
                 "point well off the line."
             )
-
-
-def _contradiction(
-    scaled: RigidFit, names: Sequence[str], agree_without: Callable[[str], bool]
-) -> StereocalError:
-    tried = names if len(names) > FEWEST_POINTS + 1 else []
-    return StereocalError(
-        "The surveyed and the measured points contradict each other by "
-        f"{rounded(scaled.rms_m, 3)} m (root mean square): "
-        f"{culprit(tried, agree_without, MOST_TRIED)}. Check the names, the coordinates and the "
-        "image points."
-    )
 
 
 def fit_rigid(
@@ -191,83 +209,56 @@ def _hand(fit: RigidFit, mirrored: RigidFit) -> int:
     return int(np.sign(difference)) if abs(difference) > CLEARLY_WORSE else 0
 
 
-def _hand_note(rig: RigParameters, fit: RigidFit, hand: int) -> list[str]:
-    if not hand:
-        return [
-            "The points lie in one plane, so a mirrored survey would fit as well: the axes are "
-            "taken for right-handed. A point well off the plane would tell."
-        ]
-    if frame.uprightness(rig, fit.pose.R[2]) < UPSIDE_DOWN:
-        return ["z points down as the cameras see it, or they hang upside down."]
-    return []
-
-
 def _rms(vectors: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
-def _found(
-    fit: RigidFit,
-    scaled: RigidFit,
-    pose: Pose,
-    residuals: dict[str, FloatArray],
-    noise: Noise,
-    sigma_m: float,
-    hand_note: list[str],
-) -> frame.WorldFrame:
-    solution, of_scale = fit.solution, scaled.solution
-    tilt, heading, position = (
-        solution.bound(solution.covariance[part, part])
-        for part in (slice(2), slice(2, 3), slice(3, 6))
-    )
-    advice = "Survey points farther apart, and not along one line."
-    frame.check_tilt("The points leave the axes", max(tilt, heading), advice)
+def _sentence(pose: Pose, residuals: dict[str, FloatArray], tilt: float, position: float) -> str:
     sizes = {name: float(np.linalg.norm(each)) for name, each in residuals.items()}
     worst = max(sizes, key=lambda name: sizes[name])
-    variance = of_scale.covariance[6, 6] + np.sum(of_scale.shift[6] ** 2)
-    half = of_scale.quantile * float(np.sqrt(variance))
     x, y, z = pose.T.tolist()
-    sentence = (
+    return (
         f"World frame of {len(residuals)} surveyed points: residuals "
         f"{rounded(_rms(np.array(list(residuals.values()))))} m (root mean square), largest "
         f"{rounded(sizes[worst])} m at {worst}; axes within {frame.degrees(tilt)}, position within "
         f"{rounded(position)} m (95 %). The primary stands at x {x:.2f}, y {y:.2f}, z {z:.2f} m."
     )
-    notes = []
-    off = float(np.log(scaled.scale))
-    if abs(off) > half and abs(off) > 0.001:
-        low, high = sorted(100 * abs(np.expm1(off + each)) for each in (-half, half))
-        notes.append(
-            f"Distances of the survey are {rounded(100 * abs(np.expm1(off)))} % ({rounded(low)} to "
-            f"{rounded(high)}) {'longer' if off > 0 else 'shorter'} than measured: the survey, or "
-            "the scale of the parameters (bar, baseline), is wrong. The scale was not changed."
+
+
+def _notes(
+    rig: RigParameters,
+    fit: RigidFit,
+    scaled: RigidFit,
+    scale: Estimate,
+    noise: Noise,
+    sigma_m: float,
+    hand: int,
+) -> Iterator[str]:
+    """Doubts about scale, residuals and axes; `scale` is the logarithm of the survey's."""
+    if not scale.low <= 0 <= scale.high and abs(scale.value) > 0.001:
+        off, *ends = (100 * abs(np.expm1(each)) for each in vars(scale).values())
+        yield (
+            f"Distances of the survey are {rounded(off)} % ({rounded(min(ends))} to "
+            f"{rounded(max(ends))}) {'longer' if scale.value > 0 else 'shorter'} than measured: "
+            "the survey, or the scale of the parameters (bar, baseline), is wrong. The scale was "
+            "not changed."
         )
-    if solution.degrees and solution.widening > 2:
+    widening = fit.solution.widening
+    if fit.solution.degrees and widening > 2:
         why = (
             "A point may be wrong."
-            if of_scale.widening > 2
+            if scaled.solution.widening > 2
             else "The errors that the parameter file states of itself explain them."
         )
-        notes.append(
-            f"The residuals are {solution.widening:.1f} times as large as "
-            f"{rounded(noise.sigma_px)} px and {rounded(1000 * sigma_m)} mm of survey explain; the "
-            f"errors stated are larger by that factor. {why}"
+        yield (
+            f"The residuals are {widening:.1f} times as large as {rounded(noise.sigma_px)} px and "
+            f"{rounded(1000 * sigma_m)} mm of survey explain; the errors stated are larger by that "
+            f"factor. {why}"
         )
-    limits = {
-        "survey_m": sigma_m,
-        "vertical_deg": float(np.degrees(tilt)),
-        "heading_deg": float(np.degrees(heading)),
-        "position_m": position,
-    }
-    low, value, high = (scaled.scale * float(np.exp(each)) for each in (-half, 0.0, half))
-    return frame.WorldFrame(
-        pose,
-        "survey",
-        {**frame.about_noise(noise), **limits},
-        sentence,
-        (*notes, *hand_note),
-        {
-            "residuals_m": {name: each.tolist() for name, each in residuals.items()},
-            "scale": {"value": value, "low": low, "high": high},
-        },
-    )
+    if not hand:
+        yield (
+            "The points lie in one plane, so a mirrored survey would fit as well: the axes are "
+            "taken for right-handed. A point well off the plane would tell."
+        )
+    elif frame.uprightness(rig, fit.pose.R[2]) < UPSIDE_DOWN:
+        yield "z points down as the cameras see it, or they hang upside down."

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
@@ -16,6 +17,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import block_diag
 
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import Blocks, Solution, solve
 from stereocal.field.world.gravity import Gravity
@@ -27,7 +29,6 @@ from stereocal.field.world.noise import (
     reconstructed,
     turns_at,
 )
-from stereocal.field.world.observed import Throw
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -45,14 +46,11 @@ CONTRADICTION = 10.0
 ADVICE = "Take a longer flight, a faster camera, or several throws in different directions."
 
 
-@dataclass(frozen=True, eq=False)
-class Flight:
-    """The frames of one throw."""
+class Flight(NamedTuple):
+    """The frames of one throw: their rows in the table, and seconds from its first frame."""
 
     rows: IntArray
-    """Of the table."""
     times: FloatArray
-    """(n,) seconds from its first frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +79,15 @@ class FlightFit:
         return self.solution.bound(across @ (own + turns @ turns.T) @ across.T)
 
     @property
-    def strength(self) -> tuple[float, float]:
-        """|g| and half of its 95 % interval, m/s^2."""
+    def strength(self) -> Estimate:
+        """|g|, m/s^2."""
         own = float(self.up @ self.solution.covariance[:3, :3] @ self.up)
         variance = own + float(np.sum((self.up @ self.solution.shift[:3]) ** 2))
-        half = self.solution.quantile * float(np.sqrt(variance))
-        return float(np.linalg.norm(self.solution.x[:3])), half
+        return self.solution.interval(float(np.linalg.norm(self.solution.x[:3])), variance)
 
 
 def world_of_throw(
-    rig: RigParameters, throw: Throw, stated: frame.WorldSettings
+    rig: RigParameters, throw: frame.Throw, stated: frame.WorldSettings
 ) -> frame.WorldFrame:
     """The world frame whose vertical is the acceleration of thrown objects."""
     noise, throw = noise_of(rig, stated.sigma_px), in_step(rig, throw)
@@ -112,35 +109,30 @@ def world_of_throw(
             "or bounced, and make sure that both cameras number the frames alike."
         )
     frame.check_tilt("The throw leaves the vertical", chosen.bound, ADVICE)
-    value, half = chosen.strength
     drag = None
     if fit is not None:
-        k = float(fit.solution.x[3])
-        reach = fit.solution.quantile * float(np.sqrt(fit.solution.covariance[3, 3]))
-        drag = k, k - reach, k + reach
+        drag = fit.solution.interval(float(fit.solution.x[3]), fit.solution.covariance[3, 3])
     gravity = Gravity(
-        value,
-        value - half,
-        value + half,
+        chosen.strength,
         throw.frame_rate,
         stated.drag,
         drag,
-        None if plain is None else plain.strength[0],
+        None if plain is None else plain.strength.value,
         _per_frame_of_offset(rig, throw, flights),
     )
     first, usual = chosen.solution.x[-6 * len(flights) :][:3], (frame.CAMERA, frame.VIEW)
     pose = frame.frame_of_up(rig, chosen.up, stated.axes, {frame.FIRST: first}, {}, usual)
     throws = f"{len(flights)} throws" if len(flights) > 1 else "a throw"
     sentence = (
-        f"World frame of {throws} of {len(throw.frames)} frames: the vertical is known within "
-        f"{frame.degrees(chosen.bound)} (95 %); {frame.how_cameras_stand(pose)}. {gravity.sentence}"
+        f"World frame of {throws} of {len(throw.frames)} frames: "
+        f"{frame.vertical_in_words(pose, chosen.bound)}. {gravity.sentence}"
     )
-    limits = {**frame.about_noise(chosen.noise), "vertical_deg": float(np.degrees(chosen.bound))}
+    limits = {**chosen.noise.entries, "vertical_deg": float(np.degrees(chosen.bound))}
     about = {"gravity": gravity.to_json()}
     return frame.WorldFrame(pose, "throw", limits, sentence, gravity.notes, about)
 
 
-def in_step(rig: RigParameters, throw: Throw) -> Throw:
+def in_step(rig: RigParameters, throw: frame.Throw) -> frame.Throw:
     """The throw with its secondary points at the instants of the primary's, by the time offset of
     the parameters; without the frames at its ends that have no neighbours for that.
     """
@@ -152,10 +144,10 @@ def in_step(rig: RigParameters, throw: Throw) -> Throw:
     found = interpolate(codes.astype(np.int64), times, seen, late)
     pixels = np.hstack([throw.pixels[:, :2], found.positions])[found.known]
     tracks = tuple(name for name, kept in zip(throw.tracks, found.known, strict=True) if kept)
-    return Throw(tracks, times[found.known], pixels, throw.frame_rate)
+    return frame.Throw(tracks, times[found.known], pixels, throw.frame_rate)
 
 
-def flights_of(throw: Throw) -> list[Flight]:
+def flights_of(throw: frame.Throw) -> list[Flight]:
     """The throws, each in the order of its frames."""
     flights = []
     for track in dict.fromkeys(throw.tracks):
@@ -216,12 +208,8 @@ def fit_flights(
     def paths(x: FloatArray) -> FloatArray:
         k, begun = float(x[3]) if drag else 0.0, x[head:].reshape(-1, 6)
         with np.errstate(over="ignore", invalid="ignore"):
-            return np.concatenate(
-                [
-                    path(flight.times, at[:3], at[3:], x[:3], k)
-                    for flight, at in zip(flights, begun, strict=True)
-                ]
-            )
+            own = zip(flights, begun, strict=True)
+            return np.concatenate([path(f.times, at[:3], at[3:], x[:3], k) for f, at in own])
 
     def errors(x: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("nij,nj->ni", W, xyz - paths(x)).ravel())
@@ -254,7 +242,7 @@ def _start(xyz: FloatArray, flights: Sequence[Flight]) -> FloatArray:
 
 
 def _per_frame_of_offset(
-    rig: RigParameters, throw: Throw, flights: Sequence[Flight]
+    rig: RigParameters, throw: frame.Throw, flights: Sequence[Flight]
 ) -> float | None:
     """Change of the measured |g| if the secondary's frames were taken one frame later; None if
     that cannot be computed."""
