@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from stereocal.evaluation.evaluate import Run
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.numbers import without_nan
 
+QUANTITIES = ("residual", "reprojection", "reconstruction")
 BOOTSTRAPS = 1000
 INTERVAL = (2.5, 97.5)
 ACCEPTABLE = 0.01
@@ -105,6 +107,11 @@ class MethodSummary:
     """(datasets, 5), radians."""
     angle_spreads: FloatArray
     """(datasets, 5), standard deviation over the runs, radians."""
+
+    def main(self, quantity: str) -> Estimate:
+        """FCP of the residual or of the reprojection error, or the median 3D error."""
+        own = getattr(self, quantity)
+        return own.median if isinstance(own, Reconstruction) else own.fcp
 
     def to_json(self) -> dict[str, Any]:
         """The figures for `summary.json`; errors are fractions, missing values null."""
@@ -200,15 +207,12 @@ def figures_of_set(run: Run) -> tuple[float, float]:
 
 
 def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]:
-    """The best method for each quantity: residual, reprojection, reconstruction."""
-    return {
-        "residual": min(summaries, key=lambda m: summaries[m].residual.fcp.value),
-        "reprojection": min(summaries, key=lambda m: summaries[m].reprojection.fcp.value),
-        "reconstruction": min(
-            summaries,
-            key=lambda m: np.nan_to_num(summaries[m].reconstruction.median.value, nan=np.inf),
-        ),
-    }
+    """The best method for each of `QUANTITIES`."""
+
+    def value(method: Method, quantity: str) -> float:
+        return float(np.nan_to_num(summaries[method].main(quantity).value, nan=np.inf))
+
+    return {name: min(summaries, key=partial(value, quantity=name)) for name in QUANTITIES}
 
 
 def _angles(runs: Sequence[Run], at: int) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.figures.style import AXIS, LAYOUT, NEUTRAL, axis_of, note, sentence_only
+from stereocal.figures.style import AXIS, NEUTRAL, blank, note, scatter, sentence_only
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.camera import CAMERAS
@@ -62,41 +62,25 @@ def plot_accuracy(
         "tickvals": np.log10(ticks),
         "ticktext": [f"{t:g}" for t in ticks],
     }
+    grid = {"row_heights": heights, "vertical_spacing": GAP / inside}
+    figure = blank(inside + TOP + FOOT, len(maps), **grid)
+    scale = {"colorscale": "Cividis", "cmin": low, "cmax": high, "colorbar": bar}
+    figure.update_layout(showlegend=False, margin_t=TOP, margin_b=FOOT, coloraxis=scale)
+    common, number = {"constrain": "domain", "showgrid": False}, ""
+    figure.update_xaxes(range=depth, **common)
+    for row, (found, ends) in enumerate(zip(maps, bounds, strict=True), start=1):
+        number = str(row) if row > 1 else ""
+        # What is to the right, or down, is drawn downwards; axes are equal.
+        own = {"range": ends[0, ::-1].tolist(), "scaleanchor": f"x{number}", **common}
+        figure.update_yaxes(title_text=ACROSS[found.plane], row=row, col=1, **own)
+        figure.add_annotation(_title(found, number))
+        for trace in _traces(found, result, quantity, values[row - 1]):
+            figure.add_trace(trace, row=row, col=1)
     # Below the last map: Plotly puts the title of an axis with a constrained domain into the map.
     below = {"x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top", "yshift": -30}
     font = AXIS["title"]["font"]
-    ahead = note("Ahead of the primary camera (m)", _number(len(maps) - 1), font) | below
-    layout: dict[str, Any] = {
-        **LAYOUT,
-        "height": inside + TOP + FOOT,
-        "showlegend": False,
-        "margin": {**LAYOUT["margin"], "t": TOP, "b": FOOT},
-        "coloraxis": {"colorscale": "Cividis", "cmin": low, "cmax": high, "colorbar": bar},
-        "annotations": [*(_title(found, at) for at, found in enumerate(maps)), ahead],
-    }
-    traces: list[dict[str, Any]] = []
-    top = 1.0
-    for at, (found, height) in enumerate(zip(maps, heights, strict=True)):
-        number, domain = _number(at), [max(top - height / inside, 0.0), top]
-        top = domain[0] - GAP / inside
-        common = {"constrain": "domain", "showgrid": False}
-        layout[f"xaxis{number}"] = axis_of(anchor=f"y{number}", range=depth, **common)
-        # What is to the right, or down, is drawn downwards; axes are equal.
-        layout[f"yaxis{number}"] = axis_of(
-            ACROSS[found.plane],
-            anchor=f"x{number}",
-            range=bounds[at][0, ::-1].tolist(),
-            domain=domain,
-            scaleanchor=f"x{number}",
-            **common,
-        )
-        traces += _traces(number, found, result, quantity, values[at])
-    return go.Figure(data=traces, layout=layout)
-
-
-def _number(at: int) -> str:
-    """Of the axes of a map."""
-    return str(at + 1) if at else ""
+    figure.add_annotation(note("Ahead of the primary camera (m)", number, font) | below)
+    return figure
 
 
 def _ticks(low: float, high: float) -> FloatArray:
@@ -124,7 +108,7 @@ def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
     return np.asarray(ends + np.array([[-margin, margin], [-margin, 0.0]]))
 
 
-def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
+def _title(found: AccuracyMap, number: str) -> dict[str, Any]:
     seen, sides, straight = {
         "side": ("the side", ("to the left of", "to the right of"), "straight ahead of"),
         "above": ("above", ("above", "below"), "at the height of"),
@@ -132,16 +116,14 @@ def _title(found: AccuracyMap, at: int) -> dict[str, Any]:
     where = f"{abs(found.at_m):.1f} m {sides[found.at_m >= 0]}" if found.at_m else straight
     text = f"<b>From {seen}</b>, {where} the primary camera"
     left = {"xref": "paper", "x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
-    return note(text, _number(at), {"size": 13}) | left
+    return note(text, number, {"size": 13}) | left
 
 
 def _traces(
-    number: str, found: AccuracyMap, result: RefinedResult, quantity: Quantity, values: FloatArray
+    found: AccuracyMap, result: RefinedResult, quantity: Quantity, values: FloatArray
 ) -> list[dict[str, Any]]:
     """The map, the cameras and the targets of the bar."""
-    axis, above = AXIS_OF[found.plane], found.plane == "above"
-    centres = np.array([np.zeros(3), result.pose.inverse().T])
-    ends = result.used_points_m.reshape(-1, 3)
+    above, seen = found.plane == "above", [2, AXIS_OF[found.plane]]
     of_map = {
         "type": "heatmap",
         "x": found.z_m,
@@ -153,30 +135,21 @@ def _traces(
         "hovertemplate": f"%{{y:.1f}} m {'to the right' if above else 'down'}, %{{x:.1f}} m ahead"
         f"<br>%{{customdata:.2~r}}{UNITS[quantity]}<extra></extra>",
     }
-    cameras = {
-        "type": "scatter",
-        "x": centres[:, 2],
-        "y": centres[:, axis],
-        "mode": "markers+text" if above else "markers",
+    cameras = scatter(
+        np.array([np.zeros(3), result.pose.inverse().T])[:, seen],
+        "%{text} camera",
+        mode="markers+text" if above else "markers",
         # On a narrow page the names reach into the map, where only grey is seen in both themes.
-        "text": [f'<span style="color:{NEUTRAL}">{name}</span>' for name in CAMERAS],
-        "textposition": "middle right",
-        "cliponaxis": False,
-        "marker": {"symbol": "square", "size": 11, "color": NEUTRAL},
-        "hovertemplate": "%{text} camera<extra></extra>",
-        "name": "Cameras",
-    }
-    targets = {
-        "type": "scatter",
-        "x": ends[:, 2],
-        "y": ends[:, axis],
-        "mode": "markers",
-        "name": "Targets of the bar",
-        "marker": {"size": 4, "color": "white", "line": {"color": "black", "width": 1}},
-        "hovertemplate": "a target of the bar<extra></extra>",
-    }
-    own = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
-    return [{**trace, **own} for trace in (of_map, cameras, targets)]
+        text=[f'<span style="color:{NEUTRAL}">{name}</span>' for name in CAMERAS],
+        textposition="middle right",
+        cliponaxis=False,
+        marker={"symbol": "square", "size": 11, "color": NEUTRAL},
+        name="Cameras",
+    )
+    marker = {"size": 4, "color": "white", "line": {"color": "black", "width": 1}}
+    ends = result.used_points_m.reshape(-1, 3)[:, seen]
+    targets = scatter(ends, "a target of the bar", marker=marker, name="Targets of the bar")
+    return [of_map, cameras, targets]
 
 
 def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distance") -> str:

@@ -8,12 +8,11 @@ import plotly.graph_objects as go
 from stereocal.field.checking.repair import Residuals
 from stereocal.field.checking.since import Since
 from stereocal.figures import style
-from stereocal.figures.frame_panels import LOG_BEYOND, median_and_largest
+from stereocal.figures.frame_errors import LOG_BEYOND, median_and_largest
 from stereocal.rig.compiled import FloatArray
 
-MANY_FRAMES = 100
-FEW_FRAMES = 8
-"""With fewer, plotly would put ticks between them."""
+MANY_FRAMES, FEW_FRAMES = 100, 8
+"""With more, symbols are smaller; with fewer, Plotly would put ticks between them."""
 BEFORE, AFTER = "Old parameters", "Repaired parameters"
 MARKS = {BEFORE: (style.WRONG_COLOUR, "circle-open"), AFTER: (style.CORRECT_COLOUR, "diamond")}
 
@@ -30,6 +29,7 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
     figure = style.blank(340 if len(panels) == 1 else 520, len(panels), **grid)
     size = 9 if len(residuals.frames) <= MANY_FRAMES else 6
     for row, ((title, unit), series) in enumerate(panels.items(), start=1):
+        place = {"row": row, "col": 1}
         for name, errors in series.items():
             colour, symbol = MARKS[name]
             style.add(
@@ -41,11 +41,14 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
                 marker={"color": colour, "symbol": symbol, "size": size, "line": {"width": 1.5}},
                 legendgroup=name,
                 showlegend=row == 1,
-                row=row,
-                col=1,
+                **place,
             )
+        every = np.concatenate(list(series.values()))
+        known = every[np.isfinite(every) & (every > 0)]
+        is_log = len(known) and known.max() > LOG_BEYOND * np.median(known)
+        scale = {"type": "log", "dtick": 1} if is_log else {"rangemode": "tozero"}
         title_of = {"text": f"{title} ({unit})", "standoff": 8}  # beside the longest label
-        figure.update_yaxes(title=title_of, row=row, col=1, **_scale(series))
+        figure.update_yaxes(title=title_of, **place, **scale)
     if since is not None:
         band = {"line_width": 0, "fillcolor": style.NEUTRAL, "opacity": 0.25, "layer": "below"}
         figure.add_vrect(x0=since.low - 0.5, x1=since.high + 0.5, row="all", col=1, **band)
@@ -76,18 +79,10 @@ def _panels(
     for name, errors in ((BEFORE, residuals.before), (AFTER, residuals.after)):
         if errors is None:
             continue
-        later = name == AFTER and since is not None
-        shown = residuals.frames >= (since.low if since and later else -np.inf)
-        reprojection[name] = np.where(shown, errors.reprojection_px, np.nan)
+        first = since.low if since and name == AFTER else -np.inf
+        shown = np.where(residuals.frames >= first, 1.0, np.nan)
+        reprojection[name] = shown * errors.reprojection_px
         if errors.length is not None:
-            length[name] = np.where(shown, 100 * errors.length, np.nan)
+            length[name] = shown * 100 * errors.length
     panels = {("Reprojection error", "px"): reprojection, ("Length error", "%"): length}
     return {title: series for title, series in panels.items() if series}
-
-
-def _scale(series: dict[str, FloatArray]) -> dict[str, object]:
-    every = np.concatenate(list(series.values()))
-    known = every[np.isfinite(every) & (every > 0)]
-    if len(known) and known.max() > LOG_BEYOND * np.median(known):
-        return {"type": "log", "dtick": 1}
-    return {"rangemode": "tozero"}

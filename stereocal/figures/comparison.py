@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -11,11 +12,17 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures import style
+from stereocal.rig.compiled import FloatArray
 from stereocal.verdict.in_words import interval, percent
 
 LONGEST_NAME = 20
 LIMIT = "arrow-bar-down"
 """Symbol of an upper limit: an arrow downwards from it."""
+ROWS = {
+    "reprojection": ("FCP, reprojection<br>error (%)", "FCP of the reprojection error"),
+    "reconstruction": ("Median 3D error (%)", "median 3D error"),
+}
+"""Title of the axis, and in words."""
 Summaries = Mapping[str, Mapping[Method, MethodSummary]]
 
 
@@ -26,22 +33,23 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
     """
     names = list(by_dataset)
     figure = style.blank(700, 2, shared_xaxes=True, vertical_spacing=0.06)
-    for row, title in ((1, "FCP, reprojection<br>error (%)"), (2, "Median 3D error (%)")):
+    for row, (quantity, (title, _)) in enumerate(ROWS.items(), start=1):
         estimates = {
-            method: [_estimate(by_dataset[name][method], row) for name in names]
+            method: [own[method].main(quantity) for own in by_dataset.values()]
             for method in ALL_METHODS
-            if all(method in by_dataset[name] for name in names)
+            if all(method in own for own in by_dataset.values())
         }
         every = [estimate for of_method in estimates.values() for estimate in of_method]
         positive = [v for e in every for v in (e.value, e.low, e.high) if v > 0]
         # Intervals that reach 0 end on a logarithmic axis below all positive values.
-        floor = min(positive) / 2 if positive else 1e-6
+        floor, place = min(positive) / 2 if positive else 1e-6, {"row": row, "col": 1}
         for method, values in estimates.items():
-            _add_comparison(figure, row, method, names, values, floor)
+            points, look = _marks(method, dict(zip(names, values, strict=True)), floor)
+            style.add(figure, points, "%{text}", showlegend=row == 1, **look, **place)
         zeros = sum(estimate.value == 0 for estimate in every)
         title += f"<br>↧: upper limit, none counted (n = {zeros})" if zeros else ""
         scale = {"type": "log", "exponentformat": "none", "dtick": "D2"}
-        figure.update_yaxes(row=row, col=1, title_text=title, **scale)
+        figure.update_yaxes(title_text=title, **scale, **place)
     short = [n if len(n) <= LONGEST_NAME else f"{n[: LONGEST_NAME - 1]}…" for n in names]
     figure.update_xaxes(
         tickvals=list(range(len(names))),
@@ -53,59 +61,44 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
     return figure
 
 
+def _marks(
+    method: Method, estimates: Mapping[str, Estimate], floor: float
+) -> tuple[FloatArray, dict[str, Any]]:
+    """Positions (n, 2) and look of a method; where nothing was counted, the upper limit alone."""
+    values = [[e.value or e.high, e.low if e.value else e.high, e.high] for e in estimates.values()]
+    middle, low, high = 100 * np.maximum(values, floor).T
+    beside = 0.2 * (ALL_METHODS.index(method) - 1.5)
+    symbol = [style.METHOD_SYMBOLS[method] if e.value else LIMIT for e in estimates.values()]
+    ends = {"array": high - middle, "arrayminus": middle - low, "thickness": 1.5, "width": 3}
+    text = [
+        f"{html.escape(name)}, {METHOD_NAMES[method]}<br>"
+        + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
+        for name, e in estimates.items()
+    ]
+    return np.column_stack([np.arange(len(middle)) + beside, middle]), {
+        "mode": "markers",
+        "error_y": {"type": "data", **ends},
+        "name": METHOD_NAMES[method],
+        "legendgroup": method,
+        "marker": style.marker_of(method, 9 if len(middle) <= 8 else 7, symbol=symbol),
+        "text": text,
+    }
+
+
 def describe_comparison(by_dataset: Summaries) -> str:
     """The figure in words."""
     parts = []
-    for row, what in ((1, "FCP of the reprojection error"), (2, "median 3D error")):
+    for quantity, (_, what) in ROWS.items():
         of_methods = []
-        column = "reprojection" if row == 1 else "reconstruction"
         for method in ALL_METHODS:
             known = {
-                name: _estimate(own[method], row).value
+                name: value
                 for name, own in by_dataset.items()
-                if method in own and np.isfinite(_estimate(own[method], row).value)
+                if method in own and np.isfinite(value := own[method].main(quantity).value)
             }
             least, most = (percent(f(known.values())) if known else "" for f in (min, max))
-            wins = sum(best_methods(by_dataset[name])[column] == method for name in known)
+            wins = sum(best_methods(by_dataset[name])[quantity] == method for name in known)
             span = f"{least} to {most} %" if known else "none"
             of_methods.append(f"{METHOD_NAMES[method]} {span} (lowest in {wins})")
         parts.append(f"{what}: {', '.join(of_methods)}")
     return f"Over {style.count(len(by_dataset), 'data set')}, {'; '.join(parts)}."
-
-
-def _estimate(summary: MethodSummary, row: int) -> Estimate:
-    return summary.reprojection.fcp if row == 1 else summary.reconstruction.median
-
-
-def _add_comparison(
-    figure: go.Figure,
-    row: int,
-    method: Method,
-    names: Sequence[str],
-    estimates: Sequence[Estimate],
-    floor: float,
-) -> None:
-    # Where nothing was counted, the upper limit alone.
-    values = [[e.value or e.high, e.low if e.value else e.high, e.high] for e in estimates]
-    middle, low, high = 100 * np.maximum(values, floor).T
-    beside = 0.2 * (ALL_METHODS.index(method) - 1.5)
-    symbol = [style.METHOD_SYMBOLS[method] if e.value else LIMIT for e in estimates]
-    ends = {"array": high - middle, "arrayminus": middle - low, "thickness": 1.5, "width": 3}
-    style.add(
-        figure,
-        np.column_stack([np.arange(len(names)) + beside, middle]),
-        "%{text}",
-        mode="markers",
-        error_y={"type": "data", **ends},
-        name=METHOD_NAMES[method],
-        legendgroup=method,
-        showlegend=row == 1,
-        marker=style.marker_of(method, 9 if len(names) <= 8 else 7, symbol=symbol),
-        text=[
-            f"{html.escape(name)}, {METHOD_NAMES[method]}<br>"
-            + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
-            for name, e in zip(names, estimates, strict=True)
-        ],
-        row=row,
-        col=1,
-    )

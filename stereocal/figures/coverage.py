@@ -7,8 +7,9 @@ import plotly.graph_objects as go
 
 from stereocal.figures import style
 from stereocal.figures.style import count, n_drawn
-from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.residual_field import cells_of
 
 GRID_CELLS = 4
@@ -21,13 +22,22 @@ def plot_coverage(dataset: Dataset, narrow: bool = False) -> go.Figure:
     Args:
         narrow: the images one below the other, else side by side.
     """
-    rows, columns = (2, 1) if narrow else (1, 2)
+    shape, rows = ((2, 1) if narrow else (1, 2)), dataset.correspondences
     spacing = {"horizontal_spacing": 0.04, "vertical_spacing": 0.17}
-    figure = style.blank(880 if narrow else 440, rows, columns, **spacing)
-    for number in (1, 2):
-        place = {"row": min(number, rows), "col": min(number, columns)}
-        _add_points(figure, dataset, number, place)
-        _set_axes(figure, dataset, number, place, narrow)
+    figure = style.blank(880 if narrow else 440, *shape, **spacing)
+    for at, (name, (camera, points)) in enumerate(_images(dataset).items()):
+        place = {"row": at + 1, "col": 1} if narrow else {"row": 1, "col": at + 1}
+        width, height = camera.image_size
+        _add_points(figure, rows, camera, points, place)
+        x = {
+            "side": "top",
+            "title_text": f"<b>{name.capitalize()}</b><br>{width} × {height} px<br>u (px)",
+            "nticks": 3,
+            "constraintoward": "left" if narrow or at else "right",
+            "tickangle": 0,
+        }
+        y = {"title_text": "v (px)", "side": "left" if narrow or not at else "right", "nticks": 6}
+        style.set_image_axes(figure, camera.image_size, 0.01 * max(width, height), x, y, **place)
     # Fixed margins, because the panels' titles are between the legend and the images.
     figure.update_layout(margin_t=125, legend={"yref": "container", "y": 1.0, "yanchor": "top"})
     return figure
@@ -38,15 +48,10 @@ def describe_coverage(dataset: Dataset) -> str:
     rows = dataset.correspondences
     (first, of_first, *_), *others = style.marks_of(rows)
     parts = [
-        f"in the {side} image they fall into "
+        f"in the {name} image they fall into "
         f"{len(np.unique(cells_of(points, camera.image_size, (GRID_CELLS, GRID_CELLS))))} of "
         f"{GRID_CELLS**2} equal parts of its {camera.image_size[0]} × {camera.image_size[1]} px"
-        for side, camera, points in zip(
-            CAMERAS,
-            (dataset.primary, dataset.secondary),
-            (rows.primary, rows.secondary),
-            strict=True,
-        )
+        for name, (camera, points) in _images(dataset).items()
     ]
     return (
         f"Image points of {count(int(of_first.sum()), 'target')} "
@@ -55,21 +60,30 @@ def describe_coverage(dataset: Dataset) -> str:
     )
 
 
-def _add_points(figure: go.Figure, dataset: Dataset, number: int, place: dict[str, int]) -> None:
+def _images(dataset: Dataset) -> dict[str, tuple[Camera, FloatArray]]:
+    """Cameras and their points (n, 2) by name."""
+    rows = dataset.correspondences
+    found = (dataset.primary, rows.primary), (dataset.secondary, rows.secondary)
+    return dict(zip(CAMERAS, found, strict=True))
+
+
+def _add_points(
+    figure: go.Figure,
+    rows: Correspondences,
+    camera: Camera,
+    points: FloatArray,
+    place: dict[str, int],
+) -> None:
     """The border of an image, 0.5 px beyond the outermost pixel centres, its bars and targets."""
-    rows, first = dataset.correspondences, number == 1
-    camera, points = (
-        (dataset.primary, rows.primary) if first else (dataset.secondary, rows.secondary)
-    )
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * camera.image_size - 0.5
-    border, place = style.line_of(width=1.5), {**place, "showlegend": False}
-    style.add(figure, corners, line=border, name="Border of the image", **place)
-    place["showlegend"] = first
+    own = {**place, "showlegend": not figure.data}
+    border = style.line_of(width=1.5)
+    style.add(figure, corners, line=border, name="Border of the image", showlegend=False, **place)
     drawn = style.evenly_drawn(len(rows.frames))[np.searchsorted(rows.frames, rows.frame)]
     bars = style.with_gaps(points[rows.bars[drawn[rows.bars[:, 0]]]])
     name = "Bar A–B" if rows.rigid_object is None else "Known distance"
     bar = {"name": f"{name} ({n_drawn(len(rows.bars))})", "legendgroup": "bars"}
-    style.add(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **place)
+    style.add(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **own)
     size = 8 if len(rows.frames) <= 100 else 5
     for target, of_target, colour, symbol in style.marks_of(rows):
         shown = of_target & drawn
@@ -81,32 +95,5 @@ def _add_points(figure: go.Figure, dataset: Dataset, number: int, place: dict[st
             customdata=rows.frame[shown],
             legendgroup=target,
             name=f"Target {target} (n = {of_target.sum()})",
-            **place,
+            **own,
         )
-
-
-def _set_axes(
-    figure: go.Figure, dataset: Dataset, number: int, place: dict[str, int], narrow: bool
-) -> None:
-    """Set image axes: u to the right along the top, v downwards, equal scales."""
-    width, height = (dataset.primary, dataset.secondary)[number - 1].image_size
-    margin = 0.01 * max(width, height)
-    common = {"constrain": "domain", "showgrid": False, **place}
-    figure.update_xaxes(
-        side="top",
-        range=[-0.5 - margin, width - 0.5 + margin],
-        title_text=f"<b>{CAMERAS[number - 1].capitalize()}</b><br>{width} × {height} px<br>u (px)",
-        nticks=3,
-        constraintoward="left" if narrow or number == 2 else "right",
-        tickangle=0,
-        **common,
-    )
-    figure.update_yaxes(
-        range=[height - 0.5 + margin, -0.5 - margin],
-        title_text="v (px)",
-        side="left" if narrow or number == 1 else "right",
-        scaleanchor="x" if number == 1 else "x2",
-        constraintoward="top",
-        nticks=6,
-        **common,
-    )

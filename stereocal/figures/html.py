@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import pandas as pd
@@ -45,21 +45,26 @@ td { font-variant-numeric: tabular-nums; }
 """
 
 
-def html_page(title: str, answer: str, sections: Sequence[str]) -> str:
-    """The text of the file, with Plotly's script; the answer stands below the title."""
-    first = f'<h1>{escape(title)}</h1>\n<p class="answer">{escape(answer)}</p>'
+def html_page(title: str, answer: str, sections: Mapping[str, str]) -> str:
+    """The text of the file, with Plotly's script; the answer stands below the title.
+
+    Args:
+        sections: HTML by title; empty ones are left out.
+    """
+    parts = [f'<h1>{escape(title)}</h1>\n<p class="answer">{escape(answer)}</p>']
+    parts += [
+        f"<section>\n<h2>{escape(name)}</h2>\n{content}\n</section>"
+        for name, content in sections.items()
+        if content
+    ]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n"
         f"<script>{get_plotlyjs()}</script>\n</head>\n<body>\n<main>\n"
-        + "\n".join([first, *sections])
+        + "\n".join(parts)
         + "\n</main>\n</body>\n</html>\n"
     )
-
-
-def html_section(title: str, content: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
 
 
 def paragraphs(*texts: str) -> str:
@@ -67,7 +72,7 @@ def paragraphs(*texts: str) -> str:
 
 
 def html_list(texts: Sequence[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>" if texts else ""
 
 
 def html_plot(figure: go.Figure, words: str, kind: str = "plot") -> str:
@@ -80,14 +85,13 @@ def html_plot(figure: go.Figure, words: str, kind: str = "plot") -> str:
     return f'<div class="{kind}" role="img" aria-label="{escape(words)}">{drawn}</div>'
 
 
-def html_figure(title: str, figure: go.Figure, words: str) -> str:
-    """A section with a figure and its words."""
-    return html_section(title, html_plot(figure, words) + paragraphs(words))
+def html_figure(figure: go.Figure, words: str) -> str:
+    """A figure with its words."""
+    return html_plot(figure, words) + paragraphs(words)
 
 
 def html_table(table: pd.DataFrame, kind: str = "plain") -> str:
-    """A table with its cells, rows and columns escaped; of the kind `data`, the last column is a
-    digest."""
+    """A table, escaped; of the kind `data`, the last column is a digest."""
     columns = (table.index.name or "", *table.columns)
     heads = "".join(f'<th scope="col">{escape(str(column))}</th>' for column in columns)
     rows = [

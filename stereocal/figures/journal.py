@@ -24,22 +24,15 @@ from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, N
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.evaluation.summary import MethodSummary
-from stereocal.figures.frame_panels import KINDS, FrameKind, FramePanel, frame_panels
+from stereocal.figures import validation_panels as validation
+from stereocal.figures.frame_errors import KINDS, FrameKind, frame_panels
 from stereocal.figures.rig import scene_of
 from stereocal.figures.space import frusta
 from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, NEUTRAL, WRONG_COLOUR
-from stereocal.figures.validation_panels import (
-    COLUMNS,
-    HEADINGS,
-    Column,
-    Panel,
-    columns_of,
-    drawn_bins,
-)
+from stereocal.figures.validation_panels import COLUMNS, Column, Panel
 from stereocal.refined.results import Calibration
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import FloatArray
-from stereocal.verdict.in_words import interval, percent
 
 COLUMN_MM, PAGE_MM = 88.0, 180.0
 """Widths of one column and of both, in most journals."""
@@ -111,7 +104,7 @@ def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) 
     """All three quantities over the width of a page; in a column, which has no room for more, the
     errors that choose the sets: reprojection and 3D error."""
     wide = width_mm >= PAGE_MM
-    columns = columns_of(summaries, COLUMNS if wide else COLUMNS[1:])
+    columns = validation.columns_of(summaries, COLUMNS if wide else COLUMNS[1:])
     rows = len(columns[0].panels)
     figure = sheet(width_mm, rows * ROW_MM + LEGEND_MM)
     grid = figure.subplots(rows, len(columns), squeeze=False)
@@ -119,22 +112,22 @@ def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) 
         for panel, axes in zip(column.panels, of_column, strict=True):
             _draw_pdfs(axes, panel, column.most)
             _set_axes(axes, column, panel)
-            text = "\n".join(_title(panel, wide))
-            axes.set_title(text, loc="left", pad=3, fontsize=SMALL)
+            # The quantity above the first row, and the figure with its interval and standing.
+            lines = [validation.HEADINGS[panel.quantity]] if panel.row == 0 else []
+            name, value, among = panel.figure or ("no bar could be measured", "", "")
+            mark = f", {panel.standing}" if panel.standing else ""
+            lines += [f"{name} {value} {among}{mark}"] if wide else [f"{name} {value}{mark}", among]
+            axes.set_title("\n".join(lines).strip(), loc="left", pad=3, fontsize=SMALL)
         foot = "\n".join(column.foot).replace("<sup>R</sup>", "ᴿ")
         of_column[-1].set_xlabel(foot, fontsize=TEXT if wide else SMALL)
     hatched = Patch(facecolor="none", edgecolor=WRONG_COLOUR, hatch=HATCH, linewidth=0)
-    frame: dict[str, Any] = {
-        "marker": "s",
-        "markersize": 5,
-        "markerfacecolor": "none",
-        "markeredgewidth": 1.5,
-    }
+    frame: dict[str, Any] = {"marker": "s", "markersize": 5, "markeredgewidth": 1.5}
+    frame |= {"markerfacecolor": "none", "linestyle": "none"}
     keys = {
         "Correct pairs": Patch(facecolor=CORRECT_COLOUR, alpha=FILL),
         "Wrong pairs": hatched,
         "Threshold, or 1 %": Line2D([], [], **LINE),
-        "Framed: best; level: not apart": Line2D([], [], color=NEUTRAL, linestyle="none", **frame),
+        "Framed: best; level: not apart": Line2D([], [], color=NEUTRAL, **frame),
     }
     figure.legend(keys.values(), keys.keys(), loc="outside upper left", ncols=4 if wide else 2)
     return figure
@@ -142,7 +135,7 @@ def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) 
 
 def _draw_pdfs(axes: Axes, panel: Panel, most: float) -> None:
     for kind, pdf, colour in panel.curves:
-        drawn = drawn_bins(pdf)
+        drawn = validation.drawn_bins(pdf)
         edges = panel.scale * 10.0 ** pdf.edges[drawn.start : drawn.stop + 1]
         density, wrong = pdf.density[drawn], kind == "wrong"
         if not len(density):
@@ -176,19 +169,6 @@ def _set_axes(axes: Axes, column: Column, panel: Panel) -> None:
         axes.set_ylabel(f"{METHOD_NAMES[panel.method]}\nDensity per decade")
 
 
-def _title(panel: Panel, wide: bool) -> list[str]:
-    """The quantity above the first row, and the figure with its interval and standing."""
-    found, lengths = panel.matching, panel.summary.reconstruction
-    heading = [HEADINGS[panel.quantity]] if panel.row == 0 else []
-    name, estimate = ("FCP", found.fcp) if found else ("median", lengths.median)
-    if not np.isfinite(estimate.value):
-        return [*heading, "no bar could be measured"]
-    value, among = f"{name} {percent(estimate.value)} %", f"({interval(estimate)})"
-    mark = f", {panel.standing}" if panel.standing else ""
-    lines = [f"{value} {among}{mark}"] if wide else [f"{value}{mark}", among]
-    return [*heading, *lines]
-
-
 MARKERS: dict[Method, str] = {"essential": "s", "2d": "o", "3d": "^", "refined": "D"}
 LARGER: dict[Method, float] = {"essential": 1.4, "2d": 1.0, "3d": 1.1, "refined": 0.9}
 """Sizes of the symbols: the essential matrix and the 2D set often have the same errors."""
@@ -201,48 +181,39 @@ def draw_frame_errors(calibration: Calibration, width_mm: float) -> Figure:
     figure = sheet(width_mm, 90.0)
     grid, panels = figure.subplots(2, 1, sharex=True), frame_panels(calibration)
     for axes, panel in zip(grid, panels, strict=True):
-        _draw_errors(axes, panel)
+        size = 1.6 if len(panel.frames) > MANY else 3.0
+        for method, values in panel.values.items():
+            for kind, of in panel.kinds.items():
+                for style in _symbols(kind, MARKERS[method], size * LARGER[method]):
+                    axes.plot(panel.frames[of], values[of], color=METHOD_COLOURS[method], **style)
+        axes.set_ylabel(f"{panel.title} ({panel.unit})")
+        axes.set_yscale("log" if panel.is_log else "linear")
+        axes.set_ylim(*panel.ends)
+        if panel.is_log:
+            axes.yaxis.set_major_formatter(PLAIN)
     grid[1].set_xlabel(f"Frame (n = {len(panels[0].frames)})")
-    keys: dict[str, tuple[str, list[dict[str, Any]]]] = {
+    keys = {
         METHOD_NAMES[method]: (METHOD_COLOURS[method], _symbols(KINDS[0], MARKERS[method], 3))
         for method in panels[0].values
     }
-    for kind, n in zip(panels[0].kinds, panels[0].counts, strict=True):
+    for kind, n in zip(KINDS, panels[0].counts, strict=True):
         if kind.key and n:
             keys[kind.key] = (NEUTRAL, _symbols(kind, "o", 3))
     symbols: list[Any] = [
         tuple(Line2D([], [], color=colour, **style) for style in styles)
         for colour, styles in keys.values()
     ]
-    figure.legend(
-        symbols,
-        list(keys),
-        loc="outside upper left",
-        ncols=6 if width_mm >= PAGE_MM else 3,
-        handler_map={tuple: HandlerTuple(ndivide=1)},
-    )
+    own: dict[str, Any] = {"ncols": 6 if width_mm >= PAGE_MM else 3, "loc": "outside upper left"}
+    figure.legend(symbols, list(keys), handler_map={tuple: HandlerTuple(ndivide=1)}, **own)
     return figure
-
-
-def _draw_errors(axes: Axes, panel: FramePanel) -> None:
-    size = 1.6 if len(panel.frames) > MANY else 3.0
-    for method, values in panel.values.items():
-        for kind, of in panel.kinds.items():
-            for style in _symbols(kind, MARKERS[method], size * LARGER[method]):
-                axes.plot(panel.frames[of], values[of], color=METHOD_COLOURS[method], **style)
-    axes.set_ylabel(f"{panel.title} ({panel.unit})")
-    axes.set_yscale("log" if panel.is_log else "linear")
-    axes.set_ylim(*panel.ends)
-    if panel.is_log:
-        axes.yaxis.set_major_formatter(PLAIN)
 
 
 def _symbols(kind: FrameKind, marker: str, size: float) -> list[dict[str, Any]]:
     """The symbol of a kind of frames, and the dot in it."""
     outer = {"linestyle": "none", "marker": marker, "markersize": size, "markeredgewidth": 0.4}
-    outer["markerfacecolor"] = "none" if kind.is_open else None
+    outer["markerfacecolor"] = "none" if "open" in kind.suffix else None
     dot = {"linestyle": "none", "marker": ".", "markersize": 0.4 * size}
-    return [outer, *([dot] if kind.is_dotted else [])]
+    return [outer, *([dot] if "dot" in kind.suffix else [])]
 
 
 VIEWS = (("From above", 0, -1.0, "Left, −x (m)"), ("From the side", 1, -1.0, "Up, −y (m)"))
@@ -254,9 +225,9 @@ LABEL_POINTS = 6.0
 def draw_rig(calibration: Calibration, method: Method, width_mm: float) -> Figure:
     """Cameras, baseline and reconstructed bars; equal axes, metres."""
     scene = scene_of(calibration, method)
-    outlines = [path for _, _, path in frusta(scene.rig, scene.depth)]
+    outlines = {name: path for name, _, path in frusta(scene.rig, scene.depth)}
     bars = scene.bars[scene.drawn]
-    everything = np.concatenate([*outlines, bars.reshape(-1, 3)])
+    everything = np.concatenate([*outlines.values(), bars.reshape(-1, 3)])
     low, high = np.nanmin(everything, axis=0), np.nanmax(everything, axis=0)
     wide = width_mm >= PAGE_MM
     columns = 2 if wide else 1
@@ -282,11 +253,11 @@ def draw_rig(calibration: Calibration, method: Method, width_mm: float) -> Figur
     return figure
 
 
-def _draw_rig(axes: Axes, outlines: list[FloatArray], at: int, sign: float) -> None:
+def _draw_rig(axes: Axes, outlines: Mapping[CameraName, FloatArray], at: int, sign: float) -> None:
     """Both cameras, with their names in the view from above, and the baseline."""
-    ends = _flat(np.array([outlines[0][0], outlines[1][0]]), at, sign)
+    ends = _flat(np.array([outline[0] for outline in outlines.values()]), at, sign)
     axes.plot(*ends.T, color=NEUTRAL, linestyle="--", linewidth=0.6)
-    for name, outline in zip(CAMERAS, outlines, strict=True):
+    for name, outline in outlines.items():
         flat = _flat(outline, at, sign)
         axes.plot(*flat.T, color="black", linewidth=0.6)
         if at:
@@ -294,15 +265,9 @@ def _draw_rig(axes: Axes, outlines: list[FloatArray], at: int, sign: float) -> N
         # Behind the camera.
         away = flat[0] - np.nanmean(flat, axis=0)
         offset = LABEL_POINTS * away / max(float(np.linalg.norm(away)), 1e-9)
-        axes.annotate(
-            name,
-            tuple(flat[0]),
-            tuple(offset),
-            textcoords="offset points",
-            fontsize=SMALL,
-            ha="center" if abs(away[0]) < abs(away[1]) else "right" if away[0] < 0 else "left",
-            va="center",
-        )
+        side = "center" if abs(away[0]) < abs(away[1]) else "right" if away[0] < 0 else "left"
+        own: dict[str, Any] = {"fontsize": SMALL, "ha": side, "va": "center"}
+        axes.annotate(name, tuple(flat[0]), tuple(offset), textcoords="offset points", **own)
 
 
 def _flat(points: FloatArray, at: int, sign: float) -> FloatArray:

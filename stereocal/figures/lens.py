@@ -1,19 +1,29 @@
-"""Figures of a lens calibration: results of the draws, errors by photograph."""
+"""Figures of lenses: results of a calibration's draws, errors by photograph, and mean residuals
+over the image as arrows, of board corners or of the pairs of a rig."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.figures.style import add, blank, count, line_of
+from stereocal.figures import style
+from stereocal.figures.style import NOWHERE, add, blank, count, line_of
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
-from stereocal.intrinsics.quality import with_error
+from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px, with_error
+from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.residual_field import ResidualField
+from stereocal.system.numbers import rounded
+from stereocal.verdict.in_words import percent
 
-BLUE, ORANGE = "#1F83C4", "#D55E00"
+BLUE, ORANGE = style.METHOD_COLOURS["2d"], style.METHOD_COLOURS["3d"]
+BAND = "rgba(213,94,0,0.22)"
 COLUMNS = 3
 BINS = 14
-UNKNOWN = np.full((1, 2), np.nan)
-"""A point that is only in the legend."""
+LONGEST_ARROW = 0.9
+"""As a fraction of the spacing of the cells."""
 
 
 def plot_draws(lens: LensCalibration) -> go.Figure:
@@ -24,24 +34,23 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
     figure = blank(60 + 190 * rows, rows, COLUMNS, **spacing)
     shapes = []
     for number, at in enumerate(free):
-        _add_draws(figure, lens, at, number)
         value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
+        _add_draws(figure, lens, at, number)
         suffix = str(number + 1) if number else ""
         height = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
         band = {"type": "rect", "x0": value - sigma, "x1": value + sigma, "layer": "below"}
-        filled = {"fillcolor": "rgba(213,94,0,0.22)", "line": {"width": 0}}
+        filled = {"fillcolor": BAND, "line": {"width": 0}}
         line = {"type": "line", "x0": value, "x1": value, "line": {"color": ORANGE, "width": 2}}
         shapes += [{**height, **band, **filled}, {**height, **line}]
     squares = {"color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12}
-    add(figure, UNKNOWN, line=line_of(ORANGE), name="Median", row=1, col=1)
-    add(figure, UNKNOWN, marker=squares, name="± 1 standard error", row=1, col=1)
+    add(figure, NOWHERE, line=line_of(ORANGE), name="Median", row=1, col=1)
+    add(figure, NOWHERE, marker=squares, name="± 1 standard error", row=1, col=1)
     # All at once, because Plotly copies the earlier ones when one is added.
     figure.update_layout(shapes=shapes)
     return figure
 
 
 def _add_draws(figure: go.Figure, lens: LensCalibration, at: int, number: int) -> None:
-    """The histogram of one parameter, and its axes."""
     place = {"row": number // COLUMNS + 1, "col": number % COLUMNS + 1}
     unit, name = " px" if at < 4 else "", lens.settings.parameters[at]
     value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
@@ -65,14 +74,12 @@ def _add_draws(figure: go.Figure, lens: LensCalibration, at: int, number: int) -
 
 
 def describe_draws(lens: LensCalibration) -> str:
-    """The figure in words."""
     settings = lens.settings
     widest = lens.spread[:2].max() / lens.values[0]
+    every = zip(settings.parameters, lens.values, lens.standard_errors, strict=True)
     found = [
-        f"{settings.parameters[at]} "
-        f"{with_error(float(lens.values[at]), float(lens.standard_errors[at]))}"
-        f"{' px' if at < 4 else ''}"
-        for at in range(len(PARAMETERS))
+        f"{name} {with_error(float(value), float(sigma))}{' px' if at < 4 else ''}"
+        for at, (name, value, sigma) in enumerate(every)
         if settings.free[at]
     ]
     return (
@@ -105,9 +112,7 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
         )
     middle, dashed = float(np.median(lens.view_errors)), line_of(width=1.5, dash="dash")
     figure.add_hline(y=middle, line=dashed)
-    figure.add_scatter(
-        x=[None], y=[None], mode="lines", name=f"Median {middle:.3f} px", line=dashed
-    )
+    add(figure, NOWHERE, line=dashed, name=f"Median {middle:.3f} px")
     figure.update_xaxes(
         categoryorder="array",
         categoryarray=names,
@@ -121,7 +126,6 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
 
 
 def describe_view_errors(lens: LensCalibration) -> str:
-    """The figure in words."""
     worst, many = int(np.argmax(lens.view_errors)), len(lens.outlying)
     note = f"; {count(many, 'photograph')} more than twice the median" if many else ""
     return (
@@ -129,3 +133,120 @@ def describe_view_errors(lens: LensCalibration) -> str:
         f"{np.median(lens.view_errors):.3f} px, the largest {lens.view_errors[worst]:.3f} px in "
         f"{lens.search.views[worst].name}{note}."
     )
+
+
+def plot_residual_field(lens: LensCalibration) -> go.Figure:
+    """Positions of the corners, and the mean residual in each part of the image, enlarged."""
+    return _plot([lens_residuals(lens)], ["u (px)"], "Corners")
+
+
+def describe_residual_field(lens: LensCalibration) -> str:
+    field, (typical, noise) = lens_residuals(lens), typical_and_noise_px(lens)
+    return (
+        f"Mean residuals in {field.known.sum()} parts of the image: typically {typical:.3f} px, at "
+        f"most {field.largest_px:.3f} px; noise alone would cause {noise:.3f} px. The corners "
+        f"cover {100 * coverage(lens.search):.0f} % of the image."
+    )
+
+
+def plot_misfit(misfit: Misfit, narrow: bool = False) -> go.Figure:
+    """The same of both cameras, across the epipolar lines; cells that differ from 0 are marked.
+
+    Args:
+        narrow: one below the other.
+    """
+    titles = [
+        f"<b>{name.capitalize()}</b>: {percent(share)} % of squared residuals<br>u (px)"
+        for name, share in zip(CAMERAS, misfit.shares, strict=True)
+    ]
+    return _plot(misfit.fields, titles, "Targets", narrow)
+
+
+def describe_misfit(misfit: Misfit) -> str:
+    cells, apart = np.sum([[own.known.sum(), own.apart.sum()] for own in misfit.fields], axis=0)
+    largest = np.nanmax([0.0, *(field.largest_px for field in misfit.fields)])
+    what = "Noise explains them: they accuse no lens."
+    if misfit.is_sure:
+        what = (
+            "Noise does not explain them: a lens is wrong, or has errors that its model does not "
+            "contain. Calibrate the lenses again, with boards where the arrows are longest. Pairs "
+            "cannot tell which of the two lenses it is."
+        )
+    return (
+        f"Mean residuals across the epipolar lines in {cells} cells of at least {FEWEST_POINTS} "
+        f"points: at most {rounded(float(largest))} px, and {apart or 'none'} apart from 0 "
+        f"({100 * LEVEL:.0f} % for all cells together, tested by random signs of frames that "
+        f"follow each other). {what} Beyond chance, the cells explain {percent(misfit.shares[0])} "
+        f"% of the squared residuals in the primary and {percent(misfit.shares[1])} % in the "
+        f"secondary; noise makes such means with a probability of {rounded(misfit.probability)}."
+    )
+
+
+def _plot(
+    fields: Sequence[ResidualField], titles: Sequence[str], what: str, narrow: bool = False
+) -> go.Figure:
+    rows, columns = (len(fields), 1) if narrow else (1, len(fields))
+    figure = blank(100 + 290 * rows if narrow else 450, rows, columns, horizontal_spacing=0.1)
+    scale = arrow_scale(fields)
+    for at, field in enumerate(fields):
+        place = {"row": at + 1, "col": 1} if narrow else {"row": 1, "col": at + 1}
+        figure.add_scattergl(
+            x=field.points[:, 0],
+            y=field.points[:, 1],
+            mode="markers",
+            hoverinfo="skip",
+            marker={"size": 3, "color": style.FAINT},
+            name=f"{what} (n = {len(field.points)})",
+            legendgroup="points",
+            showlegend=at == 0,
+            **place,
+        )
+        for apart in (False, True):
+            if (field.apart[field.known] == apart).any():
+                _add_arrows(figure, field, apart, scale, place)
+        width, height = field.image_size
+        edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
+        figure.add_shape(edge, line={"color": style.NEUTRAL, "width": 1.5}, **place)
+        x, y = ({"title_text": title, "nticks": 6} for title in (titles[at], "v (px)"))
+        style.set_image_axes(figure, field.image_size, 0.02 * width, x, y, **place)
+    return figure
+
+
+def _add_arrows(
+    figure: go.Figure, field: ResidualField, apart: bool, scale: float, place: dict[str, int]
+) -> None:
+    """Arrows of the cells that are, or are not, apart from 0."""
+    shown, colour = field.known & (field.apart == apart), ORANGE if apart else BLUE
+    tails, means = field.centres[shown], field.mean[shown]
+    name = "Apart from 0" if apart else f"Mean residual, ×{scale:g}"
+    add(
+        figure,
+        style.with_gaps(np.stack([tails, tails + scale * means], axis=1)),
+        "mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"
+        "of %{customdata[2]:.0f} points",
+        line={"color": colour, "width": 3 if apart else 2},
+        name=name,
+        legendgroup=str(apart),
+        marker={
+            "color": colour,
+            "symbol": "arrow-wide" if apart else "arrow",
+            "angleref": "previous",
+            "size": np.tile([0, 10 if apart else 7, 0], len(tails)),
+        },
+        customdata=np.repeat(np.column_stack([means, field.count[shown]]), 3, axis=0),
+        showlegend=all(name != trace.name for trace in figure.data),
+        **place,
+    )
+
+
+def arrow_scale(fields: Sequence[ResidualField]) -> float:
+    """Enlargement of the arrows: 1, 2 or 5 times a power of ten."""
+    wanted = [
+        LONGEST_ARROW * field.image_size[0] / field.count.shape[1] / field.largest_px
+        for field in fields
+        if field.largest_px > 0
+    ]
+    if not wanted:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(min(wanted)))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= min(wanted)))

@@ -7,19 +7,15 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.photograph import Photograph, photograph_behind
+from stereocal.figures import style
 from stereocal.figures.style import (
     CORRECT_COLOUR,
-    DASHED,
-    FILLS,
     NEUTRAL,
-    TRANSPARENT,
     WRONG_COLOUR,
+    Photograph,
     add,
-    blank,
     count,
-    line_of,
-    sentence_only,
+    thinned,
 )
 from stereocal.matching.matching import NearestErrors
 from stereocal.matching.threshold import ThresholdChoice
@@ -37,7 +33,7 @@ ON_PHOTOGRAPH = {"color": "white", "shadow": "0 0 3px #000, 0 0 3px #000"}
 BINS_PER_DECADE = 10
 MAXIMUM_DECADES = 5.0
 """Range of the histogram below the largest error; smaller errors count in the first bin."""
-HATCH = {"shape": "/", "fgcolor": WRONG_COLOUR, "bgcolor": TRANSPARENT, "size": 6}
+HATCH = {"shape": "/", "fgcolor": WRONG_COLOUR, "bgcolor": style.TRANSPARENT, "size": 6}
 
 
 def plot_matches(
@@ -55,30 +51,27 @@ def plot_matches(
         size: width and height of the image.
         photograph: what is drawn behind the points.
     """
-    pairs = pairs.sort_values("u_primary", ignore_index=True)
-    figure, (width, height) = blank(350), size
+    figure = style.blank(350)
     figure.layout.uirevision, figure.layout.showlegend, figure.layout.margin.pad = side, False, 0
+    colour = NEUTRAL
     if photograph is not None:
-        box = (-0.5, -0.5, width - 0.5, height - 0.5)
-        figure.layout.images = photograph_behind(photograph, box)
+        box, colour = (-0.5, -0.5, size[0] - 0.5, size[1] - 0.5), WRONG_COLOUR
+        figure.layout.images = style.photograph_behind(photograph, box)
     alone = points[unmatched(pairs, points, side)]
-    colour = WRONG_COLOUR if photograph is not None else NEUTRAL
     marker = {"symbol": "circle-open", "size": 9, "line": {"width": 2}, "color": colour}
     hover, name = "no partner<br>u %{x:.2f} px, v %{y:.2f} px", f"No partner (n = {len(alone)})"
-    add(figure, alone[:: thinned(len(alone))], hover, marker=marker, name=name)
-    _add_pairs(figure, side, pairs, photograph is not None)
-    common = {"constrain": "domain", "showgrid": False, "mirror": True}
-    ticks = {"nticks": 4, "tickangle": 0, "ticksuffix": " px"}
-    figure.update_xaxes(range=[-0.5, width - 0.5], **ticks, **common)
-    common |= {"nticks": 5, "scaleanchor": "x", "constraintoward": "top"}
-    figure.update_yaxes(range=[height - 0.5, -0.5], **common)
+    add(figure, alone[thinned(len(alone), MAXIMUM_DRAWN)], hover, marker=marker, name=name)
+    ordered = pairs.sort_values("u_primary", ignore_index=True)
+    _add_pairs(figure, side, ordered, photograph is not None)
+    x = {"nticks": 4, "tickangle": 0, "ticksuffix": " px", "mirror": True}
+    style.set_image_axes(figure, size, 0.0, x, {"nticks": 5, "mirror": True})
     return figure
 
 
 def describe_matches(
     pairs: pd.DataFrame, primary: FloatArray, secondary: FloatArray, frame: int
 ) -> str:
-    """The figure in words."""
+    """How many pairs there are, and points without a partner."""
     left = [
         int(unmatched(pairs, points, side).sum())
         for side, points in (("primary", primary), ("secondary", secondary))
@@ -106,14 +99,13 @@ def _add_pairs(
     """Pairs as discs, ambiguous ones as diamonds, coloured by their order in the primary image."""
     rank = np.arange(len(pairs)) / max(len(pairs) - 1, 1)
     ambiguous = pairs["ambiguous"].to_numpy(dtype=np.bool_)
-    step = thinned(len(pairs))
     for chosen, name, symbol in (
         (~ambiguous, "Pair", "circle"),
         (ambiguous, "Ambiguous pair", "diamond"),
     ):
         if not chosen.any():
             continue
-        drawn = np.flatnonzero(chosen)[::step]
+        drawn = np.flatnonzero(chosen)[thinned(len(pairs), MAXIMUM_DRAWN)]
         rows = pairs.iloc[drawn]
         add(
             figure,
@@ -138,33 +130,33 @@ def _add_pairs(
         )
 
 
-def thinned(points: int) -> int:
-    """Every n-th point is drawn."""
-    return -(-points // MAXIMUM_DRAWN) or 1
-
-
 def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
     """Histograms of the best and the second-best error of each point, and the threshold."""
-    edges = _edges(nearest, threshold_px)
-    if edges is None:
-        return sentence_only("No pair of points meets in front of both cameras.")
-    figure = blank(340)
+    both = np.concatenate([nearest.best_px, nearest.runner_up_px])
+    positive = both[np.isfinite(both) & (both > 0)]
+    if not len(positive):
+        return style.sentence_only("No pair of points meets in front of both cameras.")
+    top = max(float(positive.max()), 2 * threshold_px)
+    low = max(min(float(positive.min()), threshold_px / 2 or np.inf), top / 10**MAXIMUM_DECADES)
+    ends = np.floor(np.log10(low) * 10) / 10, np.ceil(np.log10(top) * 10) / 10
+    decades = max(ends[1] - ends[0], 0.1)
+    edges = np.logspace(*ends, round(decades * BINS_PER_DECADE) + 1)
+    figure = style.blank(340)
     for name, errors, colour, fill in (
-        ("Best partner", nearest.best_px, CORRECT_COLOUR, {"fillcolor": FILLS["correct"]}),
+        ("Best partner", nearest.best_px, CORRECT_COLOUR, {"fillcolor": style.FILLS["correct"]}),
         ("Runner-up", nearest.runner_up_px, WRONG_COLOUR, {"fillpattern": HATCH}),
     ):
         known = errors[np.isfinite(errors)]
         counts, _ = np.histogram(np.clip(known, edges[0], edges[-1]), edges)
         steps = np.column_stack([np.repeat(edges, 2), np.pad(np.repeat(counts, 2), 1)])
-        hover, line = f"{name}: %{{y}} points at %{{x:.3~r}} px", line_of(colour)
+        hover, line = f"{name}: %{{y}} points at %{{x:.3~r}} px", style.line_of(colour)
         named = {"name": f"{name} (n = {len(known)})", "fill": "tozeroy", **fill}
         add(figure, steps, hover, line=line, **named)
     if threshold_px > 0:
         text = f"<b>{rounded(threshold_px, 3)} px</b>"
         at = {"x": np.log10(threshold_px), "yanchor": "top", "font": {"size": 14}}
-        figure.add_vline(x=threshold_px, line=DASHED, annotation={"text": text, **at})
-    ends = np.log10(edges[[0, -1]])
-    scale = {"type": "log", "range": ends.tolist(), "dtick": 1 if np.ptp(ends) > 2 else None}
+        figure.add_vline(x=threshold_px, line=style.DASHED, annotation={"text": text, **at})
+    scale = {"type": "log", "range": list(ends), "dtick": 1 if np.ptp(ends) > 2 else None}
     figure.update_xaxes(title_text="Reprojection error (px)", **scale)
     figure.update_yaxes(title_text="Points of the primary", rangemode="tozero")
     return figure
@@ -173,7 +165,7 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
 def describe_pair_errors(
     nearest: NearestErrors, threshold_px: float, choice: ThresholdChoice | None
 ) -> str:
-    """The figure in words.
+    """How many points have partners within the threshold, and whether it separates.
 
     Args:
         choice: the threshold, and what it does; None if there is none.
@@ -197,16 +189,3 @@ def describe_pair_errors(
         f"{count(nearest.frames, 'frame')}, {best} have a partner within "
         f"{rounded(threshold_px, 3)} px, and {second} have a second one. {advice}"
     )
-
-
-def _edges(nearest: NearestErrors, threshold_px: float) -> FloatArray | None:
-    both = np.concatenate([nearest.best_px, nearest.runner_up_px])
-    positive = both[np.isfinite(both) & (both > 0)]
-    if not len(positive):
-        return None
-    top = max(float(positive.max()), 2 * threshold_px)
-    low = max(min(float(positive.min()), threshold_px / 2 or np.inf), top / 10**MAXIMUM_DECADES)
-    first, last = (np.floor(np.log10(low) * 10) / 10, np.ceil(np.log10(top) * 10) / 10)
-    decades = max(last - first, 0.1)
-    edges: FloatArray = np.logspace(first, last, round(decades * BINS_PER_DECADE) + 1)
-    return edges

@@ -12,7 +12,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, set_scene
-from stereocal.figures.style import DASHED, add, blank, count, marker_of, sentence_only
+from stereocal.figures.style import DASHED, add, blank, count, marker_of, sentence_only, thinned
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
@@ -53,9 +53,7 @@ HEADINGS: Mapping[str, str] = {
 and a column of the user keeps its own."""
 IN_WORLD: Mapping[str, str] = {
     **HEADINGS,
-    "x": "x (m)",
-    "y": "y (m)",
-    "z": "z (m)",
+    **{axis: f"{axis} (m)" for axis in "xyz"},
     "coordinates": "World frame",
 }
 """Of points in a world frame."""
@@ -68,8 +66,6 @@ class PointCloud:
     points: pd.DataFrame
     """Rows of `points.csv`."""
     scene: Scene
-    tracks: Sequence[IntArray]
-    """Rows that are connected by lines."""
 
     @cached_property
     def xyz(self) -> FloatArray:
@@ -77,9 +73,20 @@ class PointCloud:
         return self.scene.points(self.points[["x", "y", "z"]].to_numpy(dtype=np.float64))
 
     @cached_property
+    def finite(self) -> BoolArray:
+        """(n,): which have a place."""
+        return np.asarray(np.isfinite(self.xyz).all(axis=1))
+
+    @cached_property
     def seen(self) -> BoolArray:
         """(n,): finite, and not far from the others."""
-        return in_view(self.xyz)
+        if not self.finite.any():
+            return self.finite
+        low, high = np.percentile(self.xyz[self.finite], [1, 99], axis=0)
+        room = FAR_OUT * max(float((high - low).max()), 1e-9)
+        with np.errstate(invalid="ignore"):
+            near = ((self.xyz >= low - room) & (self.xyz <= high + room)).all(axis=1)
+        return np.asarray(self.finite & near)
 
     @cached_property
     def outside(self) -> BoolArray:
@@ -87,18 +94,6 @@ class PointCloud:
         if "outside_volume" not in self.points:
             return np.zeros(len(self.points), dtype=bool)
         return self.points["outside_volume"].to_numpy(dtype=bool)
-
-    @cached_property
-    def shown(self) -> IntArray:
-        """Rows that are drawn: those in view, evenly thinned."""
-        rows = np.flatnonzero(self.seen)
-        return rows[:: -(-len(rows) // MAXIMUM_DRAWN) or 1]
-
-    @property
-    def depth(self) -> float:
-        """From the primary camera, exceeded by 2 % of the points in view; metres."""
-        in_primary = self.scene.from_primary.inverse().apply(self.xyz[self.seen])
-        return float(np.percentile(in_primary[:, 2], 98))
 
 
 def plot_points(
@@ -116,19 +111,19 @@ def plot_points(
     Args:
         points: rows of `points.csv`.
         colour: the quantity shown as colour.
-        rig: the cameras.
         view: one of `VIEWS`.
         tracks: rows that are connected by lines.
         frame: a frame to mark.
         world: `world_from_primary` of the points; None: they are in the primary's frame.
     """
-    cloud = PointCloud(points, Scene.of_world(world), tracks)
-    if not len(cloud.shown):
+    cloud = PointCloud(points, Scene.of_world(world))
+    seen, xyz = np.flatnonzero(cloud.seen), cloud.xyz
+    shown = seen[thinned(len(seen), MAXIMUM_DRAWN)]
+    if not len(shown):
         return sentence_only("No pair meets in front of both cameras: there is nothing to draw.")
     values = points["frame" if colour == "frame" else "error_px"].to_numpy(dtype=np.float64)
-    shown = values[cloud.shown]
     # For errors, the scale ends at the 98th percentile.
-    low, top = float(shown.min()), float(np.percentile(shown, 98 if colour == "error" else 100))
+    low, top = np.percentile(values[shown], [0, 98 if colour == "error" else 100]).tolist()
     scale = {
         "colorscale": [list(stop) for stop in COLOURS],
         "cmin": low,
@@ -136,17 +131,25 @@ def plot_points(
     }
     figure = blank(560)
     figure.layout.uirevision, figure.layout.showlegend = view, False
-    _add_tracks(figure, cloud, values, scale)
-    _add_points(figure, cloud, values, {**scale, "colorbar": _colour_bar(colour)})
-    marked = cloud.xyz[cloud.seen & (points["frame"] == frame)][:MAXIMUM_MARKED]
+    # All tracks in one trace, with gaps between them.
+    if drawn := drawn_tracks([track[cloud.seen[track]] for track in tracks]):
+        rows = np.concatenate([part for track in drawn for part in (track, track[-1:])])
+        path = xyz[rows]
+        path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
+        line = {**scale, "color": values[rows], "width": 3}
+        add(figure, path, line=line, name=f"Tracks (n = {len(tracks)})")
+    _add_points(figure, cloud, shown, values, {**scale, "colorbar": _colour_bar(colour)})
+    marked = xyz[cloud.seen & (points["frame"] == frame)][:MAXIMUM_MARKED]
     if len(marked):
         size = 8 if len(marked) <= 20 else 4
         marker = {"symbol": "diamond", "color": MARK_COLOUR, "size": size}
         add(figure, marked, "name", marker=marker, name=f"Frame {frame}")
-    add_cameras(figure, rig, cloud.depth, cloud.scene)
-    seen = cloud.xyz[cloud.seen]
+    # Depth from the primary camera, exceeded by 2 % of the points in view.
+    in_primary = cloud.scene.from_primary.inverse().apply(xyz[seen])
+    add_cameras(figure, rig, float(np.percentile(in_primary[:, 2], 98)), cloud.scene)
     # Else tracks far from the cameras are a dot in a corner.
-    set_scene(figure, eye_of(view, rig, np.median(seen, axis=0), cloud.scene, seen), cloud.scene)
+    eye = eye_of(view, rig, np.median(xyz[seen], axis=0), cloud.scene, xyz[seen])
+    set_scene(figure, eye, cloud.scene)
     return figure
 
 
@@ -164,24 +167,32 @@ def _colour_bar(colour: Colour) -> dict[str, Any]:
 
 
 def _add_points(
-    figure: go.Figure, cloud: PointCloud, values: FloatArray, scale: Mapping[str, Any]
+    figure: go.Figure,
+    cloud: PointCloud,
+    rows: IntArray,
+    values: FloatArray,
+    scale: Mapping[str, Any],
 ) -> None:
     """The points inside and outside the volume of the bars, with one colour bar."""
     about = cloud.points[["frame", "error_px", "x", "y", "z"]].to_numpy(dtype=np.float64)
-    x, y, z = ("", "", "") if cloud.scene.is_world else (" (right)", " (down)", " (depth)")
-    rows, outside = cloud.shown, cloud.outside[cloud.shown]
-    kinds = {"Points": (rows[~outside], "circle")}
-    kinds["Outside the volume of the bars"] = (rows[outside], "circle-open")
+    place = ", ".join(
+        f"{axis} %{{customdata[{at}]:.3f}} m{words}"
+        for at, (axis, words) in enumerate(zip("xyz", cloud.scene.words, strict=True), start=2)
+    )
+    outside = cloud.outside[rows]
+    kinds = (
+        ("Points", rows[~outside], "circle"),
+        ("Outside the volume of the bars", rows[outside], "circle-open"),
+    )
     bar = True
-    for name, (some, symbol) in kinds.items():
+    for name, some, symbol in kinds:
         if not len(some):
             continue
         own = {"size": 4 if len(rows) <= 200 else 2, "color": values[some], "symbol": symbol}
         add(
             figure,
             cloud.xyz[some],
-            "frame %{customdata[0]:d}, error %{customdata[1]:.3f} px<br>x %{customdata[2]:.3f} "
-            f"m{x}, y %{{customdata[3]:.3f}} m{y}, z %{{customdata[4]:.3f}} m{z}",
+            f"frame %{{customdata[0]:d}}, error %{{customdata[1]:.3f}} px<br>{place}",
             marker={**scale, **own, "showscale": bar},
             customdata=about[some],
             name=f"{name} (n = {len(some)})",
@@ -189,24 +200,10 @@ def _add_points(
         bar = False
 
 
-def _add_tracks(
-    figure: go.Figure, cloud: PointCloud, values: FloatArray, scale: Mapping[str, Any]
-) -> None:
-    """All tracks in one trace, with gaps between them; evenly thinned."""
-    drawn = drawn_tracks([track[cloud.seen[track]] for track in cloud.tracks])
-    if not drawn:
-        return
-    rows = np.concatenate([part for track in drawn for part in (track, track[-1:])])
-    path = cloud.xyz[rows]
-    path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
-    line = {**scale, "color": values[rows], "width": 3}
-    add(figure, path, line=line, name=f"Tracks (n = {len(cloud.tracks)})")
-
-
 def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
     """At most `MAXIMUM_TRACKS` tracks of about `MAXIMUM_DRAWN` points together."""
     some = [track for track in tracks if len(track) > 1]
-    some = some[:: -(-len(some) // MAXIMUM_TRACKS) or 1]
+    some = some[thinned(len(some), MAXIMUM_TRACKS)]
     step = -(-sum(len(track) for track in some) // MAXIMUM_DRAWN) or 1
     return [np.append(track[:-1:step], track[-1]) for track in some]
 
@@ -214,9 +211,9 @@ def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
 def describe_points(
     points: pd.DataFrame, tracks: Sequence[IntArray] = (), world: Pose | None = None
 ) -> str:
-    """The figure in words."""
-    cloud = PointCloud(points, Scene(), tracks)  # in the axes of the table
-    finite, shown = np.isfinite(cloud.xyz).all(axis=1), cloud.seen
+    """Extents of the points in view, and how many are not drawn."""
+    cloud = PointCloud(points, Scene())  # in the axes of the table
+    shown = cloud.seen
     if not shown.any():
         return "No pair meets in front of both cameras."
     x, y, z = cloud.xyz[shown].T
@@ -233,23 +230,11 @@ def describe_points(
             text += f", of which {len(drawn_tracks(tracks))}, evenly spread, are drawn"
     if shown.sum() > MAXIMUM_DRAWN:
         text += f"; at most {MAXIMUM_DRAWN} points, evenly spread, are drawn"
-    if far := int((finite & ~shown).sum()):
+    if far := int((cloud.finite & ~shown).sum()):
         text += f"; {count(far, 'point')} far away from all others not drawn"
-    if behind := int((~finite).sum()):
+    if behind := int((~cloud.finite).sum()):
         text += f"; {count(behind, 'pair')} without a point (behind a camera)"
     return text + "."
-
-
-def in_view(xyz: FloatArray) -> BoolArray:
-    """(n,): whether points (n, 3) are finite and not far from the others."""
-    finite: BoolArray = np.asarray(np.isfinite(xyz).all(axis=1))
-    if not finite.any():
-        return finite
-    low, high = np.percentile(xyz[finite], [1, 99], axis=0)
-    room = FAR_OUT * max(float((high - low).max()), 1e-9)
-    with np.errstate(invalid="ignore"):
-        near: BoolArray = ((xyz >= low - room) & (xyz <= high + room)).all(axis=1)
-    return finite & near
 
 
 def plot_lengths(check: LengthCheck) -> go.Figure:
@@ -271,7 +256,7 @@ def plot_lengths(check: LengthCheck) -> go.Figure:
 
 
 def describe_lengths(check: LengthCheck) -> str:
-    """The figure in words."""
+    """Extremes and median of the errors."""
     errors = 100 * check.errors
     return (
         f"Error of a known length of {rounded(check.known_m, 4)} m in "

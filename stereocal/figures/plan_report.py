@@ -13,25 +13,18 @@ import plotly.graph_objects as go
 from stereocal.field.planning.forecast import PlanForecast, answer
 from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
-from stereocal.figures.html import (
-    html_figure,
-    html_list,
-    html_page,
-    html_section,
-    html_table,
-    paragraphs,
-)
-from stereocal.figures.style import add, blank, line_of, sentence_only
-from stereocal.figures.tables import plan_table
+from stereocal.figures.html import html_figure, html_list, html_page, html_table, paragraphs
+from stereocal.figures.style import METHOD_COLOURS, add, blank, line_of, sentence_only
+from stereocal.figures.tables import image_words, plan_table
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, percent
 from stereocal.version import __version__
 
 PLAN_STYLES = (
-    ("#1F83C4", "solid", "circle"),
-    ("#D55E00", "dash", "triangle-up"),
-    ("#A1458A", "dot", "diamond"),
+    (METHOD_COLOURS["2d"], "solid", "circle"),
+    (METHOD_COLOURS["3d"], "dash", "triangle-up"),
+    (METHOD_COLOURS["refined"], "dot", "diamond"),
 )
 HEIGHT = 340
 HOVER = "%{x:.3~r} m<br>%{y:.2~r} %"
@@ -47,7 +40,7 @@ def plot_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> go.Fi
 
 
 def describe_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> str:
-    """The figure in words."""
+    """As `describe_accuracy`."""
     return describe_accuracy(_maps(found), quantity)
 
 
@@ -67,7 +60,7 @@ def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
 
 
 def describe_plan_depths(plans: Sequence[PlanForecast]) -> str:
-    """The figure in words."""
+    """The errors at the least and the largest depth of each plan."""
     parts = []
     for found in plans:
         depths, length, _ = found.fit.by_depth
@@ -102,7 +95,7 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
 
 
 def describe_plan_baselines(found: PlanForecast) -> str:
-    """The figure in words."""
+    """The errors with the planned and with the best baseline."""
     advice = found.advice
     known = np.flatnonzero(np.isfinite(advice.baseline_errors))
     if len(known) < 2:
@@ -123,17 +116,17 @@ def _maps(found: PlanForecast) -> list[AccuracyMap]:
 
 def plan_report(found: PlanForecast) -> str:
     """The text of the file."""
-    sections = [
-        html_section("What would help most", html_list(found.advice.sentences)),
-        html_figure("Errors by place", plot_plan_map(found), describe_plan_map(found)),
-        html_figure("Errors by depth", plot_plan_depths([found]), describe_plan_depths([found])),
-        html_figure(
-            "Errors by baseline", plot_plan_baselines(found), describe_plan_baselines(found)
+    sections = {
+        "What would help most": html_list(found.advice.sentences),
+        "Errors by place": html_figure(plot_plan_map(found), describe_plan_map(found)),
+        "Errors by depth": html_figure(plot_plan_depths([found]), describe_plan_depths([found])),
+        "Errors by baseline": html_figure(
+            plot_plan_baselines(found), describe_plan_baselines(found)
         ),
-        html_section("What the files will do", html_table(plan_table(found))),
-        html_section("How it was computed", paragraphs(how_computed(found))),
-        html_section("The plan", html_table(_contents(found.plan))),
-    ]
+        "What the files will do": html_table(plan_table(found)),
+        "How it was computed": paragraphs(how_computed(found)),
+        "The plan": html_table(_contents(found.plan)),
+    }
     return html_page(f"Forecast of the plan {found.plan.name}", answer(found), sections)
 
 
@@ -153,16 +146,10 @@ def how_computed(found: PlanForecast) -> str:
 
 
 def _contents(plan: Plan) -> pd.DataFrame:
-    """The plan as a table."""
     own, pose = plan.uncertainty, plan.stated_pose
-    primary, secondary = (
-        f"{width} x {height} px, focal length {rounded(camera.K[0, 0], 4)} px"
-        for camera in (plan.primary, plan.secondary)
-        for width, height in (camera.image_size,)
-    )
     lines = {
-        "Primary camera": primary,
-        "Secondary camera": secondary,
+        "Primary camera": image_words(plan.primary),
+        "Secondary camera": image_words(plan.secondary),
         "Baseline": f"{rounded(plan.baseline_m, 4)} m ± {rounded(1000 * own.baseline_m, 3)} mm",
         "Volume": f"{rounded(plan.near_m, 4)} to {rounded(plan.far_m, 4)} m ahead of the primary "
         "camera",

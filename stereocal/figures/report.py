@@ -9,25 +9,19 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 import plotly
 
-from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, CalibrationSettings, Method
+from stereocal.calibration.methods import METHOD_NAMES, CalibrationSettings, Method
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
+from stereocal.figures import two_sets
 from stereocal.figures.comparison import describe_comparison, plot_comparison
-from stereocal.figures.frame_view import PAPERS, telling_frame, views_of
-from stereocal.figures.html import html_page, html_plot, html_section, html_table, paragraphs
+from stereocal.figures.html import html_figure, html_page, html_plot, html_table, paragraphs
+from stereocal.figures.style import in_order
 from stereocal.figures.tables import (
     ANGLE_TITLES,
     contents_table,
     validation_answer,
     validation_table,
-)
-from stereocal.figures.two_sets import (
-    describe_gap,
-    describe_image,
-    describe_two_sets,
-    plot_gap,
-    plot_image,
 )
 from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import COLUMNS, describe_validation
@@ -86,13 +80,16 @@ def report_html(
         "Data sets" if many else "Data set": _datasets(datasets, screenings),
         "How well each method matches and measures": _validation(summaries),
         "The figures in numbers": html_table(validation_table(summaries)),
-        "The data sets compared": _comparison(by_dataset) if len(by_dataset) > 1 else "",
+        "The data sets compared": html_figure(
+            plot_comparison(by_dataset), describe_comparison(by_dataset)
+        )
+        if len(by_dataset) > 1
+        else "",
         "Angles: mean ± spread over the runs, in degrees": _angles(summaries, datasets),
         "Settings": html_table(_settings(settings, summaries)),
         "Software": f"{software}\n{paragraphs(f'Written on {written}.')}",
     }
-    drawn = [html_section(title, content) for title, content in sections.items() if content]
-    return html_page(f"Validation of {named}", first, drawn)
+    return html_page(f"Validation of {named}", first, sections)
 
 
 def _procedure(settings: EvaluationSettings, units: str) -> tuple[str, ...]:
@@ -142,42 +139,41 @@ def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
     return "\n".join([wide, *narrow, paragraphs(words)])
 
 
-def _comparison(by_dataset: Mapping[str, Mapping[Method, MethodSummary]]) -> str:
-    words = describe_comparison(by_dataset)
-    return html_plot(plot_comparison(by_dataset), words) + paragraphs(words)
-
-
 def _why_two_sets(calibration: Calibration) -> str:
     """The frame that shows it best, with the paper's two sets side by side."""
-    frame = telling_frame(calibration)
-    views = views_of(calibration, frame)
+    frame = two_sets.telling_frame(calibration)
+    views = two_sets.views_of(calibration, frame)
     columns = []
-    for method in PAPERS:
-        gap = describe_gap(views, method)
-        drawn = [
-            (plot_image(views, method, camera), describe_image(views, method, camera))
+    for method in two_sets.PAPERS:
+        plots = [
+            html_plot(
+                two_sets.plot_image(views, method, camera),
+                two_sets.describe_image(views, method, camera),
+            )
             for camera in range(len(CAMERAS))
         ]
-        plots = [html_plot(*each) for each in (*drawn, (plot_gap(views, method), gap))]
+        plots.append(
+            html_figure(two_sets.plot_gap(views, method), two_sets.describe_gap(views, method))
+        )
         head = f"<h3>{METHOD_NAMES[method]}: primary and secondary image, and the rays</h3>"
-        columns.append(f"<div>{head}{''.join(plots)}{paragraphs(gap)}</div>")
-    said = paragraphs(f"Frame {frame}. {describe_two_sets(views)}")
+        columns.append(f"<div>{head}{''.join(plots)}</div>")
+    said = paragraphs(f"Frame {frame}. {two_sets.describe_two_sets(views)}")
     return f'{said}<div class="sets">{"".join(columns)}</div>'
 
 
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Dataset]) -> str:
-    columns: dict[str, list[str]] = {}
-    for method in (method for method in ALL_METHODS if method in summaries):
-        means, spreads = summaries[method].angle_means, summaries[method].angle_spreads
+    columns = {}
+    for method in in_order(summaries):
+        found = summaries[method]
         columns[METHOD_NAMES[method]] = [
             f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}"
-            for mean, spread in zip(means.ravel(), spreads.ravel(), strict=True)
+            for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True)
         ]
-    titles = [ANGLE_TITLES[name].removesuffix(" (degrees)") for name in Angles._fields]
     rows = [
-        f"{dataset.name}: {title}" if len(datasets) > 1 else title
+        (f"{dataset.name}: " if len(datasets) > 1 else "")
+        + ANGLE_TITLES[name].removesuffix(" (degrees)")
         for dataset in datasets
-        for title in titles
+        for name in Angles._fields
     ]
     return html_table(pd.DataFrame(columns, index=pd.Index(rows, name="Angle")))
 
@@ -198,6 +194,6 @@ def _setting(value: object) -> str:
         return ", ".join(f"{key} {_setting(inner)}" for key, inner in value.items())
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, list):
-        return listed(value) if value else "none"
-    return "none" if value is None else str(value)
+    if isinstance(value, list) and value:
+        return listed(value)
+    return "none" if value in (None, []) else str(value)

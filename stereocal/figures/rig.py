@@ -5,7 +5,7 @@ Drawn in the primary camera's frame with its up direction upwards: (x, z, -y).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +25,7 @@ from stereocal.rig.rig import Rig
 
 @dataclass(frozen=True, eq=False)
 class RigScene:
-    """The data set reconstructed by one method, in the primary camera's frame."""
+    """The data set reconstructed by one method, in the primary camera's frame, metres."""
 
     dataset: Dataset
     rig: Rig
@@ -33,39 +33,48 @@ class RigScene:
 
     @cached_property
     def points(self) -> FloatArray:
-        """(n, 3), metres."""
+        """(n, 3)."""
         return triangulate_rays(self.rig.pose.R, self.rig.pose.T, self.dataset.rays)
 
     @cached_property
     def bars(self) -> FloatArray:
-        """(m, 2, 3), metres: A and B."""
+        """(m, 2, 3): A and B."""
         return self.points[self.dataset.correspondences.bars]
-
-    @cached_property
-    def lengths(self) -> FloatArray:
-        """(m,), metres."""
-        return np.asarray(np.linalg.norm(self.bars[:, 0] - self.bars[:, 1], axis=1))
 
     @cached_property
     def drawn(self) -> BoolArray:
         """(m,): whether the bars have a length."""
-        return np.isfinite(self.lengths)
+        return np.asarray(np.isfinite(self.bars).all(axis=(1, 2)))
 
     @cached_property
     def depth(self) -> float:
-        """Largest depth of a point, in metres; the baseline if there are no points."""
+        """Largest depth of a point; the baseline if there are no points."""
         depths = self.points[np.isfinite(self.points[:, 2]), 2]
         return float(depths.max()) if len(depths) else self.rig.pose.baseline
 
     @cached_property
     def hover(self) -> dict[int, str]:
-        """The hover text of each bar with a length, of those in the figure, by its number."""
+        """The hover text of each bar of those in the figure, by its number."""
         frames = self.dataset.correspondences.frame[self.dataset.correspondences.bars[:, 0]]
+        lengths = np.linalg.norm(self.bars[:, 0] - self.bars[:, 1], axis=1)
         return {
-            k: f"frame {frames[k]}<br>length {self.lengths[k]:.4f} m, "
+            k: f"frame {frames[k]}<br>length {lengths[k]:.4f} m, "
             f"error {100 * self.errors.length[k]:.2f} %"
             for k in np.flatnonzero(style.evenly_drawn(len(frames))).tolist()
         }
+
+
+def scene_of(calibration: Calibration, method: Method) -> RigScene:
+    """The bars and the rig of one method."""
+    dataset, refined = calibration.dataset, calibration.refined
+    if method != "refined":
+        rig = Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
+    elif refined is None:
+        raise StereocalError("There is no refined set.")
+    else:
+        rig = Rig(refined.primary, refined.secondary, refined.pose)
+        dataset = refined.apply(dataset)
+    return RigScene(dataset, rig, calibration.errors[method])
 
 
 def plot_rig(
@@ -96,13 +105,13 @@ def plot_rig(
     space.add_cameras(figure, scene.rig, scene.depth)
     bars = scene.bars[scene.drawn].reshape(-1, 3)
     target = bars.mean(axis=0) if len(bars) else np.array([0.0, 0.0, scene.depth])
-    eye = space.eye_of(view, scene.rig, target)
-    space.set_scene(figure, replace(eye, shape=space.NARROW if narrow else space.WIDE))
+    shape = space.NARROW if narrow else space.WIDE
+    space.set_scene(figure, space.eye_of(view, scene.rig, target, shape=shape))
     return figure
 
 
 def describe_rig(calibration: Calibration, method: Method) -> str:
-    """The figure in words."""
+    """Where the secondary camera is, and the reconstructed bars."""
     scene = scene_of(calibration, method)
     x, y, z = scene.rig.pose.inverse().T
     text = (
@@ -121,18 +130,6 @@ def describe_rig(calibration: Calibration, method: Method) -> str:
     if missing := int((~scene.drawn).sum()):
         text += f"; {count(missing, 'bar')} not drawn (point behind a camera)"
     return text + "."
-
-
-def scene_of(calibration: Calibration, method: Method) -> RigScene:
-    """The bars and the rig of one method."""
-    dataset, errors = calibration.dataset, calibration.errors
-    if method != "refined":
-        rig = Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
-        return RigScene(dataset, rig, errors[method])
-    if (refined := calibration.refined) is None:
-        raise StereocalError("There is no refined set.")
-    rig = Rig(refined.primary, refined.secondary, refined.pose)
-    return RigScene(refined.apply(dataset), rig, errors["refined"])
 
 
 def _add_targets(figure: go.Figure, scene: RigScene) -> None:

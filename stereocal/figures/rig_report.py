@@ -10,14 +10,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.html import (
-    html_list,
-    html_page,
-    html_plot,
-    html_section,
-    html_table,
-    paragraphs,
-)
+from stereocal.figures.html import html_list, html_page, html_plot, html_table, paragraphs
 from stereocal.figures.space import outline_of, set_scene
 from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add, blank, line_of
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
@@ -48,6 +41,12 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
     for name, own in pairs.items():
         if not {*own["cameras"]} <= {*names}:
             continue
+        third = [
+            f"<br>in {each['camera']}: {rounded(each['before'])} px before, "
+            f"{rounded(each['after'])} after"
+            for each in rig.about.get("third_camera_px", [])
+            if {*each["pair"]} == {*own["cameras"]}
+        ]
         one, other = (centres[names.index(camera)] for camera in own["cameras"])
         width = THINNEST + (THICKEST - THINNEST) * own["bars"] / most
         colour, dash = METHOD_COLOURS["refined"], "solid"
@@ -56,7 +55,7 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
         add(
             figure,
             one + np.linspace(0.0, 1.0, 9)[:, None] * (other - one),
-            f"{name}: {own['bars']} bars{_third(rig, own['cameras'])}",
+            f"{name}: {own['bars']} bars{''.join(third[:4])}",
             # Only markers can be clicked.
             marker={"size": THICKEST, "opacity": 0.0},
             line=line_of(colour, width, dash),
@@ -75,7 +74,7 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
 
 
 def describe_rig_graph(rig: RigFile) -> str:
-    """The figure in words."""
+    """The rig, its loops, and the bars of each pair."""
     pairs = [f"{name} {own['bars']} bars" for name, own in rig.about.get("pairs", {}).items()]
     seen = f"Bars that two cameras see: {', '.join(pairs)}."
     return " ".join(filter(None, [rig_sentence(rig), loops_sentence(rig), seen]))
@@ -101,47 +100,32 @@ def _centres(rig: RigFile) -> FloatArray:
     return np.array([pose.inverse().T for pose in rig.poses.values()])
 
 
-def _third(rig: RigFile, pair: list[str]) -> str:
-    """How far off points of a pair are in a third camera."""
-    found = [
-        f"<br>in {own['camera']}: {rounded(own['before'])} px before, {rounded(own['after'])} after"
-        for own in rig.about.get("third_camera_px", [])
-        if {*own["pair"]} == {*pair}
-    ]
-    return "".join(found[:4])
-
-
 def rig_report(rig: RigFile, name: str) -> str:
     """The text of the file."""
-    notes, words = rig_notes(rig), describe_rig_graph(rig)
-    sections = [
-        html_section("The pairs", html_plot(plot_rig_graph(rig), words)),
-        paragraphs(*filter(None, [loops_sentence(rig)])),
-        html_section("The cameras", html_plot(plot_cameras(rig), words)),
-        html_table(camera_table(rig)),
-        html_section("What to know", html_list(notes)) if notes else "",
-        html_section("How it was computed", paragraphs(f"stereocal {__version__}. {HOW}")),
-    ]
+    words = describe_rig_graph(rig)
+    pairs, cameras = (html_plot(draw(rig), words) for draw in (plot_rig_graph, plot_cameras))
+    sections = {
+        "The pairs": pairs + paragraphs(*filter(None, [loops_sentence(rig)])),
+        "The cameras": cameras + html_table(camera_table(rig)),
+        "What to know": html_list(rig_notes(rig)),
+        "How it was computed": paragraphs(f"stereocal {__version__}. {HOW}"),
+    }
     return html_page(f"The rig of {name}", rig_sentence(rig), sections)
 
 
 def camera_table(rig: RigFile) -> pd.DataFrame:
     """Poses and standard errors, a camera a row."""
-    rows = []
+    rows = {}
     content, errors = rig.to_json()["cameras"], rig.about.get("image_errors_px", {})
     for name, pose in rig.poses.items():
         own = content[name]["standard_errors"]
-        turn = np.degrees([own["turn_x"], own["turn_y"], own["turn_z"]])
-        shift = 1000 * np.array([own["x"], own["y"], own["z"]])
-        centre = ", ".join(f"{value:.3f}" for value in pose.inverse().T)
-        rows.append(
-            {
-                "camera": name,
-                "position, m": centre,
-                "rotation ±, °": ", ".join(rounded(value) for value in turn),
-                "position ±, mm": ", ".join(rounded(value) for value in shift),
-                "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
-                "image error, px": "unknown" if errors.get(name) is None else rounded(errors[name]),
-            }
-        )
-    return pd.DataFrame(rows).set_index("camera")
+        turn = np.degrees([own[f"turn_{axis}"] for axis in "xyz"])
+        shift = [1000 * own[axis] for axis in "xyz"]
+        rows[name] = {
+            "position, m": ", ".join(f"{value:.3f}" for value in pose.inverse().T),
+            "rotation ±, °": ", ".join(map(rounded, turn)),
+            "position ±, mm": ", ".join(map(rounded, shift)),
+            "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
+            "image error, px": "unknown" if errors.get(name) is None else rounded(errors[name]),
+        }
+    return pd.DataFrame(rows).T.rename_axis("camera")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 
 from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add, line_of, upright
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -30,7 +29,7 @@ CLOSEST = 0.2
 """Least distance of the eye over the scene's diagonal: a single point has no size."""
 BEHIND = (0.5, -0.42, -0.76)
 """Behind, right of and above the primary camera."""
-AXIS_TITLES = {"xaxis": "x (m)", "yaxis": "z (m), depth", "zaxis": "−y (m), up"}
+AXIS_TITLES = ("x (m)", "z (m), depth", "−y (m), up")
 SCENE_AXIS = {
     "showbackground": False,
     "gridcolor": GRID_3D,
@@ -38,7 +37,8 @@ SCENE_AXIS = {
     "zeroline": False,
     "showspikes": False,
 }
-WORLD_TITLES = {"xaxis": "x (m)", "yaxis": "y (m)", "zaxis": "z (m)"}
+WORLD_TITLES = ("x (m)", "y (m)", "z (m)")
+TITLE = {"font": {"size": 14}}
 Z_UP = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.zeros(3))
 """From a frame whose z axis points up to one whose y axis points down."""
 
@@ -56,9 +56,9 @@ class Scene:
         return cls() if world is None else cls(Z_UP @ world, True)
 
     @property
-    def titles(self) -> Mapping[str, str]:
-        """Of the figure's axes."""
-        return WORLD_TITLES if self.is_world else AXIS_TITLES
+    def words(self) -> tuple[str, str, str]:
+        """What is said behind x, y and z of a point."""
+        return ("", "", "") if self.is_world else (" (right)", " (down)", " (depth)")
 
     def points(self, xyz: FloatArray) -> FloatArray:
         """Points (n, 3) of a table, in the scene's frame."""
@@ -66,10 +66,9 @@ class Scene:
 
     def place(self, point: FloatArray) -> str:
         """A point (3,) of the scene in words."""
-        x, y, z = upright(point) if self.is_world else point
-        if self.is_world:
-            return f"x {x:.3f} m, y {y:.3f} m, z {z:.3f} m"
-        return f"x {x:.3f} m (right), y {y:.3f} m (down), z {z:.3f} m (depth)"
+        own = upright(point) if self.is_world else point
+        parts = zip("xyz", own, self.words, strict=True)
+        return ", ".join(f"{name} {value:.3f} m{words}" for name, value, words in parts)
 
 
 IN_CAMERA = Scene()
@@ -77,7 +76,7 @@ IN_CAMERA = Scene()
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """From where a scene is seen, in the primary's frame, metres."""
+    """From where a scene is seen, in its frame, metres."""
 
     direction: npt.ArrayLike = BEHIND
     """(3,): towards the eye, which is as far away as needed to see everything."""
@@ -99,31 +98,28 @@ def eye_of(
     target: FloatArray,
     scene: Scene = IN_CAMERA,
     whole: FloatArray | None = None,
+    shape: float = NARROW,
 ) -> Eye:
     """One of `VIEWS` of a scene around a point (3,), metres.
 
     Args:
         scene: in whose frame `target` is given.
-        whole: (n, 3): what the first view shows whole; None: everything.
+        whole, shape: as of `Eye`; `whole` of the first view only.
     """
+    turn = scene.from_primary.R
     if view.startswith("Camera"):
         second = scene.from_primary.apply(rig.pose.inverse().T)
         return Eye(at=scene.from_primary.T if view == "Camera 1" else second, towards=target)
-    turn = scene.from_primary.R
     if view == "Above":  # depth to the right, since figures are wide
-        return Eye((0.0, -1.0, 0.0), up=-turn[:, 0])
+        return Eye((0.0, -1.0, 0.0), up=-turn[:, 0], shape=shape)
     if view == "Side":
-        return Eye(turn[:, 0])
-    return Eye(turn @ BEHIND, whole=whole)
+        return Eye(turn[:, 0], shape=shape)
+    return Eye(turn @ BEHIND, whole=whole, shape=shape)
 
 
 def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAMERA) -> None:
-    """Draw both frusta with labelled optical centres, and the baseline.
-
-    Args:
-        depth: of the scene, metres: the frusta are drawn in proportion.
-        scene: in whose frame they are drawn.
-    """
+    """Draw both frusta in proportion to a depth in metres, with labelled optical centres, and the
+    baseline."""
     # One name above, one below, each inwards: apart with a short baseline, and not cut.
     inwards = ("right", "left") if rig.pose.inverse().T[0] > 0 else ("left", "right")
     centres = []
@@ -150,17 +146,16 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
 
 def frusta(
     rig: Rig, depth: float, scene: Scene = IN_CAMERA
-) -> Iterator[tuple[str, Camera, FloatArray]]:
+) -> list[tuple[CameraName, Camera, FloatArray]]:
     """Name, camera and outline of each frustum in proportion to a depth in metres.
 
     An outline is a path (k, 3) with gaps of NaN, which begins at the optical centre.
     """
-    secondary = scene.from_primary @ rig.pose.inverse()
-    for name, camera, pose in (
-        ("primary", rig.primary, scene.from_primary),
-        ("secondary", rig.secondary, secondary),
-    ):
-        yield name, camera, outline_of(camera, pose, FRUSTUM_OF_DEPTH * depth)
+    poses = scene.from_primary, scene.from_primary @ rig.pose.inverse()
+    return [
+        (name, camera, outline_of(camera, pose, FRUSTUM_OF_DEPTH * depth))
+        for name, camera, pose in zip(CAMERAS, (rig.primary, rig.secondary), poses, strict=True)
+    ]
 
 
 def outline_of(camera: Camera, pose: Pose, depth: float) -> FloatArray:
@@ -174,52 +169,42 @@ def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMER
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
     values = [np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz"]
     ends = np.array([[pick(each) for each in values] for pick in (np.nanmin, np.nanmax)])
-    low, high = ends + 0.02 * np.ptp(ends, axis=0).max() * np.array([[-1.0], [1.0]])
+    box = ends + 0.02 * np.ptp(ends, axis=0).max() * np.array([[-1.0], [1.0]])
+    titles = WORLD_TITLES if scene.is_world else AXIS_TITLES
     common = {**SCENE_AXIS, "nticks": 6, "tickfont": {"size": 12}}
     # Set directly, because `update_layout` takes ten times as long.
     figure.layout.scene = {
         "aspectmode": "data",
-        "camera": _view(low, high, eye or Eye()),
+        "camera": _view(box, eye or Eye()),
         "bgcolor": TRANSPARENT,
         **{
-            name: {**common, "range": list(ends), "title": {"text": title, "font": {"size": 14}}}
-            for (name, title), ends in zip(
-                scene.titles.items(), zip(low, high, strict=True), strict=True
-            )
+            f"{axis}axis": {**common, "range": list(own), "title": {"text": title, **TITLE}}
+            for axis, title, own in zip("xyz", titles, box.T, strict=True)
         },
     }
 
 
-def _view(low: FloatArray, high: FloatArray, eye: Eye) -> dict[str, dict[str, float]]:
-    """Plotly's camera. Its unit is the geometric mean of the axes, its origin their middle."""
-    middle, unit = 0.5 * (low + high), float(np.cbrt(np.prod(high - low)))
+def _view(box: FloatArray, eye: Eye) -> dict[str, dict[str, float]]:
+    """Plotly's camera on a scene in a box (2, 3): its unit is the geometric mean of the axes, its
+    origin their middle."""
+    middle, unit = box.mean(axis=0), float(np.cbrt(np.prod(np.ptp(box, axis=0))))
     up = upright(eye.up)
     if eye.at is not None and eye.towards is not None:
         at, towards = upright(eye.at), upright(eye.towards)
     else:
-        whole = None if eye.whole is None else upright(eye.whole)
-        box = np.array([low, high] if whole is None else [whole.min(axis=0), whole.max(axis=0)])
-        closest_m = CLOSEST * float(np.linalg.norm(high - low))
-        at, towards = _seen_whole(box, upright(eye.direction), up, closest_m, eye.shape)
-    return {
-        name: dict(zip("xyz", point.tolist(), strict=True))
-        for name, point in (
-            ("eye", (at - middle) / unit),
-            ("up", up),
-            ("center", (towards - middle) / unit),
-        )
-    }
+        seen, closest_m = box, CLOSEST * float(np.linalg.norm(np.ptp(box, axis=0)))
+        if eye.whole is not None:
+            seen = np.array([pick(upright(eye.whole), axis=0) for pick in (np.min, np.max)])
+        at, towards = _seen_whole(seen, upright(eye.direction), up, closest_m, eye.shape)
+    points = {"eye": (at - middle) / unit, "up": up, "center": (towards - middle) / unit}
+    return {name: dict(zip("xyz", own.tolist(), strict=True)) for name, own in points.items()}
 
 
 def _seen_whole(
     box: FloatArray, direction: FloatArray, up: FloatArray, closest_m: float, shape: float
 ) -> tuple[FloatArray, FloatArray]:
     """The eye (3,) and the point (3,) it looks at, from which a box (2, 3) is seen whole in the
-    middle, with room for what is written around it.
-
-    Args:
-        shape: width over height of the view.
-    """
+    middle, with room for what is written around it, in a view of a width over height."""
     corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
     away = direction / np.linalg.norm(direction)
     across = np.cross(up, away)

@@ -16,16 +16,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import Method
-from stereocal.figures.frame_view import PAPERS
-from stereocal.figures.style import (
-    METHOD_COLOURS,
-    METHOD_NAMES,
-    NEUTRAL,
-    add,
-    blank,
-    line_of,
-    marker_of,
-)
+from stereocal.figures import style
+from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, add, blank
+from stereocal.figures.two_sets import PAPERS
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
@@ -41,6 +34,7 @@ ROWS: Mapping[Method, str] = {
 SHOWN_PERCENT = (-2.0, 4.0)
 """Length errors outside are not drawn, but counted."""
 SMALL: Mapping[str, Any] = {"showarrow": False, "font": {"size": 13}}
+DASHES = ("solid", "dash", "solid", "dot")
 REACH_PX = 12.0
 """Half the side of the picture of epipolar lines."""
 
@@ -82,7 +76,6 @@ class Story:
     sets: Mapping[Method, HeldOut]
 
     def to_json(self) -> str:
-        """Read back by `read_story`."""
         return json.dumps(asdict(self), separators=(",", ":")) + "\n"
 
 
@@ -105,12 +98,12 @@ def plot_story_lengths(story: Story) -> go.Figure:
         # Scattered about the row by the golden ratio, in the order of the frames.
         scatter = 0.5 * (np.arange(len(found.length_errors)) * 0.6180339887 % 1.0) - 0.42
         dots = np.column_stack([100 * np.array(found.length_errors), scatter - row])
-        marker = marker_of(method, 5, opacity=0.7)
+        marker = style.marker_of(method, 5, opacity=0.7)
         add(figure, dots, "%{x:.2f} %", marker=marker, name=name, showlegend=False)
         text = f"{name}: <b>{rounded(100 * found.length_error)} %</b>"
         left = {"x": 0, "xref": "paper", "xanchor": "left", "yanchor": "bottom"}
         figure.add_annotation(text=text, y=0.13 - row, **left, **SMALL)
-        _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), NEUTRAL, 1.5)
+        _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), width=1.5)
     best = f"Bold: mean size, best {100 * BEST:g} % of the bars"
     title = f"Length error of held-out bars (%)<br>{best}"
     figure.update_xaxes(range=SHOWN_PERCENT, showgrid=False, title_text=title)
@@ -119,7 +112,7 @@ def plot_story_lengths(story: Story) -> go.Figure:
 
 
 def describe_story_lengths(story: Story) -> str:
-    """The figure in words."""
+    """The mean length errors of the sets."""
     parts = [
         f"{name[0].lower()}{name[1:]} {rounded(100 * story.sets[method].length_error)} %"
         for method, name in ROWS.items()
@@ -138,9 +131,7 @@ def describe_story_lengths(story: Story) -> str:
 def plot_story_lines(story: Story) -> go.Figure:
     """The epipolar line of one held-out point with each set, about its measured partner."""
     figure, names = blank(HEIGHT), []
-    for (method, found), dash in zip(
-        story.sets.items(), ("solid", "dash", "solid", "dot"), strict=True
-    ):
+    for (method, found), dash in zip(story.sets.items(), DASHES, strict=True):
         start, along = np.array(found.line_px)
         name = f"{METHOD_NAMES[method]}: {rounded(found.line_distance_px)} px"
         names.append(f'<span style="color:{METHOD_COLOURS[method]}">■</span> {name}')
@@ -148,8 +139,7 @@ def plot_story_lines(story: Story) -> go.Figure:
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
     cross = {"symbol": "cross-thin", "size": 16, "color": NEUTRAL}
     cross["line"] = {"width": 3, "color": NEUTRAL}
-    point = {"name": "Measured point", "showlegend": False, "marker": cross}
-    add(figure, np.zeros((1, 2)), "name", **point)
+    add(figure, np.zeros((1, 2)), "name", name="Measured point", showlegend=False, marker=cross)
     # The lines rise to the right: there is room for their names below.
     corner = {"x": 0.99, "y": 0.01, "xref": "paper", "yref": "paper", "align": "left"}
     corner |= {"xanchor": "right", "yanchor": "bottom", **SMALL}
@@ -162,7 +152,7 @@ def plot_story_lines(story: Story) -> go.Figure:
 
 
 def describe_story_lines(story: Story) -> str:
-    """The figure in words."""
+    """The distances of the lines, and the mean reprojection errors of the sets."""
     away, means = (
         ", ".join(
             f"{METHOD_NAMES[method]} {rounded(getattr(found, figure))} px"
@@ -191,20 +181,18 @@ def plot_two_rays(story: Story) -> go.Figure:
         seen, back = (camera + IMAGE_AT * (to - camera) for to in (on_ray, middle))
         across = (back - seen) / np.linalg.norm(back - seen)
         plane = np.array([seen - 0.9 * across, back + 0.9 * across])
-        _line(figure, np.array([camera, camera + 1.06 * (on_ray - camera)]), NEUTRAL, 2)
-        _line(figure, np.array([camera, middle]), NEUTRAL, 1.5, "dot")
-        _line(figure, plane, NEUTRAL, 2)
+        _line(figure, np.array([camera, camera + 1.06 * (on_ray - camera)]))
+        _line(figure, np.array([camera, middle]), width=1.5, dash="dot")
+        _line(figure, plane)
         _line(figure, np.array([seen, back]), METHOD_COLOURS["2d"], 6)
         below = {"x": camera[0], "y": camera[1] - 0.25, "yanchor": "top", "showarrow": False}
         figure.add_annotation(text=name, **below)
     _line(figure, ON_RAYS, METHOD_COLOURS["3d"], 4)
-    for at, symbol, colour, size in (
-        (cameras, "square", NEUTRAL, 14),
-        (middle[None], "circle", METHOD_COLOURS["3d"], 10),
-    ):
-        marker = {"symbol": symbol, "color": colour, "size": size}
+    square = {"symbol": "square", "color": NEUTRAL, "size": 14}
+    disc = {"symbol": "circle", "color": METHOD_COLOURS["3d"], "size": 10}
+    for at, marker in ((cameras, square), (middle[None], disc)):
         add(figure, at, marker=marker, showlegend=False)
-    two, three = (rounded(1000 * story.sets[name].gap_m) for name in PAPERS)
+    two, three = _gaps_mm(story)
     gap = f"gap {two} mm with the 2D set,<br>{three} mm with the 3D set;"
     figure.add_annotation(x=5.0, y=7.2, text=f"{gap}<br>its middle is the 3D point", **SMALL)
     figure.add_annotation(x=5.0, y=2.6, text="reprojection<br>error", **SMALL)
@@ -214,8 +202,8 @@ def plot_two_rays(story: Story) -> go.Figure:
 
 
 def describe_two_rays(story: Story) -> str:
-    """The figure in words."""
-    two, three = (rounded(1000 * story.sets[name].gap_m) for name in PAPERS)
+    """What the drawing shows, with the gaps of the example."""
+    two, three = _gaps_mm(story)
     return (
         "The rays of the two image points miss each other, because images are noisy and lenses a "
         "little wrong. The reconstructed point is the middle of the gap, and its images are the "
@@ -226,13 +214,17 @@ def describe_two_rays(story: Story) -> str:
     )
 
 
+def _gaps_mm(story: Story) -> list[str]:
+    return [rounded(1000 * story.sets[name].gap_m) for name in PAPERS]
+
+
 def _line(
     figure: go.Figure,
     ends: FloatArray,
-    colour: str,
-    width: float,
+    colour: str = NEUTRAL,
+    width: float = 2,
     dash: str = "solid",
     name: str | None = None,
 ) -> None:
-    line, hover = line_of(colour, width, dash), "name" if name else ""
+    line, hover = style.line_of(colour, width, dash), "name" if name else ""
     add(figure, ends, hover, line=line, name=name, showlegend=False)

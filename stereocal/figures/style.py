@@ -1,4 +1,4 @@
-"""The common style of all figures: colours (after Okabe and Ito), symbols, axes, legend.
+"""The common style of all figures: colours (after Okabe and Ito), symbols, axes, photographs.
 
 The colours have a contrast of at least 3:1 on the light and the dark page, and the methods can be
 distinguished with colour blindness (tests/figures/test_colours.py).
@@ -6,16 +6,18 @@ distinguished with colour blindness (tests/figures/test_colours.py).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import base64
+from collections.abc import Container, Mapping
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
-from stereocal.calibration.methods import Method
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import TARGETS, Correspondences
 
@@ -49,6 +51,12 @@ GRID = "rgba(127,127,127,0.25)"
 GRID_3D = "#8C9399"
 """Opaque, because Plotly blends transparent lines in 3D scenes with white on every page."""
 TRANSPARENT = "rgba(0,0,0,0)"
+NOWHERE = np.full((1, 2), np.nan)
+"""A point that is only in the legend."""
+Photograph = npt.NDArray[np.uint8]
+"""(height, width), grey."""
+LONGEST_PHOTOGRAPH, JPEG_QUALITY = 1000, 85
+"""Of what is drawn behind a panel: longer side in px, and quality."""
 
 
 LAYOUT: Mapping[str, Any] = {
@@ -94,8 +102,8 @@ def blank(height: float, rows: int = 1, cols: int = 1, /, **grid: Any) -> go.Fig
     return figure
 
 
-def add(figure: go.Figure, points: FloatArray, hover: str = "", /, **trace: Any) -> None:
-    """Draw points (n, 2), or (n, 3) of a scene, as what is given of `line`, `marker` and `text`.
+def scatter(points: FloatArray, hover: str = "", /, **trace: Any) -> dict[str, Any]:
+    """Points (n, 2), or (n, 3) of a scene, drawn as what is given of `line`, `marker` and `text`.
 
     Args:
         hover: Plotly's template, or `name`; empty: nothing.
@@ -108,10 +116,14 @@ def add(figure: go.Figure, points: FloatArray, hover: str = "", /, **trace: Any)
     else:
         drawn["hovertemplate"] = hover if "<extra>" in hover else f"{hover}<extra></extra>"
     if points.shape[1] == 3:
-        x, y, z = upright(points).T
-        figure.add_scatter3d(x=x, y=y, z=z, **drawn)
-    else:
-        figure.add_scatter(x=points[:, 0], y=points[:, 1], **drawn)
+        return {"type": "scatter3d", **dict(zip("xyz", upright(points).T, strict=True)), **drawn}
+    return {"type": "scatter", "x": points[:, 0], "y": points[:, 1], **drawn}
+
+
+def add(figure: go.Figure, points: FloatArray, hover: str = "", /, **trace: Any) -> None:
+    """Draw what `scatter` describes, in the panel at `row` and `col`."""
+    place = {name: trace.pop(name, None) for name in ("row", "col")}
+    figure.add_trace(scatter(points, hover, **trace), **place)
 
 
 def upright(points: npt.ArrayLike) -> FloatArray:
@@ -123,6 +135,22 @@ def upright(points: npt.ArrayLike) -> FloatArray:
 def axis_of(title: str | None = None, /, **own: Any) -> dict[str, Any]:
     """An axis in the common style, for a layout that is given as a whole."""
     return {**AXIS, "title": {**AXIS["title"], "text": title}, **own}
+
+
+def set_image_axes(
+    figure: go.Figure,
+    size: tuple[int, int],
+    margin: float,
+    x: Mapping[str, Any],
+    y: Mapping[str, Any],
+    **place: int,
+) -> None:
+    """The axes of an image of a size in px: u to the right, v downwards, equal scales."""
+    (width, height), number = size, max(place.values(), default=1)
+    common = {"constrain": "domain", "showgrid": False, **place}
+    figure.update_xaxes(range=[-0.5 - margin, width - 0.5 + margin], **common, **x)
+    common |= {"scaleanchor": "x" if number == 1 else f"x{number}", "constraintoward": "top"}
+    figure.update_yaxes(range=[height - 0.5 + margin, -0.5 - margin], **common, **y)
 
 
 def with_gaps(paths: FloatArray) -> FloatArray:
@@ -147,9 +175,9 @@ def marker_of(method: Method, size: float, **more: Any) -> dict[str, Any]:
     return own | more
 
 
-def sentence_only(text: str, height: int = 160) -> go.Figure:
+def sentence_only(text: str) -> go.Figure:
     """An empty figure with a message."""
-    figure = blank(height)
+    figure = blank(160)
     figure.update_xaxes(visible=False)
     figure.update_yaxes(visible=False)
     figure.add_annotation(
@@ -176,9 +204,19 @@ def evenly_drawn(n: int) -> BoolArray:
     return drawn
 
 
+def thinned(n: int, most: int) -> slice:
+    """Of n points, at most so many, evenly spread."""
+    return slice(None, None, -(-n // most) or 1)
+
+
 def n_drawn(n: int) -> str:
     """`n = 25`, for a legend; and how many are drawn, if fewer."""
     return f"n = {n}" + (f", {MOST_DRAWN} drawn" if n > MOST_DRAWN else "")
+
+
+def in_order(methods: Container[Method]) -> list[Method]:
+    """These methods, in the order of all."""
+    return [method for method in ALL_METHODS if method in methods]
 
 
 def marks_of(rows: Correspondences) -> list[tuple[str, BoolArray, str, str]]:
@@ -191,3 +229,30 @@ def marks_of(rows: Correspondences) -> list[tuple[str, BoolArray, str, str]]:
         (name, rows.target == number, TARGET_COLOURS[name], TARGET_SYMBOLS[name])
         for number, name in enumerate(TARGETS)
     ]
+
+
+def photograph_behind(
+    image: Photograph, box: tuple[float, float, float, float], number: str = ""
+) -> list[dict[str, Any]]:
+    """The part of a photograph that is in a box behind a panel, for `layout.images`; none outside.
+
+    Args:
+        box: left, top, right, bottom in pixels, the centre of the first pixel at (0, 0).
+        number: of the panel's axes.
+    """
+    height, width = image.shape
+    left, top = (max(int(np.floor(end + 0.5)), 0) for end in box[:2])
+    right, bottom = min(int(np.ceil(box[2] + 0.5)), width), min(int(np.ceil(box[3] + 0.5)), height)
+    part = image[top:bottom, left:right]
+    if not part.size:
+        return []
+    shrink = LONGEST_PHOTOGRAPH / max(part.shape)
+    if shrink < 1:
+        part = np.asarray(
+            cv2.resize(part, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), np.uint8
+        )
+    _, packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    source = "data:image/jpeg;base64," + base64.b64encode(packed.tobytes()).decode()
+    place = {"x": left - 0.5, "y": top - 0.5, "sizex": right - left, "sizey": bottom - top}
+    axes = {"xref": f"x{number}", "yref": f"y{number}"}
+    return [{"source": source, "sizing": "stretch", "layer": "below", **place, **axes}]

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.methods import ALL_METHODS, COST_UNITS, METHOD_NAMES, METHODS, Method
+from stereocal.calibration.methods import COST_UNITS, METHOD_NAMES, METHODS, Method
 from stereocal.calibration.results import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast
+from stereocal.figures.style import in_order
 from stereocal.figures.validation_panels import COLUMNS, standings
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR
 from stereocal.refined.uncertainty import standard_errors
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -27,10 +28,8 @@ from stereocal.verdict.in_words import interval, percent
 from stereocal.verdict.predictive import Predictive
 
 LENS_TITLES = {
-    "fx": "Focal length fx",
-    "fy": "Focal length fy",
-    "cx": "Image centre cx",
-    "cy": "Image centre cy",
+    **{f"f{axis}": f"Focal length f{axis}" for axis in "xy"},
+    **{f"c{axis}": f"Image centre c{axis}" for axis in "xy"},
 }
 ANGLE_TITLES = {
     "yaw": "Yaw α (degrees)",
@@ -39,31 +38,31 @@ ANGLE_TITLES = {
     "delta": "Direction of the baseline δ (degrees)",
     "epsilon": "Direction of the baseline ε (degrees)",
 }
-THRESHOLD = "threshold_px"
+THRESHOLD_ROW = "Matching threshold (px)"
 FORECAST_ROWS = {
     "Wrong pairs that look right, FCP (%)": "fcp_reprojection",
     "Reprojection error, mean (px)": "mean_reprojection_px",
-    "Matching threshold (px)": THRESHOLD,
+    THRESHOLD_ROW: "threshold_px",
     "Length error, median (%)": "median_error_3d",
     "95 % of lengths within (%)": "p95_error_3d",
 }
 
 
 def errors_table(calibration: Calibration) -> pd.DataFrame:
-    """The errors of the paper's methods on all frames not left out."""
+    """The errors of the methods on all frames not left out."""
     held_out = ", fitted and held out" if len(calibration.held_out_frames) else ""
     left_out = len(calibration.screening.left_out)
-    return pd.DataFrame(
-        {
-            METHOD_NAMES[name]: {
-                "Mean reprojection error (px)": digits(errors.mean_reprojection_px),
-                "Mean bar length error (%)": digits(100 * errors.mean_length),
-                "95 % of bars within (%)": digits(100 * errors.p95_length),
-                "Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}",
-            }
-            for name, errors in calibration.errors.items()
+    columns = {
+        METHOD_NAMES[name]: {
+            "Mean reprojection error (px)": digits(errors.mean_reprojection_px),
+            "Mean bar length error (%)": digits(100 * errors.mean_length),
+            "95 % of bars within (%)": digits(100 * errors.p95_length),
+            "Pairs behind a camera": f"{int(np.isnan(errors.reprojection_px).sum())}",
         }
-    ).rename_axis(f"All frames{f' but the {left_out} left out' if left_out else ''}{held_out}")
+        for name, errors in calibration.errors.items()
+    }
+    title = f"All frames{f' but the {left_out} left out' if left_out else ''}{held_out}"
+    return pd.DataFrame(columns).rename_axis(title)
 
 
 def _pose_rows(pose: Pose) -> dict[str, str]:
@@ -96,15 +95,13 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
     """The refined set with its standard errors: angles in degrees, lengths in m, lenses in px."""
     lines = {}
     for name, value in standard_errors(result).items():
+        title, scale, decimals = "Baseline (m)", 1.0, 4
         if name in ANGLE_TITLES:
             title, scale = ANGLE_TITLES[name], 180 / math.pi
-        elif name == "baseline_m":
-            title, scale = "Baseline (m)", 1.0
-        else:
+        elif name != "baseline_m":
             camera, key = name.split("_")
-            title, scale = f"{LENS_TITLES[key]}, {camera} camera (px)", 1.0
+            title, decimals = f"{LENS_TITLES[key]}, {camera} camera (px)", 2
         error = "held" if value.sigma == 0 else f"± {digits(scale * value.sigma, 2)}"
-        decimals = 4 if scale != 1.0 or name == "baseline_m" else 2
         lines[title] = {"Value": f"{scale * value.value:.{decimals}f}", "Standard error": error}
     bar = result.dataset.target_distance_m
     lines["Distance A–B (m)"] = {
@@ -124,16 +121,17 @@ def parameters_table(rig: RigParameters) -> pd.DataFrame:
     return pd.DataFrame({"Value": lines}).rename_axis("Parameter")
 
 
+def image_words(camera: Camera) -> str:
+    """Size of the image and focal length."""
+    width, height = camera.image_size
+    return f"{width} × {height} px, focal length {camera.K[0, 0]:.1f} px"
+
+
 def contents_table(dataset: Dataset) -> pd.DataFrame:
     """The contents of a data set, one row per quantity."""
     rows, own = dataset.correspondences, dataset.bar_distances_m
     frames, of_object = rows.frames, rows.rigid_object is not None
     single = 0 if of_object else len(frames) - len(rows.bars)
-    primary, secondary = (
-        f"{width} × {height} px, focal length {camera.K[0, 0]:.1f} px"
-        for camera in (dataset.primary, dataset.secondary)
-        for width, height in (camera.image_size,)
-    )
     serving = f" ({single} with one target serve the 2D method only)" if single else ""
     baseline = f"{dataset.baseline_m:g} m"
     if dataset.baseline_is_free:
@@ -147,8 +145,8 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
         "Known distances"
         if of_object
         else "Frames with both targets": f"{len(rows.bars)}{serving}",
-        "Primary image": primary,
-        "Secondary image": secondary,
+        "Primary image": image_words(dataset.primary),
+        "Secondary image": image_words(dataset.secondary),
         "Baseline": baseline,
         "Length of the known distances" if of_object else "Distance between the targets": distance,
     }
@@ -163,33 +161,28 @@ def forecast_table(
     Args:
         thresholds: of the files, px: a file has one, and the forecast has no other.
     """
-
-    def cell(method: Method, name: str) -> str:
-        if name != THRESHOLD:
-            return _forecast(getattr(predictive.forecasts[method], name), name)
+    columns = {}
+    for method, forecast in predictive.forecasts.items():
         in_file = thresholds.get(method)
-        return "" if in_file is None else digits(in_file, 2)
-
-    return _files_table("On frames to come (95 % intervals)", predictive.forecasts, cell)
+        columns[METHOD_NAMES[method]] = {
+            row: _forecast(getattr(forecast, name), name)
+            for row, name in FORECAST_ROWS.items()
+            if row != THRESHOLD_ROW
+        } | {THRESHOLD_ROW: "" if in_file is None else digits(in_file, 2)}
+    title = "On frames to come (95 % intervals)"
+    return pd.DataFrame(columns).loc[list(FORECAST_ROWS)].rename_axis(title)
 
 
 def plan_table(found: PlanForecast) -> pd.DataFrame:
     """What each file of a planned field day will do; a row for each figure."""
-
-    def cell(method: Method, name: str) -> str:
-        return _forecast(found.estimate(method, name), name)
-
-    return _files_table("Mean over field days (95 % of them)", FILES, cell)
-
-
-def _files_table(
-    title: str, files: Iterable[Method], cell: Callable[[Method, str], str]
-) -> pd.DataFrame:
     columns = {
-        METHOD_NAMES[method]: {row: cell(method, name) for row, name in FORECAST_ROWS.items()}
-        for method in files
+        METHOD_NAMES[method]: {
+            row: _forecast(found.estimate(method, name), name)
+            for row, name in FORECAST_ROWS.items()
+        }
+        for method in FILES
     }
-    return pd.DataFrame(columns).rename_axis(title)
+    return pd.DataFrame(columns).rename_axis("Mean over field days (95 % of them)")
 
 
 def _forecast(estimate: Estimate, name: str) -> str:
@@ -203,16 +196,11 @@ def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
     """The validation figures as text: one column per method, one row per quantity."""
     standing = {quantity: standings(summaries, quantity) for quantity in COLUMNS}
     columns = {}
-    for method in (method for method in ALL_METHODS if method in summaries):
+    for method in in_order(summaries):
         own, looks_right = summaries[method], "How often a wrong pair looks right (FCP)"
-        residual, matching, lengths, bars = (
-            own.residual,
-            own.reprojection,
-            own.reconstruction,
-            own.reconstruction.pdf,
-        )
+        residual, matching, lengths = own.residual, own.reprojection, own.reconstruction
+        bars, behind = lengths.pdf, f"{matching.correct.nans} and {matching.wrong.nans}"
         of_residual, of_matching, of_lengths = (standing[name].get(method, "") for name in COLUMNS)
-        behind = f"{matching.correct.nans} and {matching.wrong.nans}"
         columns[METHOD_NAMES[method]] = {
             f"{looks_right}, residual (%)": _with_interval(residual.fcp, of_residual),
             f"{looks_right}, reprojection error (%)": _with_interval(matching.fcp, of_matching),
@@ -252,19 +240,18 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
     their intervals overlap that of the best. The refined set has a separate sentence.
     """
     paper = {method: summaries[method] for method in METHODS if method in summaries}
-    best = best_methods(paper)
-    fcps = {method: summary.reprojection.fcp for method, summary in paper.items()}
-    medians = {method: summary.reconstruction.median for method, summary in paper.items()}
-    match = _recommended(fcps, best["reprojection"], "2d")
-    matching = paper[match].reprojection
+    match, measure = (
+        _made_for(paper, "reprojection", "2d"),
+        _made_for(paper, "reconstruction", "3d"),
+    )
+    matching, lengths = paper[match].reprojection, paper[measure].reconstruction
     answer = (
         f"Match with {_name(match)} at {digits(matching.threshold, 2)} px: "
         f"{percent(matching.wrong_let_in)} % of wrong pairs are accepted and "
         f"{percent(matching.correct_lost)} % of correct ones are lost."
     )
-    measure = _recommended(medians, best["reconstruction"], "3d")
-    if math.isfinite(medians[measure].value):
-        within = percent(paper[measure].reconstruction.p95)
+    if math.isfinite(lengths.median.value):
+        within = percent(lengths.p95)
         answer += f" Measure with {_name(measure)}: 95 % of bars within {within} %."
     else:
         answer += " No bar could be measured."
@@ -277,10 +264,12 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
     return answer
 
 
-def _recommended(found: Mapping[Method, Estimate], best: Method, made_for_it: Method) -> Method:
-    own, least = found.get(made_for_it), found[best]
-    overlap = own is not None and own.low <= least.high and least.low <= own.high
-    return made_for_it if overlap else best
+def _made_for(paper: Mapping[Method, MethodSummary], quantity: str, made: Method) -> Method:
+    best = best_methods(paper)[quantity]
+    if made not in paper:
+        return best
+    own, least = paper[made].main(quantity), paper[best].main(quantity)
+    return made if own.low <= least.high and least.low <= own.high else best
 
 
 def _name(method: Method) -> str:

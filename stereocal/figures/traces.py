@@ -63,7 +63,7 @@ def plot_traces(calibration: Calibration) -> go.Figure:
 
 
 def describe_traces(calibration: Calibration) -> str:
-    """The figure in words."""
+    """How far the costs fall and the steps shrink."""
     parts = [
         f"the {method.upper()} cost falls from {rounded(trace.cost[0], 4)} to "
         f"{rounded(trace.cost[-1], 4)} {COST_UNITS[method]} in {len(trace.cost)} moves while the "

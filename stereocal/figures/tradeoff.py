@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures import style
-from stereocal.figures.style import METHOD_NAMES
 from stereocal.rig.compiled import FloatArray
 from stereocal.verdict.in_words import digits
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
@@ -37,9 +36,7 @@ def plot_trade_off(
     for name, points in both.items():
         line = style.line_of(dash=DASHES[name])
         style.add(figure, points, name + HOVER, line=line, name=name)
-    sets = {
-        method: np.array([costs[method]]) * [1, 1000] for method in ALL_METHODS if method in costs
-    }
+    sets = {method: np.array([costs[method]]) * [1, 1000] for method in style.in_order(costs)}
     for method, at in sets.items():
         name, marker = METHOD_NAMES[method], style.marker_of(method, 13)
         style.add(figure, at, name + HOVER, marker=marker, name=name)
@@ -59,7 +56,7 @@ def plot_trade_off(
 
 
 def describe_trade_off(curves: TradeOff, costs: Mapping[Method, tuple[float, float]]) -> str:
-    """The figure in words."""
+    """Where the curves go, and the costs of the sets."""
     parts = [
         f"{name.lower()}, from matching alone to measuring alone, the 2D cost goes from "
         f"{digits(points[0, 0])} to {digits(points[-1, 0])} px and the 3D cost from "

@@ -1,4 +1,4 @@
-"""Why two sets: one frame seen with each set, in both images and in space.
+"""Why two sets: one frame seen with each parameter set, in both images and in space.
 
 A set that matches well has epipolar lines that pass through the points, and rays that nearly meet.
 A set that measures well gives the bar its length. No set of the paper does both.
@@ -7,61 +7,201 @@ A set that measures well gives the bar its length. No set of the paper does both
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
-from stereocal.figures.frame_view import FrameView
-from stereocal.figures.photograph import Photograph, photograph_behind
+from stereocal.errors import StereocalError
+from stereocal.figures import style
 from stereocal.figures.space import SCENE_AXIS
-from stereocal.figures.style import (
-    LAYOUT,
-    METHOD_COLOURS,
-    TARGET_COLOURS,
-    TARGET_SYMBOLS,
-    TRANSPARENT,
-    add,
-    axis_of,
-    blank,
-    line_of,
-)
-from stereocal.rig.camera import CAMERAS
+from stereocal.refined.outliers import bar_frames, frame_reprojection_px
+from stereocal.refined.results import Calibration
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.fisheye import LARGEST_ANGLE
+from stereocal.rig.rig import Rig
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 
+PAPERS: tuple[Method, ...] = ("2d", "3d")
+ON_LINE = 200
+"""Points of a drawn epipolar line, which distortion bends."""
 HEIGHT = 480
 DOMAINS = (((0.0, 1.0), (0.478, 1.0)), ((0.0, 0.47), (0.0, 0.378)), ((0.53, 1.0), (0.0, 0.378)))
 """Of the panels, in x and y: the image, and a close-up of each target."""
 SMALLEST_WINDOW_PX, SMALLEST_WINDOW_M = 3.0, 1e-4
 
 
+@dataclass(frozen=True, eq=False)
+class FrameView:
+    """One frame seen with one set."""
+
+    method: Method
+    rig: Rig
+    dataset: Dataset
+    frame: int
+
+    @cached_property
+    def rows(self) -> IntArray:
+        """(n,): the rows of the frame's targets, 1 or 2; of an object those farthest apart."""
+        rows = self.dataset.correspondences
+        if rows.rigid_object is None:
+            return np.flatnonzero(rows.frame == self.frame)
+        part = rows.parts[0]
+        return np.flatnonzero(part == part[rows.frame == self.frame].min())
+
+    @cached_property
+    def letters(self) -> list[str]:
+        """(n,): the targets' names."""
+        rows = self.dataset.correspondences
+        return [rows.names[target] for target in rows.target[self.rows]]
+
+    @cached_property
+    def pixels(self) -> tuple[FloatArray, FloatArray]:
+        """(n, 2) for each camera: the targets in the images as recorded."""
+        rows = self.dataset.correspondences
+        return rows.primary[self.rows], rows.secondary[self.rows]
+
+    @property
+    def cameras(self) -> tuple[Camera, Camera]:
+        """The primary and the secondary camera of the set."""
+        return self.rig.primary, self.rig.secondary
+
+    @cached_property
+    def rays(self) -> list[FloatArray]:
+        """(n, 2) for each camera: undistorted, normalised."""
+        return [own.undistort(px) for own, px in zip(self.cameras, self.pixels, strict=True)]
+
+    @cached_property
+    def distances_px(self) -> FloatArray:
+        """(n, 2): distance of the points from the epipolar lines, in pixels as of `Camera`."""
+        return self.rig.epipolar_distances(*self.pixels)
+
+    @cached_property
+    def nearest_m(self) -> FloatArray:
+        """(n, 2, 3): the ends of the shortest segment between the rays, in the primary's frame."""
+        primary_from_secondary = self.rig.pose.inverse()
+        centre = primary_from_secondary.T
+        found = []
+        for first, second in zip(*self.rays, strict=True):
+            d = np.append(first, 1.0)
+            e = primary_from_secondary.R @ np.append(second, 1.0)
+            # Least squares of s d - (centre + r e).
+            (s, r), *_ = np.linalg.lstsq(np.column_stack([d, -e]), centre, rcond=None)
+            found.append([s * d, centre + r * e])
+        return np.array(found)
+
+    @cached_property
+    def gaps_m(self) -> FloatArray:
+        """(n,): the shortest distance between the two rays of each target."""
+        return np.asarray(np.linalg.norm(np.diff(self.nearest_m, axis=1)[:, 0], axis=1))
+
+    @cached_property
+    def length_m(self) -> float | None:
+        """The bar's length; None with one target."""
+        middle = self.nearest_m.mean(axis=1)
+        return float(np.linalg.norm(middle[0] - middle[1])) if len(middle) == 2 else None
+
+    @cached_property
+    def stated_m(self) -> float | None:
+        """The measured length of the bar; None with one target."""
+        rows = self.dataset.correspondences
+        at = np.flatnonzero(rows.frame[rows.bars[:, 0]] == self.frame)
+        return float(self.dataset.bar_distances_m[at[0]]) if len(at) else None
+
+    def line(self, camera: int, target: int) -> FloatArray:
+        """(m, 2): the epipolar line of a target's partner in the image as recorded, in pixels.
+
+        A curve; NaN where it leaves the image of a fisheye, to which it may come back.
+        """
+        E = self.rig.pose.essential
+        partner = np.append(self.rays[1 - camera][target], 1.0)
+        a, b, c = E @ partner if camera == 1 else partner @ E
+        own = self.cameras[camera]
+        width, height = own.image_size
+        corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+        if own.is_fisheye:  # its image is far from a rectangle on the plane z = 1
+            border = np.tan(LARGEST_ANGLE) * np.array([[-1.0, -1.0], [1.0, 1.0]])
+        else:
+            border = own.undistort(corners * (1 - 1e-3) + 5e-4 * np.array([width, height]))
+        foot = -c * np.array([a, b]) / (a * a + b * b)
+        along = np.array([-b, a]) / np.hypot(a, b)
+        reach, away = (border - foot) @ along, np.hypot(1.0, np.linalg.norm(foot))
+        low, high = np.arctan([reach.min() / away, reach.max() / away])
+        steps = away * np.tan(np.linspace(low, high, ON_LINE))  # evenly in angle
+        steps = np.union1d(steps, (self.rays[camera][target] - foot) @ along)
+        points = foot + steps[:, None] * along
+        inside = ((points >= border.min(axis=0)) & (points <= border.max(axis=0))).all(axis=1)
+        pixels = own.distort(points[inside & own.uses(points)])
+        if own.is_fisheye:
+            pixels[~((pixels >= 0) & (pixels <= corners[2])).all(axis=1)] = np.nan
+        return pixels
+
+
+Views = Mapping[Method, FrameView]
+"""A frame with each set."""
+
+
+def views_of(calibration: Calibration, frame: int) -> dict[Method, FrameView]:
+    """A frame with the paper's two sets, and with the refined one if there is one."""
+    dataset = calibration.dataset
+    if frame not in dataset.correspondences.frames:
+        raise StereocalError(f"There is no frame {frame}.")
+    rigs: dict[Method, Rig] = {
+        method: Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
+        for method in PAPERS
+    }
+    if (refined := calibration.refined) is not None:
+        rigs["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
+    return {method: FrameView(method, rig, dataset, frame) for method, rig in rigs.items()}
+
+
+def telling_frame(calibration: Calibration) -> int:
+    """The frame that shows best why there are two sets.
+
+    There the reprojection error is smaller with the 2D set and the length error with the 3D set, by
+    the largest parts of their maxima.
+    """
+    frames = bar_frames(calibration)
+    every = calibration.dataset.correspondences.frames
+    if not len(frames):
+        return int(every[0])
+    of_bars = np.searchsorted(every, frames)
+    px = [frame_reprojection_px(calibration, method)[of_bars] for method in PAPERS]
+    length = [calibration.errors[method].length for method in PAPERS]
+    gain = sum(
+        values / max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300)
+        for values in (px[1] - px[0], length[0] - length[1])
+    )
+    used = np.isin(frames, calibration.frames) & np.isfinite(gain)
+    return int(frames[np.argmax(np.where(used, gain, -np.inf))])
+
+
 def plot_image(
-    views: Mapping[Method, FrameView],
-    method: Method,
-    camera: int,
-    photograph: Photograph | None = None,
+    views: Views, method: Method, camera: int, photograph: style.Photograph | None = None
 ) -> go.Figure:
     """One image with the targets and their epipolar lines; below, close-ups of the targets.
 
     The close-ups have the same size with every set.
     """
     view = views[method]
-    half = 1.4 * max(
-        SMALLEST_WINDOW_PX, *(float(each.distances_px.max()) for each in views.values())
-    )
+    half = 1.4 * max(SMALLEST_WINDOW_PX, *(float(own.distances_px.max()) for own in views.values()))
     width, height = view.cameras[camera].image_size
     boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]
     # As plain dictionaries: subplots and updates of Plotly take four times as long.
     traces: list[dict[str, Any]] = []
-    layout: dict[str, Any] = {**LAYOUT, "height": HEIGHT, "showlegend": False, "images": []}
-    layout["margin"] = {**LAYOUT["margin"], "r": 16}
+    layout: dict[str, Any] = {**style.LAYOUT, "height": HEIGHT, "showlegend": False, "images": []}
+    layout["margin"] = {**style.LAYOUT["margin"], "r": 16}
     for at, (box, (across, down)) in enumerate(zip(boxes, DOMAINS, strict=False)):
         number, ticks = "" if at == 0 else f"{at + 1}", "outside" if at == 0 else ""
         if photograph is not None:
-            layout["images"] += photograph_behind(photograph, box, number)
+            layout["images"] += style.photograph_behind(photograph, box, number)
         axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
         traces += [{**axes, **trace} for trace in _lines(view, camera, 2 if at == 0 else 3)]
         title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
@@ -70,43 +210,36 @@ def plot_image(
         common |= {"showticklabels": at == 0, "ticks": ticks}
         x = {"domain": across, "anchor": f"y{number}", "range": [left, right]}
         y = {"domain": down, "anchor": f"x{number}", "range": [bottom, top]}
-        layout[f"xaxis{number}"] = axis_of(title, **common, **x)
-        layout[f"yaxis{number}"] = axis_of(**common, **y, scaleanchor=f"x{number}")
+        layout[f"xaxis{number}"] = style.axis_of(title, **common, **x)
+        layout[f"yaxis{number}"] = style.axis_of(**common, **y, scaleanchor=f"x{number}")
     return go.Figure(traces, layout)
 
 
 def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
     """The targets of an image with their epipolar lines."""
     found: list[dict[str, Any]] = []
+    line = style.line_of(style.METHOD_COLOURS[view.method], width)
     for target, letter in enumerate(view.letters):
-        u, v = view.line(camera, target).T
-        line, name = line_of(METHOD_COLOURS[view.method], width), f"epipolar line of {letter}"
-        own = {"line": line, "name": name, "hoverinfo": "name"}
-        found.append({"type": "scatter", "x": u, "y": v, "mode": "lines", **own})
+        name = f"epipolar line of {letter}"
+        found.append(style.scatter(view.line(camera, target), "name", line=line, name=name))
+        drawn_as = letter if letter in style.TARGET_COLOURS else "AB"[target]
         marker = {
-            "color": TARGET_COLOURS.get(letter, TARGET_COLOURS["AB"[target]]),
+            "color": style.TARGET_COLOURS[drawn_as],
             "size": 9,
-            "symbol": TARGET_SYMBOLS.get(letter, TARGET_SYMBOLS["AB"[target]]),
+            "symbol": style.TARGET_SYMBOLS[drawn_as],
             "line": {"color": "white", "width": 1},
         }
-        at, text = view.pixels[camera][target], {"text": [letter], "textposition": "top right"}
-        found.append(
-            {
-                "type": "scatter",
-                "x": at[:1],
-                "y": at[1:],
-                "mode": "markers+text",
-                "textfont": {"size": 16},
-                "marker": marker,
-                "hovertemplate": f"{letter} (%{{x:.2f}}, %{{y:.2f}})<br>"
-                f"{view.distances_px[target, camera]:.2f} px from its line<extra></extra>",
-                **text,
-            }
+        hover = (
+            f"{letter} (%{{x:.2f}}, %{{y:.2f}})<br>"
+            f"{view.distances_px[target, camera]:.2f} px from its line"
         )
+        text = {"text": [letter], "textposition": "top right", "textfont": {"size": 16}}
+        at = view.pixels[camera][[target]]
+        found.append(style.scatter(at, hover, marker=marker, **text))
     return found
 
 
-def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
+def plot_gap(views: Views, method: Method) -> go.Figure:
     """The two rays of one target where they pass each other, in mm; equal axes.
 
     The target with the widest gap; the size of the view is the same with every set.
@@ -116,31 +249,31 @@ def plot_gap(views: Mapping[Method, FrameView], method: Method) -> go.Figure:
     middle = ends.mean(axis=0)
     reach = 1.5 * max(SMALLEST_WINDOW_M, *(float(each.gaps_m[target]) for each in views.values()))
     centres = np.zeros(3), view.rig.pose.inverse().T
-    figure = blank(HEIGHT)
+    figure = style.blank(HEIGHT)
     for name, centre, end, dash in zip(CAMERAS, centres, ends, ("solid", "dash"), strict=True):
         along = (end - centre) / np.linalg.norm(end - centre)
         path = 1000 * (end + np.array([[-reach], [reach]]) * along - middle)
-        line = line_of(width=5, dash=dash)
-        add(figure, path, "name", line=line, name=f"ray of the {name}")
-    colour, gap = METHOD_COLOURS[method], f"gap {rounded(1000 * view.gaps_m[target])} mm"
-    style = {"line": line_of(colour, 9), "marker": {"color": colour, "size": 4}}
-    add(figure, 1000 * (ends - middle), "name", name=gap, **style)
+        line = style.line_of(width=5, dash=dash)
+        style.add(figure, path, "name", line=line, name=f"ray of the {name}")
+    colour, gap = style.METHOD_COLOURS[method], f"gap {rounded(1000 * view.gaps_m[target])} mm"
+    look = {"line": style.line_of(colour, 9), "marker": {"color": colour, "size": 4}}
+    style.add(figure, 1000 * (ends - middle), "name", name=gap, **look)
     axis = {**SCENE_AXIS, "range": [-1000 * reach, 1000 * reach], "nticks": 4}
     titles = {"xaxis": "x (mm)", "yaxis": "z (mm)", "zaxis": "−y (mm)"}
     figure.layout.scene = {
         "aspectmode": "cube",
-        "bgcolor": TRANSPARENT,
+        "bgcolor": style.TRANSPARENT,
         "camera": {"eye": {"x": 0.9, "y": -1.5, "z": 0.9}},
         **{name: {**axis, "title": {"text": title}} for name, title in titles.items()},
     }
     return figure
 
 
-def _widest(views: Mapping[Method, FrameView]) -> int:
+def _widest(views: Views) -> int:
     return int(np.argmax(np.max([view.gaps_m for view in views.values()], axis=0)))
 
 
-def describe_gap(views: Mapping[Method, FrameView], method: Method) -> str:
+def describe_gap(views: Views, method: Method) -> str:
     """The bar and the gap of one set."""
     view, target = views[method], _widest(views)
     gap = f"The rays of {view.letters[target]} pass {rounded(1000 * view.gaps_m[target])} mm apart"
@@ -149,32 +282,29 @@ def describe_gap(views: Mapping[Method, FrameView], method: Method) -> str:
     return f"{gap}; the bar is {view.length_m:.4f} m long (measured: {view.stated_m:.4f} m)."
 
 
-def describe_image(views: Mapping[Method, FrameView], method: Method, camera: int) -> str:
+def describe_image(views: Views, method: Method, camera: int) -> str:
     """How far the points of an image are from their lines."""
-    view = views[method]
+    distances = views[method].distances_px[:, camera]
     found = " and ".join(
         f"{letter} {rounded(px)} px"
-        for letter, px in zip(view.letters, view.distances_px[:, camera], strict=True)
+        for letter, px in zip(views[method].letters, distances, strict=True)
     )
     return f"Distance from the epipolar line: {found}."
 
 
-def describe_two_sets(views: Mapping[Method, FrameView]) -> str:
+def describe_two_sets(views: Views) -> str:
     """All sets in one sentence with numbers."""
     parts: list[str] = []
     for method, view in views.items():
         name = "the refined set" if method == "refined" else f"the {METHOD_NAMES[method]}"
-        px, error = rounded(float(view.distances_px.mean())), view.length_error
-        bar = "" if error is None else _too_long(error)
+        px, bar = rounded(float(view.distances_px.mean())), ""
+        if view.length_m is not None and view.stated_m is not None:
+            error = view.length_m / view.stated_m - 1.0
+            bar = f"{percent(abs(error))} % too {'long' if error > 0 else 'short'}"
+            bar = "as long as measured" if abs(error) < 5e-6 else bar
         if not parts:
             parts.append(f"With {name} the epipolar lines pass {px} px from the points")
             parts[0] += f" and the bar is {bar}" if bar else ""
         else:
             parts.append(f"with {name} {px} px" + (f" and {bar}" if bar else ""))
     return f"{'; '.join(parts)}."
-
-
-def _too_long(error: float) -> str:
-    if abs(error) < 5e-6:
-        return "as long as measured"
-    return f"{percent(abs(error))} % too {'long' if error > 0 else 'short'}"

@@ -8,19 +8,12 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.evaluation.summary import MethodSummary, Pdf
 from stereocal.figures import style
-from stereocal.figures.style import CORRECT_COLOUR, METHOD_NAMES, WRONG_COLOUR
-from stereocal.figures.validation_panels import (
-    COLUMNS,
-    HEADINGS,
-    UNITS,
-    Column,
-    Panel,
-    columns_of,
-    drawn_bins,
-)
+from stereocal.figures import validation_panels as data
+from stereocal.figures.style import CORRECT_COLOUR, WRONG_COLOUR, scatter
+from stereocal.figures.validation_panels import Column, Panel
 
 PANEL_HEIGHT, SPACING = 190, 0.065
 LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 80
@@ -28,7 +21,7 @@ HATCH = {"shape": "/", "fillmode": "replace", "size": 6, "solidity": 0.3, "fgcol
 
 
 def plot_validation(
-    summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = COLUMNS
+    summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = data.COLUMNS
 ) -> go.Figure:
     """PDFs of residual, reprojection error and 3D error; one row per method.
 
@@ -38,7 +31,7 @@ def plot_validation(
     Args:
         columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.
     """
-    drawn = columns_of(summaries, columns)
+    drawn = data.columns_of(summaries, columns)
     panels = [panel for column in drawn for panel in column.panels]
     rows = len(drawn[0].panels)
     above = LINE_HEIGHT * max(len(panel.title) for panel in panels) + 20
@@ -95,7 +88,7 @@ def _axes(
 
 
 def _title(panel: Panel) -> dict[str, Any]:
-    heading = [f"<b>{HEADINGS[panel.quantity]}</b>"] if panel.row == 0 else []
+    heading = [f"<b>{data.HEADINGS[panel.quantity]}</b>"] if panel.row == 0 else []
     above = {"x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "yshift": 3, "align": "left"}
     return style.note("<br>".join([*heading, *panel.title]), panel.axis, {"size": 12}) | above
 
@@ -113,19 +106,16 @@ def _traces(column: Column, panel: Panel) -> list[dict[str, Any]]:
     relative = (np.log10(panel.line) - span[0]) / (span[1] - span[0])
     side = "center" if 0.15 < relative < 0.85 else "right" if relative < 0.5 else "left"
     name = "Recommended threshold" if panel.matching else "3D error of 1 %"
-    line = {
-        "type": "scatter",
-        "x": [panel.line] * 2,
-        "y": [0, 1.06 * column.most],
-        "mode": "lines+text",
-        "text": ["", panel.line_text],
-        "textposition": f"top {side}",
-        "textfont": {"size": 12},
-        "cliponaxis": False,
-        "line": style.DASHED,
-        "name": name,
-        "hovertemplate": f"{name.lower()}: {panel.line_text}<extra></extra>",
-    }
+    line = scatter(
+        np.array([[panel.line, 0], [panel.line, 1.06 * column.most]]),
+        f"{name.lower()}: {panel.line_text}",
+        text=["", panel.line_text],
+        textposition=f"top {side}",
+        textfont={"size": 12},
+        cliponaxis=False,
+        line=style.DASHED,
+        name=name,
+    )
     axes = {"xaxis": f"x{panel.axis}", "yaxis": f"y{panel.axis}", "showlegend": False}
     pdfs = [_pdf(panel, *curve) for curve in panel.curves]
     return [{**trace, **axes} for trace in (*pdfs, line)]
@@ -133,43 +123,39 @@ def _traces(column: Column, panel: Panel) -> list[dict[str, Any]]:
 
 def _pdf(panel: Panel, kind: str, pdf: Pdf, colour: str) -> dict[str, Any]:
     """A PDF as a filled step line; wrong pairs are hatched and dotted."""
-    drawn = drawn_bins(pdf)
+    drawn = data.drawn_bins(pdf)
     ends = panel.scale * 10 ** np.column_stack([pdf.edges[:-1], pdf.edges[1:]])[drawn]
-    unit, what = UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
-    fill = {"fillcolor": WRONG_COLOUR, "fillpattern": HATCH}
-    if kind != "wrong":
-        fill = {"fillcolor": style.FILLS[kind]}
-    line = style.line_of(colour, 2, "dot" if kind == "wrong" else "solid")
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "fill": "tozeroy",
-        "hoveron": "points",
-        "x": np.sqrt(ends.prod(axis=1)),
-        "y": pdf.density[drawn],
-        "customdata": ends,
-        "line": {**line, "shape": "hvh"},
-        **fill,
-        "name": f"{METHOD_NAMES[panel.method]}, {what}",
-        "hovertemplate": f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>"
-        "%{y:.3~r} per decade<extra></extra>",
-    }
+    unit, what = data.UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
+    return scatter(
+        np.column_stack([np.sqrt(ends.prod(axis=1)), pdf.density[drawn]]),
+        f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>"
+        "%{y:.3~r} per decade",
+        hoveron="points",
+        customdata=ends,
+        name=f"{METHOD_NAMES[panel.method]}, {what}",
+        **_area(kind, colour, shape="hvh", width=2),
+    )
+
+
+def _area(kind: str, colour: str, **line: Any) -> dict[str, Any]:
+    """How the area of a PDF is drawn."""
+    if kind == "wrong":
+        fill = {"fillcolor": WRONG_COLOUR, "fillpattern": HATCH}
+        return {"fill": "tozeroy", "line": {"color": colour, "dash": "dot", **line}, **fill}
+    own = {"color": colour, "dash": "solid", **line}
+    return {"fill": "tozeroy", "line": own, "fillcolor": style.FILLS[kind]}
 
 
 def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
     """The legend, made of traces without points, so that clicks do not hide single panels."""
     keys: dict[str, dict[str, Any]] = {}
-    if set(columns) - {"reconstruction"}:
-        filled = {"mode": "lines", "fill": "tozeroy"}
-        correct = {"fillcolor": style.FILLS["correct"], "line": {"color": CORRECT_COLOUR}}
-        wrong = {"color": WRONG_COLOUR, "dash": "dot"}
-        hatched = {"fillpattern": HATCH, "fillcolor": WRONG_COLOUR, "line": wrong}
-        keys = {"Correct pairs": {**filled, **correct}, "Wrong pairs": {**filled, **hatched}}
+    if {*columns} - {"reconstruction"}:
+        keys["Correct pairs"] = _area("correct", CORRECT_COLOUR)
+        keys["Wrong pairs"] = _area("wrong", WRONG_COLOUR)
     lines = "Dashed: threshold"
     if "reconstruction" in columns:
         lines = "Dashed: 1 %" if len(columns) == 1 else "Dashed: threshold, or 1 %"
-    keys[lines] = {"mode": "lines", "line": style.DASHED}
+    keys[lines] = {"line": style.DASHED}
     frame = {"symbol": "square-open", "size": 12, "color": style.NEUTRAL, "line": {"width": 3}}
-    keys["Framed: best; level: not apart"] = {"mode": "markers", "marker": frame}
-    empty = {"type": "scatter", "x": [None], "y": [None], "hoverinfo": "skip"}
-    return [{**empty, "name": name, **key} for name, key in keys.items()]
+    keys["Framed: best; level: not apart"] = {"marker": frame}
+    return [scatter(style.NOWHERE, name=name, **key) for name, key in keys.items()]

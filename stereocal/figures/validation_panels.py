@@ -9,20 +9,20 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import ALL_METHODS, Method
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import (
     ACCEPTABLE,
+    QUANTITIES,
     Discrimination,
-    Estimate,
     MethodSummary,
     Pdf,
     best_methods,
 )
-from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, METHOD_NAMES, WRONG_COLOUR
+from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, WRONG_COLOUR, in_order
 from stereocal.verdict.in_words import digits, interval, percent
 
-COLUMNS = ("residual", "reprojection", "reconstruction")
+COLUMNS = QUANTITIES
 HEADINGS = {
     "residual": "|Residual|",
     "reprojection": "Reprojection error",
@@ -59,9 +59,7 @@ class Panel:
     @property
     def matching(self) -> Discrimination | None:
         """Figures of correct and wrong pairs; None in the column of the 3D error."""
-        if self.quantity == "residual":
-            return self.summary.residual
-        return self.summary.reprojection if self.quantity == "reprojection" else None
+        return None if self.quantity == "reconstruction" else getattr(self.summary, self.quantity)
 
     @property
     def curves(self) -> tuple[tuple[str, Pdf, str], ...]:
@@ -92,45 +90,47 @@ class Panel:
         return f"{digits(self.line, 2)}{UNITS[self.quantity]}" if self.matching else "1 %"
 
     @property
+    def figure(self) -> tuple[str, str, str] | None:
+        """Its name, value and interval; None if no bar could be measured."""
+        own = self.summary.main(self.quantity)
+        if not np.isfinite(own.value):
+            return None
+        name = "FCP" if self.matching else "median"
+        return name, f"{percent(own.value)} %", f"({interval(own)})"
+
+    @property
     def title(self) -> list[str]:
         """The lines above the panel: its figure, what was counted, and values not in the PDF."""
         found, lengths = self.matching, self.summary.reconstruction
-        mark = f" · <b>{self.standing}</b>" if self.standing else ""
+        line, counted = "no bar could be measured", f"n = {lengths.pdf.n}"
+        if self.figure:
+            name, value, among = self.figure
+            mark = f" · <b>{self.standing}</b>" if self.standing else ""
+            line = f"{name} <b>{value}</b> {among}{mark}"
+            counted = f"95 % within {percent(lengths.p95)} %, {counted}"
         if found:
-            figure = f"FCP <b>{percent(found.fcp.value)} %</b> ({interval(found.fcp)}){mark}"
             counted = f"n = {found.correct.n} correct, {found.wrong.n} wrong"
-        elif np.isfinite(lengths.median.value):
-            median = f"median <b>{percent(lengths.median.value)} %</b> ({interval(lengths.median)})"
-            figure = median + mark
-            counted = f"95 % within {percent(lengths.p95)} %, n = {lengths.pdf.n}"
-        else:
-            figure, counted = "no bar could be measured", f"n = {lengths.pdf.n}"
-        return [figure, counted, *([", ".join(self.notes)] if self.notes else [])]
+        return [line, counted, *filter(None, [", ".join(self.notes)])]
 
     @property
     def notes(self) -> list[str]:
         """The numbers of values that cannot be in the PDF."""
-        missing = sum(pdf.nans for pdf in self.pdfs)
-        zeros = sum(pdf.zeros for pdf in self.pdfs)
+        missing, zeros = (sum(getattr(p, name) for p in self.pdfs) for name in ("nans", "zeros"))
         return [f"{missing} without value"] * bool(missing) + [f"{zeros} of zero"] * bool(zeros)
 
     @property
     def words(self) -> str:
         """The panel in words."""
-        found, lengths = self.matching, self.summary.reconstruction
-        notes = "".join(f", {note}" for note in self.notes)
-        if found:
-            return (
-                f"{percent(found.fcp.value)} % ({interval(found.fcp)}) with the threshold at "
-                f"{digits(found.threshold, 2)}{UNITS[self.quantity]}, n = {found.correct.n} "
-                f"correct and {found.wrong.n} wrong pairs{notes}"
-            )
-        if not np.isfinite(lengths.median.value):
-            return f"none{notes}"
-        return (
-            f"{percent(lengths.median.value)} % ({interval(lengths.median)}) and "
-            f"{percent(lengths.p95)} %, n = {lengths.pdf.n}{notes}"
-        )
+        found, lengths, text = self.matching, self.summary.reconstruction, "none"
+        if self.figure:
+            _, value, among = self.figure
+            text = f"{value} {among} and {percent(lengths.p95)} %, n = {lengths.pdf.n}"
+            if found:
+                text = (
+                    f"{value} {among} with the threshold at {self.line_text}, n = "
+                    f"{found.correct.n} correct and {found.wrong.n} wrong pairs"
+                )
+        return ", ".join([text, *self.notes])
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def columns_of(summaries: Mapping[Method, MethodSummary], names: Sequence[str]) 
     found = []
     for column, name in enumerate(names):
         marks, panels = standings(summaries, name), []
-        for row, method in enumerate(method for method in ALL_METHODS if method in summaries):
+        for row, method in enumerate(in_order(summaries)):
             number = len(names) * row + column
             standing, axis = marks.get(method, ""), str(number + 1) if number else ""
             panels.append(Panel(method, name, summaries[method], standing, row, column, axis))
@@ -204,17 +204,11 @@ def drawn_bins(pdf: Pdf) -> slice:
 
 def standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
     """`best`, or `level` where 95 % intervals overlap that of the lowest; others are not in it."""
-    estimates = {method: _estimate(own, quantity) for method, own in summaries.items()}
+    estimates = {method: own.main(quantity) for method, own in summaries.items()}
     lowest = estimates[best_methods(summaries)[quantity]]
     # NaN, where no bar could be measured, is not below anything.
     level = [method for method, own in estimates.items() if own.low <= lowest.high]
     return dict.fromkeys(level, "level" if len(level) > 1 else "best")
-
-
-def _estimate(summary: MethodSummary, quantity: str) -> Estimate:
-    if quantity == "reconstruction":
-        return summary.reconstruction.median
-    return summary.residual.fcp if quantity == "residual" else summary.reprojection.fcp
 
 
 def describe_validation(
@@ -222,16 +216,14 @@ def describe_validation(
 ) -> str:
     """The figure in words, one sentence per column."""
     sentences = []
-    for quantity in columns:
+    for column in columns_of(summaries, columns):
         parts = [
             f"{METHOD_NAMES[panel.method]} {panel.words}"
             + (f" ({panel.standing})" if panel.standing else "")
-            for panel in columns_of(summaries, [quantity])[0].panels
+            for panel in column.panels
         ]
-        what = (
-            "3D error of bars, median and 95 %"
-            if quantity == "reconstruction"
-            else f"How often a wrong pair looks right (FCP), by {HEADINGS[quantity].lower()}"
-        )
+        what, quantity = "3D error of bars, median and 95 %", column.panels[0].quantity
+        if quantity != "reconstruction":
+            what = f"How often a wrong pair looks right (FCP), by {HEADINGS[quantity].lower()}"
         sentences.append(f"{what}: {'; '.join(parts)}.")
     return f"{' '.join(sentences)} In brackets: 95 % intervals."

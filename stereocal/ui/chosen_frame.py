@@ -10,8 +10,8 @@ import streamlit as st
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.figures.frame_view import telling_frame
-from stereocal.figures.photograph import Photograph
+from stereocal.figures.style import Photograph
+from stereocal.figures.two_sets import telling_frame
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project

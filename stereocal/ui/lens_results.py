@@ -7,7 +7,6 @@ from functools import partial
 import streamlit as st
 
 from stereocal.figures import lens as figures
-from stereocal.figures.residual_field import describe_residual_field, plot_residual_field
 from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.intrinsics import quality
@@ -54,7 +53,11 @@ def show_lens(store: ProjectLens) -> None:
             figures.describe_view_errors,
             "view_errors",
         ),
-        "What the lens leaves": (plot_residual_field, describe_residual_field, "residual_field"),
+        "What the lens leaves": (
+            figures.plot_residual_field,
+            figures.describe_residual_field,
+            "residual_field",
+        ),
     }
     view = choose(store.project, "lens_view", "Look at", [*views, without])
     if view == without:

@@ -10,7 +10,7 @@ import streamlit as st
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
-from stereocal.figures import accuracy, disagreement, residual_field, tables, tradeoff
+from stereocal.figures import accuracy, disagreement, lens, tables, tradeoff
 from stereocal.figures.style import count
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
@@ -220,8 +220,8 @@ def _show_accuracy(
 def _show_misfit(dataset: Dataset, settings: RefineSettings) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
     found = refined.misfit_for(dataset, settings)
-    wide, narrow = (residual_field.plot_misfit(found, small) for small in (False, True))
-    show_figure(wide, residual_field.describe_misfit(found), "misfit", narrow=narrow)
+    wide, narrow = (lens.plot_misfit(found, small) for small in (False, True))
+    show_figure(wide, lens.describe_misfit(found), "misfit", narrow=narrow)
 
 
 def _show_download(project: Project, answer: Answer, calibrated_now: bool) -> None:

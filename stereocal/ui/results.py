@@ -12,13 +12,12 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import two_sets
-from stereocal.figures.frame_errors import plot_frame_errors
-from stereocal.figures.frame_panels import describe_frame_errors
-from stereocal.figures.frame_view import FrameView, views_of
+from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.space import VIEWS
 from stereocal.figures.tables import angles_table, errors_table, forecast_table
 from stereocal.figures.traces import describe_traces, plot_traces
+from stereocal.figures.two_sets import FrameView, views_of
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs

@@ -19,8 +19,8 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.field.checking.repair import Errors, Residuals
 from stereocal.field.planning.forecast import forecast
-from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.story import read_story
+from stereocal.figures.two_sets import telling_frame, views_of
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.lengths import check_lengths

@@ -10,8 +10,7 @@ import pytest
 from stereocal.calibration.methods import METHODS, Method
 from stereocal.calibration.montecarlo import Trace
 from stereocal.figures.coverage import plot_coverage
-from stereocal.figures.frame_errors import plot_frame_errors
-from stereocal.figures.frame_panels import describe_frame_errors
+from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
 from stereocal.figures.rig import plot_rig
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, TARGET_COLOURS
 from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves, plot_traces

@@ -7,10 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereocal.figures.lens import describe_draws, plot_draws
-from stereocal.figures.residual_field import (
+from stereocal.figures.lens import (
     arrow_scale,
+    describe_draws,
     describe_residual_field,
+    plot_draws,
     plot_residual_field,
 )
 from stereocal.intrinsics.quality import lens_residuals, preview, typical_and_noise_px

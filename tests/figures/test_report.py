@@ -11,10 +11,9 @@ from plotly.offline import get_plotlyjs
 from stereocal import __version__
 from stereocal.evaluation.summary import summarise
 from stereocal.figures.comparison import describe_comparison
-from stereocal.figures.frame_view import telling_frame, views_of
 from stereocal.figures.report import SETTING_NAMES, report_html
 from stereocal.figures.tables import validation_answer
-from stereocal.figures.two_sets import describe_two_sets
+from stereocal.figures.two_sets import describe_two_sets, telling_frame, views_of
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereocal.figures.residual_field import describe_misfit, plot_misfit
+from stereocal.figures.lens import describe_misfit, plot_misfit
 from stereocal.refined.misfit import FEWEST_POINTS, Misfit, misfit_of
 from stereocal.refined.refine import refine
 from tests.rigs.refined_rigs import (
