@@ -80,13 +80,8 @@ def test_corners_are_in_one_order_however_cameras_hang(roll: float, pattern: Boa
 
 
 def test_orders_with_which_a_board_looks_the_same() -> None:
-    assert [len(orders_of(p)) for p in (PATTERN, EVEN, SQUARE, BoardPattern(9, 6, 0.03))] == [
-        2,
-        2,
-        4,
-        1,
-    ]
-    assert len(orders_of(BoardPattern(8, 6, 0.03, "DICT_4X4_50", 0.02))) == 1
+    told = BoardPattern(9, 6, 0.03), BoardPattern(8, 6, 0.03, "DICT_4X4_50", 0.02)
+    assert [len(orders_of(p)) for p in (PATTERN, EVEN, SQUARE, *told)] == [2, 2, 4, 1, 1]
 
 
 @pytest.mark.parametrize("pattern", [PATTERN, BoardPattern(9, 6, 0.02)])
@@ -106,11 +101,11 @@ def test_a_board_at_the_same_place_counts_once() -> None:
     boards = seen(stereo(0.0), 6)
     again = boards[2]
     rng = np.random.default_rng(5)
-    moved = [
+    first, second = (
         replace(view, corners=view.corners + 0.2 * rng.normal(size=view.corners.shape))
         for view in again.views
-    ]
-    found = found_boards([*boards, Seen(17, (moved[0], moved[1]))])
+    )
+    found = found_boards([*boards, Seen(17, (first, second))])
     assert found.repeated == {17: 2}
     assert "17 (as 2)" in found.sentence
     assert [len(search.views) for search in found.searches] == [6, 6]
@@ -124,11 +119,11 @@ def found_boards(boards: list[Seen]) -> StereoBoards:
         for side, view in zip(("left", "right"), board.views, strict=True)
     }
 
-    searches = [
-        BoardSearch(PATTERN, tuple(v for v in named.values() if v.name.startswith(side)), ())
+    searches = (
+        BoardSearch(PATTERN, tuple(v for v in named.values() if v.name.startswith(side)))
         for side in ("left", "right")
-    ]
-    return stereo_boards(pair_names(named), (searches[0], searches[1]))
+    )
+    return stereo_boards(pair_names(named), tuple(searches))
 
 
 def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,14 +190,16 @@ def mirror(paths: Iterable[Path]) -> None:
 
 
 def test_a_table_with_the_lenses_of_the_data_set(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without baseline in dataset.json it is free; the table alone is written."""
+    check_of_the_size = "stereocal.intrinsics.boards._refuse_other_size"  # takes most of the time
+    monkeypatch.setattr(check_of_the_size, lambda *_, **__: None)
     for name, content in photographs(stereo(0.0), 9, 4).items():
         (tmp_path / name).write_bytes(content)
     whole = tmp_path.with_name("whole")
     assert main(["intrinsics", *map(str, sorted(tmp_path.glob("*.png"))), "--board", "8x6",
-                 "--square", "0.03", "--out", str(whole)]) == 0  # fmt: off
+                 "--square", "0.03", "--repeats", "4", "--out", str(whole)]) == 0  # fmt: off
     recording = read_recording(whole)
     assert list(recording.cameras) == ["primary", "secondary"]
     table = tmp_path / "points.csv"
@@ -256,7 +253,7 @@ class TestOpencvsSample:
     """13 pairs of 640x480 px, a board of 9x6 inner corners."""
 
     def test_the_size_is_found(self, files: dict[str, Path]) -> None:
-        assert proposed_board(files) == ProposedBoard(9, 6)
+        assert proposed_board(dict([*files.items()][:3])) == ProposedBoard(9, 6)
 
     def test_all_boards_serve(self, files: dict[str, Path]) -> None:
         boards = find_stereo_boards(files, BoardPattern(9, 6, 0.03), AtOnce())
@@ -264,7 +261,7 @@ class TestOpencvsSample:
         assert len(boards.common) == 13
         assert not boards.refused
         assert not boards.repeated
-        lenses = lenses_of_boards(boards, LensSettings(fix_k3=True), AtOnce())
+        lenses = lenses_of_boards(boards, LensSettings(repeats=4, fix_k3=True), AtOnce())
         assert lenses is not None
         recording = recording_of(boards, (lenses[0].camera, lenses[1].camera), "x")
         assert len(recording.frame) == 13 * 54 * 2
@@ -307,9 +304,9 @@ def test_a_charuco_board_is_proposed(
     """Columns, rows, dictionary and the markers' side, from photographs one of which is cut."""
     printed = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     board = cv2.aruco.CharucoBoard(squares, 0.03, 0.03 * marker, printed)
-    drawn = board.generateImage((80 * squares[0], 80 * squares[1]), marginSize=20)
+    drawn = board.generateImage((56 * squares[0], 56 * squares[1]), marginSize=14)
     h, w = drawn.shape
-    seen = np.array([[30, 10], [w - 60, 40], [w - 10, h - 30], [10, h - 60]], np.float32)
+    seen = np.array([[20, 8], [w - 40, 28], [w - 8, h - 20], [8, h - 40]], np.float32)
     whole = np.array([[0, 0], [w, 0], [w, h], [0, h]], np.float32)
     image = cv2.warpPerspective(
         drawn, cv2.getPerspectiveTransform(whole, seen), (w, h), borderValue=150.0
@@ -322,5 +319,5 @@ def test_a_charuco_board_is_proposed(
     assert found is not None
     assert (found.columns, found.rows) == (squares[0] - 1, squares[1] - 1)
     assert found.dictionary == dictionary
-    # To 2 px of 80 a square: the corners of markers lie on their outermost pixels.
-    assert found.marker == pytest.approx(marker, abs=0.03)
+    # To 2 px of 56 a square: the corners of markers lie on their outermost pixels.
+    assert found.marker == pytest.approx(marker, abs=0.04)

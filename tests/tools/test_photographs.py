@@ -69,7 +69,11 @@ def test_each_pair_shows_the_targets_at_the_true_centres() -> None:
         assert (pair.primary[0, 0], pair.secondary[0, 0]) == (120, 90)
 
 
-def test_command_writes_the_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_writes_the_photographs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tools.photographs.sample.outdoors", lambda *_: (120.0, 90.0))
+    monkeypatch.setattr("tools.photographs.sample.indoors", lambda *_: 125.0)
     main(["--out", str(tmp_path / "photographs"), "--frames", "1", "--boards", "1", "--seed", "3"])
     assert "4/4 photographs" in capsys.readouterr().err
     folder = tmp_path / "photographs"

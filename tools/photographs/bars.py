@@ -1,15 +1,17 @@
-"""Synthetic pairs of photographs of a bar with a board at each end, with the true image points.
+"""Synthetic pairs of photographs of a bar with a board at each end, with the true image points, and
+what goes wrong in the field: glare, motion blur, leaves in front of a target.
 
     scene = place_visible_bars(field_rig(), rng, frames=25, length_m=0.9)
     for pair in photograph_bars(scene, (120.0, 120.0), BarSettings(), PhotographSettings(), rng):
         ...
 
-Pairs are rendered one at a time, to save memory.
+Pairs are rendered one at a time, to save memory. What spoils a frame changes no other: the random
+numbers of all others stay the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -17,12 +19,11 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.printing.print_target import SEPARATION
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
-from tools.photographs.flaws import NO_FLAW, Flaw, add_glare
 from tools.photographs.rendering import (
     HERE,
     Board,
@@ -42,6 +43,12 @@ VISIBLE_MARGIN_PX = 110.0
 it is rotated by 45 degrees, so almost all boards are completely visible."""
 ROD_SHADES = (60.0, 110.0, 145.0, 160.0, 140.0, 105.0, 65.0)
 """Grey levels across a round rod lit from the front."""
+MOTION_STEPS = 41
+"""Positions of a moving bar in one exposure; they are less than 1 px apart in the sample."""
+LEAF_GREY = 70.0
+LEAF_AT = 0.7
+"""Where a leaf is, of the way from the camera to the target: the other camera sees it elsewhere."""
+LEAF_SPIN = 0.4
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,59 @@ class BarSettings:
     """Range of the angle between a board's normal and the line to the middle of the cameras."""
     rod_m: float = 0.025
     """Thickness of the rod between the boards and of the pole below it; 0 draws none."""
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """What spoils one frame; `camera` and `target` (0 A, 1 B) say where, but for motion."""
+
+    what: str
+    camera: CameraName = "primary"
+    target: int = 0
+    glare: float = 0.0
+    """Brightest grey level added to the image; the spot is as wide as a board."""
+    motion_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """How far the bar moves in an exposure, in the primary's frame."""
+    leaf: float = 0.0
+    """Side of a square leaf in front of the target, in sides of the board; 0 for none."""
+    leaf_offset: tuple[float, float] = (0.0, 0.0)
+    """Of its centre from the target, to the right and down, in sides of the board."""
+
+    def exposure(
+        self, bar: Sequence[Placed], ends_m: FloatArray, board_m: float, secondary: Pose
+    ) -> list[list[Placed]]:
+        """What is in view during the exposure, step by step, from the farthest to the nearest.
+
+        Args:
+            bar: the boards of the bar, in the primary's frame, as is the result.
+            ends_m: (2, 3) targets A and B.
+            board_m: side of a board.
+            secondary: the rig's pose, `secondary_from_primary`.
+        """
+        leaves = []
+        if self.leaf:
+            eye = np.zeros(3) if self.camera == "primary" else secondary.inverse().T
+            scale, offset = LEAF_AT * board_m, np.array([*self.leaf_offset, 0.0])
+            place = eye + LEAF_AT * (ends_m[self.target] - eye) + scale * offset
+            leaf = Board(np.array([[LEAF_GREY]]), (scale * self.leaf, scale * self.leaf))
+            leaves.append(Placed(leaf, Pose(turned((0.0, 0.0, LEAF_SPIN)), place)))
+        if not any(self.motion_m):
+            return [[*bar, *leaves]]
+        steps = np.linspace(-0.5, 0.5, MOTION_STEPS)[:, None] * np.array(self.motion_m)
+        moves = [Pose(np.eye(3), step) for step in steps]
+        return [[*(placed.seen_from(move) for placed in bar), *leaves] for move in moves]
+
+
+NO_FLAW = Flaw("")
+SAMPLE_FLAWS: Mapping[int, Flaw] = MappingProxyType(
+    {
+        9: Flaw("glare on A in the secondary camera", "secondary", 0, glare=90.0),
+        11: Flaw("motion blur", motion_m=(0.035, 0.02, 0.0)),
+        19: Flaw("a leaf over half of A in the primary camera", leaf=0.9, leaf_offset=(0.35, 0.3)),
+        22: Flaw("a leaf over B in the primary camera", target=1, leaf=1.7),
+    }
+)
+"""By frame of the sample photographs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +162,17 @@ def photograph_bars(
             centres.append(camera.project(points))
             if flaw.glare and flaw.camera == which:
                 width_px = camera.K[0, 0] * bar.board_m / points[flaw.target, 2]
-                add_glare(picture, centres[-1][flaw.target], width_px, flaw.glare)
+                _add_glare(picture, centres[-1][flaw.target], width_px, flaw.glare)
             images.append(expose(picture, settings, rng))
         yield PhotographPair(frame, images[0], images[1], centres[0], centres[1])
+
+
+def _add_glare(picture: Picture, centre: FloatArray, width_px: float, grey: float) -> None:
+    """Add a bright spot (Gaussian, two standard deviations wide) at a pixel (2,), in place."""
+    height, width = picture.shape
+    u = np.exp(-0.5 * ((np.arange(width) - centre[0]) / (0.5 * width_px)) ** 2)
+    v = np.exp(-0.5 * ((np.arange(height) - centre[1]) / (0.5 * width_px)) ** 2)
+    picture += (grey * np.outer(v, u)).astype(np.float32)
 
 
 def place_boards(

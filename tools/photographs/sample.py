@@ -29,14 +29,21 @@ from stereocal.simulation.simulate import (
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.tasks import Progress
 from tools.photographs.backgrounds import indoors, outdoors
-from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
+from tools.photographs.bars import (
+    NO_FLAW,
+    SAMPLE_FLAWS,
+    BarSettings,
+    Flaw,
+    PhotographPair,
+    photograph_bars,
+    place_visible_bars,
+)
 from tools.photographs.board_series import (
     LENS_PHOTOGRAPHS,
     LENS_SQUARE_M,
     LENS_SQUARES,
     draw_board_poses,
 )
-from tools.photographs.flaws import NO_FLAW, SAMPLE_FLAWS, Flaw
 from tools.photographs.rendering import (
     Photograph,
     PhotographSettings,
@@ -145,18 +152,19 @@ def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
             truth["frames"][number - 1]["flaw"] = flaw.what
     truth["bar"] = asdict(field.bar)
     truth["photographs"] = asdict(field.settings)
+    poses = {
+        which: [
+            {"photograph": f"{number:04d}.jpg", "R": pose.R.tolist(), "T": pose.T.tolist()}
+            for number, pose in enumerate(own, start=1)
+        ]
+        for which, own in field.boards.items()
+    }
     truth["chessboard"] = {
         "squares": list(LENS_SQUARES),
         "square_m": LENS_SQUARE_M,
         "convention": "x_camera = R @ x_board + T; origin in the middle, x along the columns, "
         "y down along the rows",
-        **{
-            which: [
-                {"photograph": f"{number:04d}.jpg", "R": pose.R.tolist(), "T": pose.T.tolist()}
-                for number, pose in enumerate(poses, start=1)
-            ]
-            for which, poses in field.boards.items()
-        },
+        **poses,
     }
     return truth
 
