@@ -18,8 +18,13 @@ from scipy.optimize import least_squares
 from benchmarks.peers.scenarios import recording
 from stereocal.calibration import costs
 from stereocal.calibration.essential import Solver, calibrate_essential
-from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.montecarlo import (
+    Problem,
+    SearchSettings,
+    minimise,
+    reconstruction_problem,
+    reprojection_problem,
+)
 from stereocal.calibration.results import errors_of
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen

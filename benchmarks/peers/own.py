@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.montecarlo import (
+    Problem,
+    SearchSettings,
+    minimise,
+    reconstruction_problem,
+    reprojection_problem,
+)
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.dataset import Dataset

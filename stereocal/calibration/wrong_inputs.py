@@ -9,7 +9,7 @@ that contradict the others are left out before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from stereocal.calibration.pose_fit import Fit, essential_fit
+from stereocal.calibration.essential import calibrate_essential
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera, CameraName, LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 from stereocal.system.numbers import rounded
 
 MINIMUM_BARS = 10
@@ -59,6 +60,52 @@ ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
 )
 
 
+MAXIMUM_BEHIND = 0.2
+"""Fraction of the points behind a camera above which a pose counts as no fit."""
+LENGTH_TOLERANCE = 0.05
+"""Relative difference up to which lengths count as equal."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a data set fits a pose."""
+
+    px: float
+    """Median reprojection error."""
+    spread: float
+    """Median absolute deviation of the bar lengths, relative."""
+    scale: float
+    """Median of stated over reconstructed bar length; 1 if baseline and bar agree."""
+
+    @property
+    def only_scale_is_wrong(self) -> bool:
+        """Whether all bar lengths are wrong by the same factor."""
+        return bool(self.spread < LENGTH_TOLERANCE < abs(np.log(self.scale)))
+
+
+NO_FIT = Fit(np.inf, np.inf, np.nan)
+
+
+def essential_fit(dataset: Dataset) -> Fit:
+    """The fit of the constrained essential matrix; `NO_FIT` if there is no solution."""
+    try:
+        return pose_fit(dataset, calibrate_essential(dataset.rays, dataset.baseline_m).pose)
+    except StereocalError:
+        return NO_FIT
+
+
+def pose_fit(dataset: Dataset, pose: Pose) -> Fit:
+    """The fit of a pose; `NO_FIT` if too many points are behind a camera."""
+    px = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale).mean(axis=1)
+    logs = np.log(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose))
+    known = logs[np.isfinite(logs)]
+    if np.isnan(px).mean() > MAXIMUM_BEHIND or not len(known):
+        return NO_FIT
+    median = float(np.median(known))
+    spread = float(np.median(np.abs(known - median)))
+    return Fit(float(np.nanmedian(px)), spread, float(np.exp(median)))
+
+
 def check_inputs(dataset: Dataset) -> list[str]:
     """Reject inputs that are certainly wrong; return warnings about those that may be."""
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
@@ -90,9 +137,8 @@ def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     nominal = nominal or essential_fit(dataset)
-    focal = _test_factors(dataset, nominal, _with_focal, _focal_factors, _focal_message)
-    size = _test_factors(dataset, nominal, _scaled, _size_factors, _size_message)
-    return _message([*_test_hypotheses(dataset, nominal), *focal, *size])
+    factors = [_test_factors(dataset, nominal, of_size) for of_size in (False, True)]
+    return _message([*_test_hypotheses(dataset, nominal), *factors[0], *factors[1]])
 
 
 @dataclass(frozen=True)
@@ -132,7 +178,7 @@ def _message(tested: Sequence[_Tested]) -> str:
 
 
 def _changed(
-    dataset: Dataset, cameras: Iterable[CameraName], change: Callable[[Camera], Camera]
+    dataset: Dataset, cameras: Sequence[CameraName], change: Callable[[Camera], Camera]
 ) -> Dataset:
     """The data set with some of its cameras changed."""
     changes: dict[str, Any] = {which: change(getattr(dataset, which)) for which in cameras}
@@ -143,40 +189,42 @@ def _whose(cameras: Sequence[CameraName]) -> str:
     return f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
 
 
+def _tested(claim: str, remedy: str, nominal: Fit, found: Fit) -> _Tested:
+    if not np.isfinite(found.px):
+        return _Tested(claim, remedy, (0.0, 0.0))
+    gains = nominal.px / max(found.px, 1e-9), nominal.spread / max(found.spread, 1e-9)
+    return _Tested(claim, remedy, gains)
+
+
 def _test_hypotheses(dataset: Dataset, nominal: Fit) -> list[_Tested]:
     tested = []
     for claim, remedy, corrected in _hypotheses(dataset):
         with suppress(StereocalError):
-            tested.append(_Tested(claim, remedy, nominal.gains_of(essential_fit(corrected()))))
+            tested.append(_tested(claim, remedy, nominal, essential_fit(corrected())))
     return tested
 
 
-def _test_factors(
-    dataset: Dataset,
-    nominal: Fit,
-    change: Callable[[Camera, float], Camera],
-    to_try: Callable[[Camera], FloatArray],
-    message: Callable[[Dataset, Sequence[CameraName], float], tuple[str, str]],
-) -> list[_Tested]:
-    """Test a factor of one camera, of the other, and of both, at its best value.
-
-    Args:
-        change: a camera by that factor.
-        to_try: ascending factors of a camera, between which the best one lies; may be empty.
-        message: the claim that the factor is wrong, and the remedy.
-    """
+def _test_factors(dataset: Dataset, nominal: Fit, of_size: bool) -> list[_Tested]:
+    """Test another focal length, or size of the images, of one camera, of the other, and of both,
+    each at its best factor."""
 
     def fit(log_factor: float) -> Fit:
         factor = float(np.exp(log_factor))
-        return essential_fit(_changed(dataset, cameras, lambda own: change(own, factor)))
+        change = partial(_scaled, factor=factor, with_centre=of_size)
+        return essential_fit(_changed(dataset, cameras, change))
 
     tested = []
     for cameras in ONE_OR_BOTH:
-        best = _best_factor(fit, to_try(getattr(dataset, cameras[0])))
-        if best is None or (change is _scaled and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
+        camera: Camera = getattr(dataset, cameras[0])
+        if of_size and camera.size_factor is not None:
+            continue  # K contradicts the image size: a hypothesis of its own
+        focal = FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0]
+        best = _best_factor(fit, SIZE_FACTORS if of_size else focal)
+        if best is None or (of_size and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
             continue
-        gains = nominal.gains_of(fit(best))
-        tested.append(_Tested(*message(dataset, cameras, float(np.exp(best))), gains))
+        message = _size_message if of_size else _focal_message
+        claim, remedy = message(dataset, cameras, float(np.exp(best)))
+        tested.append(_tested(claim, remedy, nominal, fit(best)))
     return tested
 
 
@@ -235,11 +283,9 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
     nominal = nominal or essential_fit(dataset)
     if nominal.only_scale_is_wrong:
         return _lengths_message(dataset, nominal.scale)
-    same = (
-        " Both cameras have the same lens: if they are of different models, one file is wrong."
-        if _same_lens(dataset.primary, dataset.secondary)
-        else ""
-    )
+    same = " Both cameras have the same lens: if they are of different models, one file is wrong."
+    if not _same_lens(dataset.primary, dataset.secondary):
+        same = ""
     return (
         "Baseline, bar and lenses cannot all be right, and these frames cannot tell which is "
         "wrong. State the uncertainty of each, and check both camera files: focal lengths, image "
@@ -250,7 +296,6 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
 def _size_message(
     dataset: Dataset, cameras: Sequence[CameraName], factor: float
 ) -> tuple[str, str]:
-    """The claim that points were measured in images of another size, and the remedy."""
     width, height = getattr(dataset, cameras[0]).image_size
     return (
         f"The {_whose(cameras)} points seem to be measured in images of about {width * factor:.0f}x"
@@ -264,16 +309,13 @@ def _size_message(
 def _focal_message(
     dataset: Dataset, cameras: Sequence[CameraName], factor: float
 ) -> tuple[str, str]:
-    """The claim that focal lengths are wrong, and the remedy."""
     stated, fitting = (
         " and ".join(f"{scale * getattr(dataset, which).K[0, 0]:.0f}" for which in cameras)
         for scale in (1.0, factor)
     )
-    same = (
-        " Both cameras have the same lens: was one file used twice?"
-        if _same_lens(dataset.primary, dataset.secondary)
-        else ""
-    )
+    same = " Both cameras have the same lens: was one file used twice?"
+    if not _same_lens(dataset.primary, dataset.secondary):
+        same = ""
     return (
         f"The {_whose(cameras)} lens cannot have the stated focal length of {stated} px; "
         f"about {fitting} px would fit",
@@ -330,15 +372,6 @@ def _best_factor(fit: Callable[[float], Fit], factors: FloatArray) -> float | No
     return float(best.x)
 
 
-def _focal_factors(camera: Camera) -> FloatArray:
-    return np.asarray(FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0])
-
-
-def _size_factors(camera: Camera) -> FloatArray:
-    """None where K contradicts the image size, which is a hypothesis of its own."""
-    return SIZE_FACTORS if camera.size_factor is None else np.empty(0)
-
-
 def _same_lens(one: Camera, other: Camera) -> bool:
     same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
     return same and one.model == other.model
@@ -359,14 +392,8 @@ def _negated(camera: Camera) -> Camera:
     return replace(camera, distortion=-camera.distortion)
 
 
-def _scaled(camera: Camera, factor: float) -> Camera:
-    """The camera of images this many times as large."""
+def _scaled(camera: Camera, factor: float, with_centre: bool = True) -> Camera:
+    """The camera of images this many times as large, or with such a focal length."""
     K = camera.K.copy()
-    K[:2] *= factor
-    return replace(camera, K=K)
-
-
-def _with_focal(camera: Camera, factor: float) -> Camera:
-    K = camera.K.copy()
-    K[[0, 0, 1], [0, 1, 1]] *= factor
+    K[:2, : 3 if with_centre else 2] *= factor
     return replace(camera, K=K)

@@ -26,8 +26,7 @@ import numpy as np
 from stereocal.calibration.checks import check_points
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
-from stereocal.calibration.montecarlo import minimise
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, calibrate_rays, validate_rays
 from stereocal.refined.refine import RefinedResult, refine

@@ -47,24 +47,6 @@ SEARCHED, ADJUSTED = Tolerance(1e-4, 5e-2), Tolerance(1e-6, 1e-3)
 """Of the sets that a search found, and of the refined set."""
 
 
-@dataclass(frozen=True)
-class Difference:
-    """Two values of one entry that differ by more than the tolerance."""
-
-    where: str
-    """Such as `cameras.primary.K[0][2]`."""
-    archived: Any
-    now: Any
-
-    def __str__(self) -> str:
-        if isinstance(self.archived, list | dict) or isinstance(self.now, list | dict):
-            return f"{self.where}: other contents"
-        by = ""
-        if is_number(self.archived) and is_number(self.now):
-            by = f", a difference of {rounded(abs(self.now - self.archived))}"
-        return f"{self.where}: {_shown(self.archived)} in the archive, now {_shown(self.now)}{by}"
-
-
 def compared(content: Mapping[str, Any]) -> dict[str, Any]:
     """The content of a parameter file without what may differ between equal results."""
     return {name: value for name, value in content.items() if name not in NOT_COMPARED}
@@ -84,8 +66,8 @@ def digest_of(content: Mapping[str, Any]) -> str:
 
 def differences(
     archived: Mapping[str, Any], now: Mapping[str, Any], tolerance: Tolerance
-) -> list[Difference]:
-    """The entries of two parameter files that differ by more than the tolerance."""
+) -> list[str]:
+    """The entries of two parameter files that differ by more than the tolerance, in words."""
     one, other = compared(archived), compared(now)
     return [
         found
@@ -94,9 +76,7 @@ def differences(
     ]
 
 
-def _differ(
-    where: str, one: Any, other: Any, tolerance: float, scale: float
-) -> Iterator[Difference]:
+def _differ(where: str, one: Any, other: Any, tolerance: float, scale: float) -> Iterator[str]:
     """Args: scale: the largest number beside these, of which the tolerance is a fraction."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for name in {**one, **other}:
@@ -107,30 +87,35 @@ def _differ(
         for at, (a, b) in enumerate(zip(one, other, strict=True)):
             yield from _differ(f"{where}[{at}]", a, b, tolerance, beside)
     elif not _equal(one, other, tolerance, scale):
-        yield Difference(where, one, other)
+        yield _difference(where, one, other)
+
+
+def _difference(where: str, archived: Any, now: Any) -> str:
+    if isinstance(archived, list | dict) or isinstance(now, list | dict):
+        return f"{where}: other contents"
+    by = ""
+    if is_number(archived) and is_number(now):
+        by = f", a difference of {rounded(abs(now - archived))}"
+    return f"{where}: {_shown(archived)} in the archive, now {_shown(now)}{by}"
 
 
 def _equal(one: Any, other: Any, tolerance: float, scale: float) -> bool:
-    if is_number(one) and is_number(other):
-        if isinstance(one, int) and isinstance(other, int):
-            return one == other
+    if isinstance(one, str) and isinstance(other, str) and " " in one:
+        # A sentence: only numbers may differ, by the tolerance and a unit of their last digit.
+        pairs = zip(NUMBER.finditer(one), NUMBER.finditer(other), strict=False)
+        return NUMBER.sub("#", one) == NUMBER.sub("#", other) and all(
+            abs(float(a[0]) - float(b[0]))
+            <= tolerance * max(float(a[0]), float(b[0])) + 1.001 * max(map(_unit, (a, b)))
+            for a, b in pairs
+        )
+    if is_number(one) and is_number(other) and isinstance(one + other, float):
         limit = tolerance * max(abs(one), abs(other), scale)
         return math.isclose(one, other, rel_tol=0.0, abs_tol=limit)
-    if isinstance(one, str) and isinstance(other, str) and " " in one:
-        return _same_sentence(one, other, tolerance)
     return bool(one == other and type(one) is type(other))
 
 
-def _same_sentence(one: str, other: str, tolerance: float) -> bool:
-    """Whether only numbers differ, by the tolerance and a unit of their last digit at most."""
-    if NUMBER.sub("#", one) != NUMBER.sub("#", other):
-        return False
-    for a, b in zip(NUMBER.finditer(one), NUMBER.finditer(other), strict=True):
-        unit = max(10.0 ** (int(each[2] or 0) - len(each[1] or "")) for each in (a, b))
-        first, second = float(a[0]), float(b[0])
-        if not abs(first - second) <= tolerance * max(first, second) + 1.001 * unit:
-            return False
-    return True
+def _unit(number: re.Match[str]) -> float:
+    return 10.0 ** (int(number[2] or 0) - len(number[1] or ""))
 
 
 def is_number(value: Any) -> bool:

@@ -15,14 +15,7 @@ from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Meth
 from stereocal.errors import DAMAGED, StereocalError, disk_errors
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
-from stereocal.paper_kit.digests import (
-    ADJUSTED,
-    SEARCHED,
-    Difference,
-    Tolerance,
-    differences,
-    digest_of,
-)
+from stereocal.paper_kit.digests import ADJUSTED, SEARCHED, Tolerance, differences, digest_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters, software_versions
@@ -77,7 +70,7 @@ class Comparison:
     """Of the new file."""
     identical: bool
     tolerance: Tolerance
-    differences: tuple[Difference, ...]
+    differences: tuple[str, ...]
     """Those beyond the tolerance."""
 
     @property

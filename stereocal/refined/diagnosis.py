@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.calibration.pose_fit import essential_fit, pose_fit
-from stereocal.calibration.wrong_inputs import find_wrong_input, inconsistency_message
+from stereocal.calibration.wrong_inputs import (
+    essential_fit,
+    find_wrong_input,
+    inconsistency_message,
+    pose_fit,
+)
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (

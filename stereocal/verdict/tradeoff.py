@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.montecarlo import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.refined.solve import lenses_of
 from stereocal.refined.undistortion import undistort_rays

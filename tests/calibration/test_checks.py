@@ -13,7 +13,7 @@ from stereocal.calibration.checks import (
     scale_is_plausible,
     warnings_about,
 )
-from stereocal.calibration.problems import reconstruction_problem
+from stereocal.calibration.montecarlo import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset

@@ -18,8 +18,9 @@ from stereocal.calibration.montecarlo import (
     SearchSettings,
     Trace,
     minimise,
+    reconstruction_problem,
+    reprojection_problem,
 )
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose

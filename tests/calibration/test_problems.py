@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.problems import reconstruction_problem
+from stereocal.calibration.montecarlo import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.workflow import calibrate
 from tests import known_rig

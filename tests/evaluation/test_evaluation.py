@@ -14,7 +14,7 @@ import pytest
 
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.montecarlo import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import (
     BIN_WIDTH,

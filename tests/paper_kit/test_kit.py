@@ -6,8 +6,10 @@ import io
 import zipfile
 from pathlib import Path
 
+import pytest
 import yaml
 
+from stereocal.figures import journal
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import PAPER, PROGRAM, methods_md, references_bib
 from stereocal.verdict.in_words import digits, interval, percent
@@ -16,7 +18,14 @@ from tests.paper_kit.answers import of_field
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_kit_holds_all_parts() -> None:
+def test_a_kit_holds_all_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the figures hold, the tests of the figures prove."""
+
+    def arranged(draw: journal.Draw, width_mm: float) -> dict[str, bytes]:
+        assert draw(width_mm).axes
+        return {"svg": b"", "pdf": b""}
+
+    monkeypatch.setattr(journal, "rendered", arranged)
     with zipfile.ZipFile(io.BytesIO(paper_kit(of_field()))) as kit:
         names = set(kit.namelist())
         with zipfile.ZipFile(io.BytesIO(kit.read("archive.zip"))) as archive:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,8 @@ from stereocal.paper_kit.reproduction import archive_files
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
-from tests.paper_kit.answers import FIELD, RECORDING, answer_of, of_field
+from stereocal.workflow import Answer
+from tests.paper_kit.answers import answer_of, of_field, of_recording
 
 ROOT = Path(__file__).parents[2]
 IDENTICAL = [f"parameters_{method}.json: identical" for method in ("2d", "3d", "refined")]
@@ -45,28 +45,20 @@ def reproduce(path: str, tmp_path: Path) -> int:
     return main(["reproduce", path, "--out", str(tmp_path / "again")])
 
 
-@pytest.mark.parametrize(
-    "sample", [FIELD, pytest.param(RECORDING, marks=pytest.mark.soak)], ids=lambda path: path.name
-)
-def test_another_process_gives_the_same_digests(sample: Path, tmp_path: Path) -> None:
-    in_a_process("calibrate", str(sample), "--out", str(tmp_path), "--runs", "6", "--kit")
-    with zipfile.ZipFile(tmp_path / "paper_kit.zip") as kit:
-        kit.extract("archive.zip", tmp_path)
-    printed = in_a_process(
-        "reproduce", str(tmp_path / "archive.zip"), "--out", str(tmp_path / "again")
-    )
-    assert all(line in printed for line in IDENTICAL)
-    for name in ("parameters_2d.json", "parameters_refined.json"):
-        one, other = ((folder / name).read_bytes() for folder in (tmp_path, tmp_path / "again"))
-        assert digest_of(json.loads(one)) == digest_of(json.loads(other))
-
-
-def in_a_process(*asked: str) -> str:
-    """What a command prints, in a process of its own."""
-    command = [sys.executable, "-m", "stereocal", *asked]
+@pytest.mark.parametrize("answer", [of_field, pytest.param(of_recording, marks=pytest.mark.soak)])
+def test_another_process_gives_the_same_digests(
+    answer: Callable[[], Answer], tmp_path: Path
+) -> None:
+    files = archive_files(answer(), answer().sets)
+    path, again = tmp_path / "archive.zip", tmp_path / "again"
+    path.write_bytes(pack_zip(files))
+    command = [sys.executable, "-m", "stereocal", "reproduce", str(path), "--out", str(again)]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
-    return run.stdout
+    assert all(line in run.stdout for line in IDENTICAL)
+    for name in ("parameters_2d.json", "parameters_refined.json"):
+        archived, now = (json.loads(each) for each in (files[name], (again / name).read_bytes()))
+        assert digest_of(archived) == digest_of(now)
 
 
 def test_settings_and_a_replaced_file_come_along(
@@ -74,7 +66,7 @@ def test_settings_and_a_replaced_file_come_along(
 ) -> None:
     settings = CalibrationSettings(SearchSettings(seed=5), "linear", frames_left_out=(2,))
     dataset = of_field().calibration.dataset
-    found = answer_of(dataset, settings, runs=4, refined=RefineSettings())
+    found = answer_of(dataset, settings, runs=2, refined=RefineSettings())
     sets: dict[Method, RigParameters] = {"2d": found.sets["refined"], "3d": found.sets["3d"]}
     path = tmp_path / "archive.zip"
     path.write_bytes(pack_zip(archive_files(found, sets)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.pose_fit import LENGTH_TOLERANCE, essential_fit
+from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
 from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import explain_failure
 from stereocal.refined.screening import screen

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.montecarlo import minimise
-from stereocal.calibration.problems import reconstruction_problem, reprojection_problem
+from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.commands.simulate import write_field
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.camera import Camera
