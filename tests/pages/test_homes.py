@@ -14,7 +14,6 @@ from stereocal.projects import home as home_module
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.project import Project
-from stereocal.ui.menu import TITLES
 from tests.pages.stored_projects import FULL, go, placed, session, told
 
 REASON = "The disk is full."
@@ -39,7 +38,7 @@ def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
 ) -> None:
     project = placed(FULL, home)
     app = session(project)
-    for page in TITLES:  # what is computed of the project is on the disk before it breaks
+    for page in acts(project):  # what is computed of the project is on the disk before it breaks
         go(app, page)
     before = project.database.path.read_bytes()
     with broken(monkeypatch):

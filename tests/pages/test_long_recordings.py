@@ -78,17 +78,19 @@ def test_the_press_and_a_restart(
             long.switch_page(f"pages/{name}.py").run()
             assert not long.exception
             assert "Use the refined set for both" in messages(long) or name == "validate"
-    for name in ("calibrate", "one_set", "apply", "check"):
-        forget()  # the server starts again
-        begun: list[jobs.Work] = []
-        with monkeypatch.context() as patch:
-            patch.setattr(jobs, "start", begun.append)
-            forbid(patch)
+    forget()  # the server starts again
+    pages = ("calibrate", "one_set", "apply", "check")
+    begun: list[jobs.Work] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs, "start", begun.append)
+        forbid(patch)
+        for name in pages:
             long.switch_page(f"pages/{name}.py").run()
             assert not long.exception
-            assert [work.kind for work in begun] == ["answer"]
-        jobs.start(begun[0])
-        assert ended(project, "answer").state == "done"
-        long.run()
+    assert [work.kind for work in begun] == ["answer"] * len(pages)
+    jobs.start(begun[0])
+    assert ended(project, "answer").state == "done"
+    for name in pages:
+        long.switch_page(f"pages/{name}.py").run()
         assert not long.exception
         assert "Use the refined set for both" in messages(long) or name in ("apply", "check")

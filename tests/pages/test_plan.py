@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,9 @@ from tests.pages.stored_projects import FULL, go, messages, placed, project_of, 
 
 
 @pytest.fixture
-def app(app: AppTest) -> AppTest:
+def app(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
+    """The Plan page, with forecasts of few rigs."""
+    monkeypatch.setattr("stereocal.ui.plan.forecast", partial(forecast, rigs=16))
     return go(app, "plan")
 
 
@@ -61,10 +64,10 @@ def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
 
 def test_three_plans_side_by_side(app: AppTest) -> None:
     for name, noise in (("first", 0.3), ("second", 0.5)):
-        app.text_input(key="plan_name").set_value(name).run()
+        app.text_input(key="plan_name").set_value(name)
         app.number_input(key="plan_noise_px").set_value(noise).run()
         app.button(key="plan_keep").click().run()
-    app.text_input(key="plan_name").set_value("third").run()
+    app.text_input(key="plan_name").set_value("third")
     app.number_input(key="plan_noise_px").set_value(0.1).run()
     shown = " ".join(item.value for item in app.markdown)
     assert all(f"**{name}" in shown for name in ("first", "second", "third"))

@@ -98,17 +98,17 @@ def test_a_rerun_does_not_bring_back_old_pairs(project: Project) -> None:
 
 
 def test_corrections_and_undo(project: Project) -> None:
-    a, b = tabs(project, "data")
+    tab = go(session(project), "data")
     store = ProjectPhotographs(project)
     change_review(store, lambda now: choose(now, 3, False))
-    b.run()
-    b.checkbox(key="use_frame_2").set_value(False).run()
+    tab.run()
+    tab.checkbox(key="use_frame_2").set_value(False).run()
     assert [frame.use for frame in read_review(store).frames] == [True, False, False, *[True] * 3]
-    b.segmented_control(key="frames_view").set_value("One frame").run()
+    tab.segmented_control(key="frames_view").set_value("One frame").run()
     change_review(store, lambda now: choose(now, 5, False))
-    b.button(key="review_undo").click().run()
+    tab.button(key="review_undo").click().run()
     assert read_review(store).frame(5).use and not read_review(store).frame(2).use
-    sound(a, b)
+    sound(tab)
 
 
 @pytest.mark.parametrize(
