@@ -1,45 +1,63 @@
-"""Results of the Apply page: answer, figures, downloads, and closer looks."""
+"""Results of the Apply page: answer, frame by frame, downloads, and closer looks."""
 
 from __future__ import annotations
 
+import bisect
 import io
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures.measured import HEADINGS, IN_WORLD, describe_lengths, plot_lengths
+from stereocal.figures import measured
+from stereocal.figures.matches import describe_matches, plot_matches
+from stereocal.figures.space import VIEWS
+from stereocal.matching import lengths
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
-from stereocal.matching.lengths import (
-    check_lengths,
-    has_two_a_frame,
-    label_columns,
-    track_columns,
-    usual_tracks,
-)
+from stereocal.matching.pairs import pixels_of
 from stereocal.matching.reconstruction_files import COORDINATES
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui.apply import Chosen
-from stereocal.ui.apply_frames import Tables, are_own, show_frames
-from stereocal.ui.apply_threshold import OPTIONAL
+from stereocal.ui.apply_threshold import OPTIONAL, whole_table
+from stereocal.ui.chosen_frame import NAME, frames_photographed, photographs_of
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import choose_from_menu, one_of, setting
+from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.messages import ErrorsShown, callback, fragment, readable
 from stereocal.ui.refined import PAPERS
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
 
-TWO = "the two points of a frame"
+TWO, NOTHING = "the two points of a frame", "nothing"
 FIRST_ROWS = 8
+STEP_S = 0.5
+"""Time of a frame while playing."""
+_PLAYING = "apply_playing"
+"""Time of the last step; absent while it is paused."""
+
+
+class Tables(NamedTuple):
+    """The tables of a result, and what they say."""
+
+    pairs: pd.DataFrame
+    points: pd.DataFrame
+    answer: str
+    agreement: str | None
+    """How many pairs have the same label in both cameras."""
+    track_columns: list[str]
+    """The columns that can name a track."""
+    usual_tracks: str | None
 
 
 def show_application(project: Project, store: ProjectApplication, chosen: Chosen | None) -> None:
@@ -56,7 +74,7 @@ def show_application(project: Project, store: ProjectApplication, chosen: Chosen
     looks: dict[str, Callable[[], None]] = {}
     if tables is not None and result is not None:
         # A length that is known of the points, if they are the bar's.
-        known_m = project.inputs.target_distance_m if are_own(store, result[0]) else None
+        known_m = project.inputs.target_distance_m if _are_own(store, result[0]) else None
         looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
     if chosen is not None:
         looks["Threshold and depths"] = chosen.show_threshold
@@ -94,7 +112,7 @@ def _show_result(
     st.success(escape_markdown(said + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
-    show_frames(store, outcome, tables)
+    _show_frames(store, outcome, tables)
     with st.container(horizontal=True):
         for name in (PAIRS, POINTS):
             _download(files[name], name, primary=True)
@@ -106,8 +124,8 @@ def _download(file: StoredFile, name: str, primary: bool = False) -> None:
 
 
 def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None) -> None:
-    columns: list[str] = label_columns(points)
-    ways = [*columns, *([TWO] if has_two_a_frame(points) else [])]
+    columns: list[str] = lengths.label_columns(points)
+    ways = [*columns, *([TWO] if lengths.has_two_a_frame(points) else [])]
     if not ways:
         st.info(
             "To check a length, the point files need a column that names the points (such as a "
@@ -137,13 +155,13 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         st.info("Give the known length.")
         return
     with ErrorsShown():
-        check = check_lengths(points, known, None if way == TWO else way, ends)
+        check = lengths.check_lengths(points, known, None if way == TWO else way, ends)
         st.success(escape_markdown(check.sentence()))
-        show_figure(plot_lengths(check), describe_lengths(check), "lengths")
+        show_figure(measured.plot_lengths(check), measured.describe_lengths(check), "lengths")
 
 
 def _show_tables(tables: Tables) -> None:
-    headings = IN_WORLD if COORDINATES in tables.points else HEADINGS
+    headings = measured.IN_WORLD if COORDINATES in tables.points else measured.HEADINGS
     for name, table in ((PAIRS, tables.pairs), (POINTS, tables.points)):
         st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {len(table)} rows")
         st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**headings})
@@ -189,5 +207,113 @@ def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: St
             raise StereocalError(f"{name} of the last result is damaged.")
         tables.append(table)
     pairs, points = tables
-    tracks = track_columns(points), usual_tracks(points)
+    tracks = lengths.track_columns(points), lengths.usual_tracks(points)
     return Tables(pairs, points, answer(pairs, points), agreement(pairs), *tracks)
+
+
+def _show_frames(store: ProjectApplication, outcome: Outcome, tables: Tables) -> None:
+    """The matches of one frame in both images, and all points in space."""
+    playing = _PLAYING in st.session_state
+    draw = fragment(_draw, run_every=STEP_S if playing else None)
+    draw(store, outcome, tables, playing)
+
+
+def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: bool) -> None:
+    if playing != (_PLAYING in st.session_state):
+        st.rerun()  # the whole page: the timer is set where the fragment is called
+    tables = [whole_table(name, name, store) for name in outcome.tables]
+    frames = _frames(" ".join(outcome.tables), tables)
+    frame = _choose_frame(store, outcome, frames)
+    of_frame = result.pairs[result.pairs["frame"] == frame]
+    seen = [pixels_of(table[table["frame"] == frame]) for table in tables]
+    own = _are_own(store, outcome) or set(frames) <= frames_photographed(store.project)
+    photographs = photographs_of(store.project, frame) if own else (None, None)
+    images, space = st.columns(2)
+    with images:
+        for side, pixels, photograph in zip(CAMERAS, seen, photographs, strict=True):
+            st.markdown(f"**{side.capitalize()}**")
+            size = getattr(outcome.rig, side).image_size
+            fits = photograph is not None and photograph.shape[::-1] == size
+            figure = plot_matches(of_frame, pixels, side, size, photograph if fits else None)
+            st.plotly_chart(figure, key=f"matches_{side}")
+        st.caption(escape_markdown(describe_matches(of_frame, seen[0], seen[1], frame)))
+    with space:
+        _show_space(store.project, outcome, result, None if playing else frame)
+
+
+@st.cache_resource(show_spinner=False, max_entries=4)
+def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
+    """The frames with points."""
+    assert key
+    return sorted({int(each) for table in _tables for each in table["frame"].unique()})
+
+
+def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
+    """Whether a result is of the bar's own points."""
+    given = store.points("primary")
+    return given is None or given.name != outcome.tables[0]
+
+
+def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]) -> int:
+    """A slider that plays; the bar's own points have the frame that is chosen on all pages."""
+    if len(frames) == 1:
+        return frames[0]
+    key, bounds = "apply_frame", Number(frames[0], frames[-1])
+    name = NAME if _are_own(store, outcome) else key
+    field = setting(store.project, key, frames[0], bounds, name=name, tabs_own=True)
+    playing = _PLAYING in st.session_state
+    if playing and time.monotonic() - st.session_state[_PLAYING] > 0.8 * STEP_S:
+        at = bisect.bisect_right(frames, field.value())
+        if at == len(frames):  # the last one with points
+            _pause()
+            st.rerun()
+        st.session_state[_PLAYING] = time.monotonic()
+        field.show(frames[at])
+    slider, buttons = st.columns([3, 2], vertical_alignment="bottom")
+    slider.slider("Frame", frames[0], frames[-1], **field.widget())
+    frame = int(field.value())
+
+    def play() -> None:
+        st.session_state[_PLAYING] = time.monotonic()
+        if field.value() >= frames[-1]:
+            field.show(frames[0])
+
+    after, before = bisect.bisect_right(frames, frame), bisect.bisect_left(frames, frame) - 1
+    with buttons, st.container(horizontal=True):
+        for label, to in (("Previous", before), ("Next", after)):
+            there, key = 0 <= to < len(frames), label.lower()
+            step, off = callback(partial(field.set, frames[to] if there else None)), not there
+            st.button(label, f"apply_{key}", on_click=step, shortcut=key[0], disabled=off)
+        label, icon, press = ("Pause", "pause", _pause) if playing else ("Play", "play_arrow", play)
+        icon = f":material/{icon}:"
+        st.button(label, "apply_play", on_click=press, shortcut="k", width=110, icon=icon)
+    return frame
+
+
+def _pause() -> None:
+    st.session_state.pop(_PLAYING, None)
+
+
+def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int | None) -> None:
+    points, usual = result.points, result.usual_tracks
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        view = choose(project, "apply_seen_from", "Seen from", VIEWS)
+        with st.popover("Colour, lines"):
+            titles = measured.TITLES
+            colour: measured.Colour = choose(
+                project, "apply_colour", "Colour", titles, format_func=titles.__getitem__
+            )
+            title, ways = "Lines connect points of the same", [NOTHING, *result.track_columns]
+            column: str = choose(
+                project, "apply_tracks", title, ways, usual or NOTHING, as_menu=True
+            )
+    tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
+    figure = measured.plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
+    words = measured.describe_points(points, tracks, outcome.world)
+    show_figure(figure, words, "points", fold=False)
+
+
+@st.cache_resource(show_spinner=False, max_entries=8)
+def _tracks(digest: str, column: str, _points: pd.DataFrame) -> list[IntArray]:
+    assert digest
+    return lengths.tracks_by(_points, column)

@@ -43,8 +43,8 @@ def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
     before = project.database.path.read_bytes()
     with broken(monkeypatch):
         for page, given in acts(project).items():
+            assert not go(app, page).exception, page
             for act in given:
-                assert not go(app, page).exception, page
                 act(app)
                 app.run()
                 assert not app.exception, (page, app.exception)
