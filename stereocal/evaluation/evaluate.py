@@ -16,7 +16,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -127,9 +127,6 @@ def evaluate_run(
 
     The random numbers depend only on the seed, `number` and `run`, so that every executor gives the
     same result (for the refined method to about 1e-9, since it stops at a tolerance).
-
-    Args:
-        whole: of this data set and these settings; made if None.
     """
     own = settings.calibration
     seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
@@ -160,10 +157,9 @@ class WholeFit:
     @cached_property
     def result(self) -> RefinedResult | None:
         """None without settings, or if the fit failed."""
-        try:
+        with suppress(StereocalError):
             return refine(self.dataset, self.settings) if self.settings else None
-        except StereocalError:
-            return None
+        return None
 
 
 _CLUSTERS: Latest[tuple[IntArray | None]] = Latest(100)
@@ -279,7 +275,8 @@ def _refined(
     lenses = lenses_of_cameras(found.primary, found.secondary)
     if not undistort_rays(found.q, lenses, pixels, rays, np.empty((len(pixels), 2, 4))):
         angles[:] = np.nan
-    return _test(dataset, ~fit, angles, partners, (found, rays))
+    scale = pixel_scales((found.primary, found.secondary))
+    return _test(dataset, ~fit, angles, partners, found.pose.baseline, rays, scale)
 
 
 def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> Run:
@@ -292,10 +289,7 @@ def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> Ru
     if rows is None:
         rows = np.ones(len(dataset.correspondences), dtype=np.bool_)
     partners = _partners(int(np.count_nonzero(rows)), np.random.default_rng(0))
-    own = dataset  # with its rays, which take longer than the rest
-    if dataset.baseline_m != pose.baseline:
-        own = replace(dataset, baseline_m=pose.baseline)
-    return _test(own, rows, np.array([pose.angles]), partners)
+    return _test(dataset, rows, np.array([pose.angles]), partners, pose.baseline)
 
 
 def stacked(first: Run, second: Run) -> Run:
@@ -309,18 +303,16 @@ def _test(
     rows: BoolArray,
     angles: FloatArray,
     partners: IntArray,
-    refined: tuple[RefinedResult, FloatArray] | None = None,
+    baseline_m: float | None = None,
+    rays: FloatArray | None = None,
+    pixel_scale: FloatArray | None = None,
 ) -> Run:
     """Count all pairs of the rows in `rows` (n,) with the angles (methods, 5) of each method.
 
     Args:
-        refined: whose cameras and baseline to test with, and the rays (4, n) of its lenses; None:
-            those of the data set.
+        baseline_m, rays, pixel_scale: of a set of its own; None: those of the data set.
     """
-    seen, baseline_m, pixel_scale = dataset.rays, dataset.baseline_m, dataset.pixel_scale
-    if refined is not None:
-        (own, seen), baseline_m = refined, refined[0].pose.baseline
-        pixel_scale = pixel_scales((own.primary, own.secondary))
+    seen = dataset.rays if rays is None else rays
     counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
     correct_px = np.empty(len(angles))
@@ -329,8 +321,8 @@ def _test(
     ends = dataset.correspondences.bars[bars].T.ravel()
     validate_rays(
         angles,
-        baseline_m,
-        pixel_scale,
+        dataset.baseline_m if baseline_m is None else baseline_m,
+        dataset.pixel_scale if pixel_scale is None else pixel_scale,
         np.ascontiguousarray(seen[:, rows]),
         partners,
         np.ascontiguousarray(seen[:, ends]),
@@ -366,7 +358,8 @@ def evaluate(
     Args:
         progress: called with the runs done and the runs in all.
         cancelled: asked while they are computed; if true, what is left is dropped.
-        chunk: runs of one task; None: `runs_at_once`.
+        chunk: runs of one task; None: few of a long recording, for progress and so that others get
+            a turn.
         pieces: chunks that were finished before, and where more are kept.
 
     Returns:
@@ -390,27 +383,19 @@ def evaluate(
 def _tasks(
     datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int | None
 ) -> Iterator[Task[list[Run]]]:
+    """Their keys are digests of everything that the runs depend on, and the runs' numbers."""
+    protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
     for number, dataset in enumerate(datasets):
-        of_dataset = _key(dataset, settings, number)
+        sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
+        content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
+        digest = hashlib.sha256(content.encode()).hexdigest()[:32]
         whole = WholeFit(dataset, settings.refined)
-        size = chunk or runs_at_once(dataset)
+        few = max(1, FRAMES_AT_ONCE // len(dataset.correspondences.frames))
+        size = chunk or min(MOST_RUNS_AT_ONCE, few)
         for first in range(0, settings.runs, size):
             runs = range(first, min(first + size, settings.runs))
-            key = f"{of_dataset} {runs.start}-{runs.stop}"
+            key = f"{digest} {runs.start}-{runs.stop}"
             yield Task(key, evaluate_runs, (dataset, settings, number, runs, whole), len(runs))
-
-
-def runs_at_once(dataset: Dataset) -> int:
-    """Runs of one task: few of a long recording, for progress and so that others get a turn."""
-    return max(1, min(MOST_RUNS_AT_ONCE, FRAMES_AT_ONCE // len(dataset.correspondences.frames)))
-
-
-def _key(dataset: Dataset, settings: EvaluationSettings, number: int) -> str:
-    """A digest of everything that a run depends on, except its own number."""
-    protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
-    sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
-    content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
-    return hashlib.sha256(content.encode()).hexdigest()[:32]
 
 
 def evaluate_runs(

@@ -28,7 +28,6 @@ class KeptFits(Latest[list[Run]]):
         super().__init__(MOST_CHUNKS)
 
     def keep(self, key: str, runs: list[Run]) -> None:
-        """Keep the refined sets of a chunk."""
         super().keep(key, [_refined_part(run) for run in runs])
 
 

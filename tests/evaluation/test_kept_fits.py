@@ -18,7 +18,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
 
 FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
-USUAL = EvaluationSettings(runs=20, refined=RefineSettings())
+USUAL = EvaluationSettings(runs=12, refined=RefineSettings())
 
 
 def with_search(**values: float) -> EvaluationSettings:
@@ -41,7 +41,7 @@ def assert_equal(found: Sequence[Sequence[Run]], wanted: Sequence[Sequence[Run]]
         with_search(delta=5e-3, acceptance=0.4),
         with_search(seed=3),
         replace(USUAL, calibration_frames=15),
-        replace(USUAL, runs=13),
+        replace(USUAL, runs=11),
         replace(USUAL, refined=None),
     ],
 )
