@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
+from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
@@ -28,9 +27,6 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 
 ANY_DEPTH = (0.0, float("inf"))
-
-LARGEST_DENSE = 4_000_000
-"""Entries of a cost matrix (32 MB); larger groups use the sparse solver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,58 +119,22 @@ def check_depths(depths_m: Sequence[float]) -> tuple[float, float]:
 def assign(first: IntArray, second: IntArray, errors: FloatArray, threshold: float) -> IntArray:
     """Rows of the candidates in the one-to-one assignment of least total cost, ordered by `first`.
 
-    A candidate costs its error, an unmatched point costs `threshold`. Connected groups of
-    candidates share no points, so each group is solved separately.
+    A candidate costs its error, an unmatched point costs `threshold`: that of a further column of
+    its row, slightly above it, so that a candidate exactly at the threshold is accepted.
     """
     if not len(first):
         return np.empty(0, np.int64)
-    rows = int(first.max()) + 1
-    size = rows + int(second.max()) + 1
-    graph = coo_array((np.ones(len(first), np.int8), (first, second + rows)), shape=(size, size))
-    _, labels = connected_components(graph, directed=False)
-    group = labels[first]
-    order = np.argsort(group, kind="stable")
-    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
-    kept = []
-    for members in np.split(order, starts[1:]):
-        if len(members) > 1:
-            own = _solve(first[members], second[members], errors[members], threshold)
-            members = members[own]
-        kept.append(members)
-    chosen = np.concatenate(kept)
-    return chosen[np.argsort(first[chosen])]
-
-
-def _solve(first: IntArray, second: IntArray, errors: FloatArray, threshold: float) -> IntArray:
     rows, i = np.unique(first, return_inverse=True)
     columns, j = np.unique(second, return_inverse=True)
-    if len(rows) * len(columns) > LARGEST_DENSE:
-        return _solve_sparse(i, j, errors, threshold, len(rows), len(columns))
-    # Slightly above the threshold, so that a candidate exactly at the threshold is accepted.
-    cost = np.full((len(rows), len(columns)), np.nextafter(threshold, np.inf))
-    cost[i, j] = errors
-    candidate = np.full(cost.shape, -1, dtype=np.int64)
-    candidate[i, j] = np.arange(len(i))
-    found = candidate[linear_sum_assignment(cost)]
-    return found[found >= 0]
-
-
-def _solve_sparse(
-    i: IntArray, j: IntArray, errors: FloatArray, threshold: float, rows: int, columns: int
-) -> IntArray:
-    """As the dense solver, with an extra column per row for "unmatched" that costs `threshold`."""
-    own = np.arange(rows)
+    own = np.arange(len(rows))
+    unmatched = np.full(len(rows), np.nextafter(threshold, np.inf))
     # The added constant does not change the assignment; SciPy drops zeros.
-    cost = np.concatenate([errors, np.full(rows, np.nextafter(threshold, np.inf))]) + max(
-        threshold, 1.0
-    )
-    entries = (np.concatenate([i, own]), np.concatenate([j, columns + own]))
-    shape = (rows, columns + rows)
-    table: Any = coo_array((cost, entries), shape=shape).tocsr()
-    at_row, at_column = min_weight_full_bipartite_matching(table)
-    partner = np.full(rows, -1, dtype=np.int64)
-    partner[at_row] = at_column
-    return np.flatnonzero(partner[i] == j)
+    cost = np.concatenate([errors, unmatched]) + max(threshold, 1.0)
+    entries = np.concatenate([i, own]), np.concatenate([j, len(columns) + own])
+    table: Any = coo_array((cost, entries), shape=(len(rows), len(columns) + len(rows))).tocsr()
+    partner = min_weight_full_bipartite_matching(table)[1]
+    kept = np.flatnonzero(partner[i] == j)
+    return kept[np.argsort(first[kept])]
 
 
 @dataclass(frozen=True, eq=False)

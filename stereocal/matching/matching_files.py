@@ -7,8 +7,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from heapq import merge
-from itertools import groupby
-from operator import itemgetter
+from itertools import groupby, repeat
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +16,9 @@ import pandas as pd
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.in_step import bring_into_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, purpose_warning
-from stereocal.matching.pairs import (
-    PAIR_COLUMNS,
-    POINT,
-    further_names,
-    match_frame,
-    pixels_of,
-    sample_pixels,
-    sigma_columns,
-)
+from stereocal.matching.pairs import POINT, further_names, match_frame, pixels_of, sample_pixels
 from stereocal.matching.point_noise import PointNoise
-from stereocal.matching.point_table import Contents, PointTable, open_table
+from stereocal.matching.point_table import Contents, PointTable, open_table, together
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
@@ -100,8 +91,6 @@ def match_tables(
     chosen = _settle(rig, tables, contents, threshold_px, depths_m, sigma_px)
     names = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))
-    columns = [*PAIR_COLUMNS, *sigma_columns(chosen.noise), *names[0].values(), *names[1].values()]
-
     tasks = (
         Task(
             f"matched {block[0][0]} to {block[-1][0]}",
@@ -115,7 +104,7 @@ def match_tables(
     counts = np.zeros(4, dtype=np.int64)
     try:
         with ExitStack() as stack:
-            pairs = stack.enter_context(open_table(out, columns))
+            pairs = stack.enter_context(open_table(out))
             lost = None
             if unmatched is not None:
                 further = dict.fromkeys([*primary.further, *secondary.further])
@@ -131,23 +120,16 @@ def match_tables(
     shares = chosen.shares
     loses_many = chosen.is_forced and shares is not None and shares.lost > MANY_LOST
     if loses_many or count < FEW_MATCHED * min(each.rows for each in contents):
-        notes.append(_few_partners(chosen))
+        few, noise = f"Few partners within {rounded(chosen.threshold_px, 3)} px.", chosen.noise
+        seen = chosen.is_forced and noise is not None and noise.source == "estimated"
+        notes.append(
+            f"{few} Your points scatter by {noise.in_words}: have the threshold chosen from them."
+            if noise is not None and seen
+            else f"{few} Make sure that points, parameters and the two cameras (primary, secondary)"
+            " belong together; if your points are less exact than the targets, state their noise."
+        )
     common = len(np.intersect1d(contents[0].frames, contents[1].frames))
     return MatchReport(chosen, common, count, ambiguous, left_primary, left_secondary, notes)
-
-
-def _few_partners(chosen: ThresholdChoice) -> str:
-    """What to do where few points found a partner."""
-    few = f"Few partners within {rounded(chosen.threshold_px, 3)} px."
-    noise = chosen.noise
-    if chosen.is_forced and noise is not None and noise.source == "estimated":
-        return (
-            f"{few} Your points scatter by {noise.in_words}: have the threshold chosen from them."
-        )
-    return (
-        f"{few} Make sure that points, parameters and the two cameras (primary, secondary) belong "
-        "together; if your points are less exact than the targets, state their noise."
-    )
 
 
 def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
@@ -210,29 +192,25 @@ def _match_block(
     _, first, second = zip(*block, strict=True)
     pairs, ambiguous = sum(map(len, found)), sum(int(table["ambiguous"].sum()) for table in found)
     numbers = [pairs, ambiguous, *(sum(map(len, side)) - pairs for side in (first, second))]
-    return _together(found), numbers, _together(lonely)
-
-
-def _together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    filled = [table for table in tables if len(table)]
-    return pd.concat(filled) if filled else tables[0]
+    return together(found), numbers, together(lonely)
 
 
 def _side_by_side(primary: PointTable, secondary: PointTable) -> Iterator[Frame]:
     """Each frame of either table in order, with its rows in both (an empty table if missing)."""
 
-    def numbered(k: int, table: PointTable) -> Iterator[tuple[int, int, pd.DataFrame]]:
-        return ((frame, k, rows) for frame, rows in table.frames())
-
     tables = (primary, secondary)
-    empty = {
-        k: pd.DataFrame({name: [] for name in ("frame", *POINT, *table.sigmas, *table.further)})
-        for k, table in enumerate(tables)
-    }
-    both = merge(*(numbered(k, table) for k, table in enumerate(tables)), key=itemgetter(0))
-    for frame, sides in groupby(both, key=itemgetter(0)):
-        rows = empty | {k: own for _, k, own in sides}
-        yield frame, rows[0], rows[1]
+    empty = [
+        pd.DataFrame({name: [] for name in ("frame", *POINT, *table.sigmas, *table.further)})
+        for table in tables
+    ]
+    numbered = (zip(repeat(k), table.frames(), strict=False) for k, table in enumerate(tables))
+    for frame, sides in groupby(merge(*numbered, key=_frame_of), key=_frame_of):
+        own = {k: rows for k, (_, rows) in sides}
+        yield frame, own.get(0, empty[0]), own.get(1, empty[1])
+
+
+def _frame_of(side: tuple[int, tuple[int, pd.DataFrame]]) -> int:
+    return side[1][0]
 
 
 def _settle(

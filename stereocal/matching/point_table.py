@@ -59,8 +59,6 @@ class Contents:
     rows: int
     frames: IntArray
     """The distinct frame numbers, in order."""
-    further: tuple[str, ...]
-    """Names of the columns that are passed through."""
     left_out: int
     """Rows without numbers."""
     largest: tuple[float, ...]
@@ -102,30 +100,24 @@ class PointTable:
         Args:
             refuse: returns further problems in a block of whole frames.
         """
-        try:
-            return self._checked(refuse)
-        except _OutOfOrderError:
-            self._in_order = False
-            return self._checked(refuse)
-
-    def _checked(self, refuse: Callable[[pd.DataFrame], list[RowProblem]] | None) -> Contents:
         limits = Limits.from_environment()
         frames: list[IntArray] = []
-        rows = 0
-        self._left_out = 0
+        rows = self._left_out = 0
         largest = np.full(len(self.numbers), -np.inf)
-        for block in self._blocks():
-            if refuse is not None and (problems := refuse(block)):
-                raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
-            rows += len(block)
-            limits.check_rows(rows, self.label)
-            frames.append(np.unique(block["frame"].to_numpy()))
-            largest = np.maximum(largest, block[list(self.numbers)].to_numpy().max(axis=0))
+        try:
+            for block in self._blocks():
+                if refuse is not None and (problems := refuse(block)):
+                    raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
+                rows += len(block)
+                limits.check_rows(rows, self.label)
+                frames.append(np.unique(block["frame"].to_numpy()))
+                largest = np.maximum(largest, block[list(self.numbers)].to_numpy().max(axis=0))
+        except _OutOfOrderError:
+            self._in_order = False
+            return self.check(refuse)
         if not rows:
             raise StereocalError(f"{self.label}: the table has no rows with points.")
-        return Contents(
-            rows, np.unique(np.concatenate(frames)), self.further, self._left_out, tuple(largest)
-        )
+        return Contents(rows, np.unique(np.concatenate(frames)), self._left_out, tuple(largest))
 
     def frames(self) -> Iterator[tuple[int, pd.DataFrame]]:
         """Number and rows of each frame, in order. The index is the line in the file."""
@@ -258,31 +250,26 @@ class _OutOfOrderError(Exception):
 class TableWriter:
     """Collects rows and writes them in large blocks; created by `open_table`."""
 
-    def __init__(self, path: Path, columns: list[str], is_parquet: bool) -> None:
+    def __init__(self, path: Path, columns: list[str] | None, is_parquet: bool) -> None:
         self._path, self._columns = path, columns
         self._parquet: Any = _parquet_library() if is_parquet else None
         self.file: Any = None
         self._waiting: list[pd.DataFrame] = []
-        self._rows = 0
 
     def add(self, rows: pd.DataFrame) -> None:
-        """Append rows with the columns of `open_table`."""
-        if len(rows):
+        """Append rows; the first ones, perhaps none, begin the table."""
+        if len(rows) or (self.file is None and not self._waiting):
             self._waiting.append(rows)
-            self._rows += len(rows)
-        if self._rows >= WRITTEN_ROWS:
+        if sum(map(len, self._waiting)) >= WRITTEN_ROWS:
             self.write()
 
     def write(self) -> None:
         """Write the rows that wait."""
-        if self._waiting:
-            rows = pd.concat(self._waiting)[self._columns]
-        elif self.file is None:
-            rows = pd.DataFrame(columns=self._columns)
-        else:
+        if not self._waiting:
             return
-        self._waiting, self._rows = [], 0
-        begins = self.file is None
+        rows = together(self._waiting)
+        rows = rows if self._columns is None else rows.reindex(columns=self._columns)
+        begins, self._waiting = self.file is None, []
         if self._parquet is None:
             self.file = self._path.open("w", encoding="utf-8", newline="") if begins else self.file
             rows.to_csv(self.file, index=False, header=begins, lineterminator="\n")
@@ -295,10 +282,18 @@ class TableWriter:
         self.file.write_table(table)
 
 
+def together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Tables with the same columns as one."""
+    return pd.concat([table for table in tables if len(table)] or tables[:1])
+
+
 @contextmanager
-def open_table(path: Path, columns: list[str]) -> Iterator[TableWriter]:
+def open_table(path: Path, columns: list[str] | None = None) -> Iterator[TableWriter]:
     """A writer for a new table, CSV or Parquet by its name; the file appears complete at the end,
     or not at all.
+
+    Args:
+        columns: of the table; None: those of the first rows.
     """
     with write_in_parts(path) as temporary:
         writer = TableWriter(temporary, columns, path.suffix.lower() in PARQUET)

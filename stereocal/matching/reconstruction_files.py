@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -167,7 +168,8 @@ def _measured(
             own = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
             sigmas = np.where(np.isfinite(own), own, sigmas)
     found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigmas)
-    columns = {"frame": pairs["frame"].to_numpy(), **dict(zip("xyz", found.xyz.T, strict=True))}
+    columns: dict[str, Any] = {"frame": pairs["frame"].to_numpy()}
+    columns |= dict(zip("xyz", found.xyz.T, strict=True))
     columns["error_px"] = found.error_px.round(ERROR_DECIMALS)
     if found.sigma_m is not None:
         columns |= dict(zip(SIGMA_COLUMNS, found.sigma_m.T, strict=True))
@@ -175,8 +177,10 @@ def _measured(
         columns[OUTSIDE_VOLUME] = found.outside_volume
     if world is not None:
         columns[COORDINATES] = np.full(len(pairs), name_of_world(world))
-    passed_on = _passed_on(tuple(str(c) for c in pairs.columns))
-    return pd.DataFrame(columns | {new: pairs[name].array for name, new in passed_on.items()})
+    taken = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES}
+    for name in pairs.columns.difference(["frame", *PIXELS, *OF_MATCHING, *SIGMAS], sort=False):
+        columns[f"{name}_of_pair" if name in taken else str(name)] = pairs[name].array
+    return pd.DataFrame(columns)
 
 
 def reconstruct_table(
@@ -207,11 +211,6 @@ def reconstruct_table(
 
     contents = pairs.check(look)
     noise = noise_of_pairs(rig, pd.concat(sample), sigma_px)
-    columns = [*POINT_COLUMNS, *(SIGMA_COLUMNS if noise is not None else ())]
-    columns += [] if rig.volume is None else [OUTSIDE_VOLUME]
-    columns += [] if world is None else [COORDINATES]
-    columns += list(_passed_on((*pairs.numbers, *pairs.further)).values())
-
     tasks = (
         Task(
             f"measured {block.index[0]} to {block.index[-1]}",
@@ -224,7 +223,7 @@ def reconstruct_table(
     measured = run_tasks(tasks, executor, contents.rows, progress, cancelled, ahead=AHEAD)
     errors, outside = [], 0
     try:
-        with open_table(out, columns) as writer, closing(measured):
+        with open_table(out) as writer, closing(measured):
             for _, (points, beyond, own) in measured:
                 writer.add(points)
                 outside += beyond
@@ -254,16 +253,6 @@ def _measure_block(
     if OUTSIDE_VOLUME in table:
         outside = int((table[OUTSIDE_VOLUME].to_numpy() & ~np.isnan(errors)).sum())
     return table, outside, errors
-
-
-def _passed_on(names: tuple[str, ...]) -> dict[str, str]:
-    """The further columns of pairs, and their names in the table of points."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES}
-    return {
-        name: f"{name}_of_pair" if name in own else name
-        for name in names
-        if name not in ("frame", *PIXELS, *OF_MATCHING, *SIGMAS)
-    }
 
 
 def points_outside_images(rig: RigParameters, block: pd.DataFrame) -> list[RowProblem]:

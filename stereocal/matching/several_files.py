@@ -203,7 +203,7 @@ def reconstruct_rig(
         table[OUTSIDE_VOLUME] = outside
     if world is not None:
         table[COORDINATES] = name_of_world(world)
-    with open_table(out, list(table.columns)) as writer:
+    with open_table(out) as writer:
         writer.add(table)
     lost = ~np.isfinite(found.xyz[:, 0])
     median = float(np.nanmedian(found.error_px)) if not lost.all() else float("nan")

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.matching import matching
 from stereocal.matching.matching import assign, match_points, purpose_warning, refuse_different_rigs
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.threshold import choose_threshold
@@ -60,19 +59,6 @@ class TestAssignment:
         )
         assert total == pytest.approx(best, abs=1e-12)
         assert len(set(found[0][kept])) == len(set(found[1][kept])) == len(kept)
-
-    @given(SEEDS, st.integers(1, 30), st.integers(1, 30))
-    @settings(max_examples=25)
-    def test_the_sparse_solver_finds_the_same(self, seed: int, rows: int, columns: int) -> None:
-        _, found = candidates(seed, rows, columns, 0.6)
-        dense = assign(*found, 0.6)
-        before = matching.LARGEST_DENSE
-        matching.LARGEST_DENSE = 0
-        try:
-            sparse = assign(*found, 0.6)
-        finally:
-            matching.LARGEST_DENSE = before
-        np.testing.assert_array_equal(dense, sparse)
 
     def test_a_pair_at_the_gate_is_taken(self) -> None:
         zero = np.zeros(2, dtype=np.int64)
