@@ -243,7 +243,6 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
 
 @st.cache_resource(show_spinner=False, max_entries=4)
 def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
-    """The frames with points."""
     assert key
     return sorted({int(each) for table in _tables for each in table["frame"].unique()})
 

@@ -145,7 +145,6 @@ def _choose_parameters(
 
 
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
-    """What movement matters."""
     usual, told = Smallest(), "“Same” is reported only if such a {} would have been found."
     degrees = round(float(np.degrees(usual.turn_rad)), 6)
     field = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0))

@@ -82,6 +82,5 @@ def _read(path: Path) -> str:
 
 
 def _listed(name: str) -> list[str]:
-    """The pages that a table of contents names."""
     lines = [line for block in _TOCTREE.findall(_text(name)) for line in block.splitlines()]
     return [line for line in lines if line and not line.startswith(":")]

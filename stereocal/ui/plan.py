@@ -147,7 +147,6 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
 
 
 def _compare(project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]) -> None:
-    """Up to three plans side by side."""
     kept, named = _compared(project), plan_field(project, "name")
     texts = [write_plan(other.plan).decode() for other in others]
     own = write_plan(found.plan).decode()

@@ -125,7 +125,6 @@ def show_evaluation(
 
 
 def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
-    """The columns to show, and the format of pictures."""
     panels = ["All three", *COLUMNS.values()]
     with st.container(
         horizontal=True, vertical_alignment="bottom", horizontal_alignment="distribute"

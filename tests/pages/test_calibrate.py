@@ -15,6 +15,7 @@ from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
+from stereocal.projects.project import Project
 from stereocal.ui import press
 from stereocal.ui.refined import answer_of
 from stereocal.ui.validation import evaluated
@@ -23,6 +24,8 @@ from stereocal.workflow import calibrate
 from tests.pages.stored_projects import go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 from tests.pages.waiting import SLOW, ended
+
+BAD = 7
 
 
 def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
@@ -172,3 +175,48 @@ def test_the_tiles_are_of_whole_runs_whatever_validate_shows(app: AppTest, home:
     app.button(key="run").click().run()
     evaluation = project.calibration_evaluation
     assert evaluation is not None and evaluation.settings.splits == "runs"
+
+
+@pytest.fixture
+def exchanged(app: AppTest, home: Path) -> Project:
+    """The field's data with A and B exchanged in the secondary image of one frame."""
+    dataset = read_dataset(FIELD).with_targets_exchanged([BAD])
+    give_zip(app, pack_dataset(dataset))
+    project = project_of(app, home)
+    project.keep_settings({"validate_runs": 10})
+    go(app, "calibrate").button(key="run").click().run()
+    return project
+
+
+def left_out(project: Project) -> tuple[int, ...]:
+    calibration = project.calibration
+    assert calibration is not None
+    return calibration.screening.left_out
+
+
+def test_a_bad_frame_is_named_exchanged_and_taken_back(app: AppTest, exchanged: Project) -> None:
+    project = exchanged
+    assert left_out(project) == (BAD,)
+    said = messages(app)
+    assert f"frame {BAD}" in said
+    assert "exchanged in one camera" in said
+    assert app.success
+    # Exchanged, it is back at once.
+    app.button(key=f"exchange_{BAD}").click().run()
+    assert project.inputs.exchanged == [BAD]
+    assert left_out(project) == ()
+    assert ended(project, "calibration").state == "done"
+    calibration = project.calibration
+    assert calibration is not None and BAD in calibration.frames
+    sound = read_dataset(FIELD)
+    assert calibration.dataset.correspondences.secondary.tolist() == (
+        sound.correspondences.secondary.tolist()
+    )
+    # The other pages go by it too, and it can be taken back.
+    app.switch_page("pages/validate.py").run()
+    assert f"frame {BAD}" not in messages(app)
+    app.switch_page("pages/calibrate.py").run()
+    app.button(key=f"unexchange_{BAD}").click().run()
+    assert ended(project, "calibration").state == "done"
+    assert project.inputs.exchanged == []
+    assert left_out(project) == (BAD,)

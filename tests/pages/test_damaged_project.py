@@ -1,10 +1,13 @@
-"""A damaged project: it is listed and kept, every page says what is wrong."""
+"""A damaged project is listed and kept, and every page says what is wrong; unforeseen errors."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from streamlit import config
 from streamlit.testing.v1 import AppTest
 
 from stereocal.errors import StereocalError
@@ -12,6 +15,7 @@ from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
 from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
 
+SECRET = "/srv/secret/place"
 RESULTS = {
     "calibration": ("calibrate", "calibrate again"),
     "frames": ("data", "find them again"),
@@ -49,3 +53,28 @@ def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
     assert not app.exception and path.read_bytes() == before
     app.button(key=f"remove_{project.id}").click().run()
     assert not app.exception and recent_projects(home) == []
+
+
+def test_unforeseen_error_tells_its_kind_and_no_more(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    assert not app.exception
+    # What the file of settings says, as the server has it; tests of pages do not read it.
+    assert 'showErrorDetails = "type"' in (ROOT / ".streamlit/config.toml").read_text()
+    monkeypatch.setattr(config, "get_option", _as_on_the_server(config.get_option))
+
+    def fails(*_args: object, **_kwargs: object) -> None:
+        raise RuntimeError(f"{SECRET} is gone")
+
+    monkeypatch.setattr("streamlit.title", fails)
+    app.switch_page("pages/calibrate.py").run()
+    (shown,) = app.exception
+    proto = shown.proto
+    assert proto.type == "RuntimeError"
+    assert SECRET not in str(proto) and str(ROOT) not in str(proto) and str(home) not in str(proto)
+    assert not proto.stack_trace
+
+
+def _as_on_the_server(option: Callable[[str], Any]) -> Callable[[str], Any]:
+    return lambda key: "type" if key == "client.showErrorDetails" else option(key)
