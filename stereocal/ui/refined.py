@@ -173,8 +173,6 @@ def answer_for(
     """What a stored calibration and its validation tell, with the refined set of its frames.
 
     Args:
-        settings: of the refined set.
-        evaluation: made with the calibration; None if there is none.
         step: called with the name of each of `ANSWER_STEPS` when it starts.
     """
 
@@ -209,21 +207,13 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
         return found.outlook is None or bool(found.outlook.advice)
 
     key = _answer_key(calibration, settings, evaluation)
-    made: Answer | None = _when_made(
-        key, jobs.Work(project, "answer", ("steps",), {"key": key}, run)
-    )
+    work = jobs.Work(project, "answer", ("steps",), {"key": key}, run)
+    made: Answer | None = _when_made(key, work)
     return made
 
 
-def _when_made(key: str, work: jobs.Work, at_once: str = "") -> Any:
-    """What is made already; else its job is started, unless it has failed or was cancelled.
-
-    Args:
-        at_once: what is shown while it is made without a job.
-    """
-    if at_once and _made().get(key) is None:
-        with st.spinner(at_once):
-            work.run(jobs.on_page(work.stages))
+def _when_made(key: str, work: jobs.Work) -> Any:
+    """What is made already; else its job is started, unless it has failed or was cancelled."""
     found = _made().get(key)
     if found is not None:
         return found
@@ -276,6 +266,11 @@ def curves_when_ready(
 ) -> TradeOff | None:
     """The trade-off: at once, or for a long recording from a job, as in `answer_when_ready`."""
     key = _key(dataset, settings)
+    found: TradeOff | None
+    if not is_long(dataset):
+        with st.spinner("Tracing the trade-off."):
+            found = _made().once(key, lambda: jobs.compute(trade_off, dataset, settings))
+        return found
 
     def run(job: jobs.Job) -> bool:
         how: dict[str, Any] = {"progress": job.progress, "cancelled": lambda: job.cancelled}
@@ -284,9 +279,7 @@ def curves_when_ready(
             _made().keep(key, traced)
         return traced is not None
 
-    work = jobs.Work(project, "trade_off", ("fits",), {"key": key}, run)
-    spinner = "" if is_long(dataset) else "Tracing the trade-off."
-    found: TradeOff | None = _when_made(key, work, spinner)
+    found = _when_made(key, jobs.Work(project, "trade_off", ("fits",), {"key": key}, run))
     return found
 
 
