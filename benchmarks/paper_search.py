@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from benchmarks.peers.scenarios import recording
 from stereocal.calibration import costs
 from stereocal.calibration.essential import Solver, calibrate_essential
+from stereocal.calibration.methods import errors_of
 from stereocal.calibration.montecarlo import (
     Problem,
     SearchSettings,
@@ -25,7 +26,6 @@ from stereocal.calibration.montecarlo import (
     reconstruction_problem,
     reprojection_problem,
 )
-from stereocal.calibration.results import errors_of
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.rig.compiled import FloatArray, compiled

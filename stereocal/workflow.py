@@ -14,14 +14,19 @@ import numpy as np
 
 from stereocal.calibration import checks
 from stereocal.calibration.essential import EssentialResult, calibrate_essential
-from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.methods import (
+    POOR_LENGTH,
+    CalibrationSettings,
+    Method,
+    MethodResult,
+    errors_of,
+)
 from stereocal.calibration.montecarlo import (
     Problem,
     minimise,
     reconstruction_problem,
     reprojection_problem,
 )
-from stereocal.calibration.results import POOR_LENGTH, MethodResult, errors_of
 from stereocal.calibration.wrong_inputs import check_inputs
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures

@@ -14,8 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import CalibrationSettings, errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.calibration.methods import Method
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import Method, errors_of
 from stereocal.figures.story import HeldOut, Story, best_mean
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings

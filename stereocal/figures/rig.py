@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibration.methods import Method
-from stereocal.calibration.results import Errors
+from stereocal.calibration.methods import Errors, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import space, style
 from stereocal.figures.style import METHOD_NAMES, add, count

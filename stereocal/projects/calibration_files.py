@@ -8,8 +8,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields, make_dataclass, replace
 from typing import Any, get_type_hints
 
-from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
-from stereocal.calibration.results import MethodResult
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method, MethodResult
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration

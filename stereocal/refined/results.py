@@ -9,8 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import CalibrationSettings, Method
-from stereocal.calibration.results import Errors, MethodResult, errors_of
+from stereocal.calibration.methods import (
+    CalibrationSettings,
+    Errors,
+    Method,
+    MethodResult,
+    errors_of,
+)
 from stereocal.errors import StereocalError
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.parameter_file import refined_parameters

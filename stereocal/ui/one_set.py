@@ -10,7 +10,7 @@ import streamlit as st
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
-from stereocal.figures import accuracy, disagreement, lens, tables, tradeoff
+from stereocal.figures import accuracy, lens, one_set, tables
 from stereocal.figures.style import count
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
@@ -115,11 +115,11 @@ def _show_disagreement(inputs: list[Input]) -> None:
     elif inputs and not accused:
         st.success("Nothing that was typed or measured disagrees with the images.")
     if accused:
-        words = disagreement.describe_disagreement(inputs)
-        show_figure(disagreement.plot_disagreement(inputs), words, "disagreement")
+        words = one_set.describe_disagreement(inputs)
+        show_figure(one_set.plot_disagreement(inputs), words, "disagreement")
     if inputs:
         with st.expander("Stated and estimated", expanded=not accused):
-            st.table(disagreement.disagreement_table(inputs))
+            st.table(one_set.disagreement_table(inputs))
             st.caption(
                 "The estimate contains what was stated. The disagreement is with what the images "
                 "and the other inputs say without it."
@@ -191,8 +191,8 @@ def _show_trade_off(
     share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
     points = curves.fixed if which == FIXED else curves.freed
     chosen = points[round(share / 100 * (len(points) - 1))]
-    words = tradeoff.describe_trade_off(curves, costs)
-    show_figure(tradeoff.plot_trade_off(curves, costs, chosen), words, "trade_off")
+    words = one_set.describe_trade_off(curves, costs)
+    show_figure(one_set.plot_trade_off(curves, costs, chosen), words, "trade_off")
     own = chosen.parameters(dataset)
     fcp, median = figures_of_set(
         count_set(replace(dataset, primary=own.primary, secondary=own.secondary), own.pose)

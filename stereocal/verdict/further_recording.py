@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from stereocal.calibration.methods import Method
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import Method, errors_of
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import Estimate, figures_of_set
 from stereocal.refined.refine import RefinedResult

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stereocal.calibration.methods import Method
-from stereocal.calibration.results import POOR_LENGTH, errors_of
+from stereocal.calibration.methods import POOR_LENGTH, Method, errors_of
 from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening

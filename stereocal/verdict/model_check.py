@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.innovations import Innovations, bar_innovations

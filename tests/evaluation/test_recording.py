@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings, errors_of
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.calibration.results import errors_of
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine

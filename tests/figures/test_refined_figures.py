@@ -11,12 +11,13 @@ import pytest
 
 from stereocal.calibration.methods import Method
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
-from stereocal.figures.disagreement import (
+from stereocal.figures.one_set import (
     describe_disagreement,
+    describe_trade_off,
     disagreement_table,
     plot_disagreement,
+    plot_trade_off,
 )
-from stereocal.figures.tradeoff import describe_trade_off, plot_trade_off
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.disagreement import ACCUSED, what_disagrees
 from stereocal.refined.refine import refine

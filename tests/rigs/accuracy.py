@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import errors_of
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import length_errors, length_sigmas

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.calibration.results import errors_of
+from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.matching.reconstruction_files import PIXELS, points_outside_images
