@@ -12,7 +12,7 @@ import threading
 from io import TextIOWrapper
 from typing import TextIO
 
-from stereocal.commands.progress import say
+from stereocal.commands.console import say
 
 INTERRUPTED = 130
 CLOSED_PIPE = 141

@@ -7,8 +7,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from stereocal.commands.parser import Parser, take
-from stereocal.commands.progress import say
+from stereocal.commands.console import Parser, say, take
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import compilations
 from stereocal.version import __version__

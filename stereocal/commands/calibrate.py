@@ -6,44 +6,41 @@ import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from stereocal.calibration.methods import Method
+from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
     SEARCH,
     dataset_from,
+    finish,
     refine_settings_from,
     settings_from,
 )
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import ProgressBar, report
 from stereocal.commands.warming import compile_apart
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
-from stereocal.refined.refine import RefinedResult
+from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import Input, undetectable_errors
+from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
-from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.predictive import Predictive
-from stereocal.workflow import answer, calibrate, conclusions_of_seeds, usual_frames
+from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds, usual_frames
 
 FILES: dict[Method, str] = {
     "2d": "parameters_2d.json",
     "3d": "parameters_3d.json",
     "refined": "parameters_refined.json",
 }
-
-
 OPTIONS: Options = {
     "dataset": "folder or zip with dataset.json",
     "--out OUT": "folder for the files",
@@ -92,26 +89,51 @@ def run(parsed: argparse.Namespace) -> None:
     files = {parsed.out / FILES[name]: own.dumps().encode() for name, own in found.sets.items()}
     if parsed.kit:
         files[parsed.out / "paper_kit.zip"] = paper_kit(found)
-    write_all(files)
-    rows = dataset.correspondences
-    print(
+    notes = [f"Note: {note}" for note in notes_on(found) if note]
+    finish(files, *lines_of(found), *notes, f"Recommendation: {found.recommendation.text}")
+
+
+def lines_of(found: Answer) -> list[str]:
+    """The data, and what each method made of them."""
+    calibration = found.calibration
+    dataset, rows = calibration.dataset, calibration.dataset.correspondences
+    lines = [
         f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
-        f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out."
-    )
-    pose = found.sets[found.recommendation.measure.method].pose
-    print(rig_in_words(dataset, pose))
-    print(table_of(calibration))
+        f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out.",
+        rig_in_words(dataset, found.sets[found.recommendation.measure.method].pose),
+        *table_of(calibration),
+    ]
     if (volume := found.sets["3d"].volume) is not None:
-        print(volume.sentence())
-    if calibration.refined is not None:
-        print(refined_lines(calibration.refined))
+        lines.append(volume.sentence())
+    if (result := calibration.refined) is not None:
+        noise, scatter = result.sigma_px, result.scatter_m
+        lines.append(
+            f"refined: noise {noise.value:.3f} px ({noise.source}), scatter of the bar "
+            f"{1000 * scatter.value:.2f} mm ({scatter.source}), baseline "
+            f"{result.pose.baseline:.4f} ± {standard_errors(result)['baseline_m'].sigma:.4f} m"
+        )
+        if result.outlying_frames:
+            named = listed([str(frame) for frame in result.outlying_frames])
+            lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
     if found.outlook:
-        print(forecast_lines(found.outlook.predictive, found.thresholds_px))
-    print_notes(calibration, found.inputs, question_about_units(dataset, pose))
+        lines += forecast_lines(found.outlook.predictive, found.thresholds_px)
+    return lines
+
+
+def notes_on(found: Answer) -> list[str]:
+    """Warnings, inputs that disagree, errors that cannot be detected, advice; or empty."""
+    calibration, inputs = found.calibration, found.inputs
+    pose = found.sets[found.recommendation.measure.method].pose
+    # Whether the lengths are in metres: a script cannot answer, so it is a note.
+    question = question_about_units(calibration.dataset, pose)
+    if question:
+        question += f" If not, correct {DESCRIPTION}: no residual shows a wrong unit."
+    accused = [item.advice for item in inputs if item.accused]
+    timing = calibration.screening.time_note
+    notes = [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]
     if found.outlook:
-        seeds = conclusions_of_seeds(calibration, found.outlook)
-        report(notes=filter(None, (seeds, found.outlook.advice)))
-    report(f"Recommendation: {found.recommendation.text}", written=files)
+        notes += [conclusions_of_seeds(calibration, found.outlook), found.outlook.advice]
+    return notes
 
 
 def validate(
@@ -135,57 +157,27 @@ def validate(
 def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Evaluation:
     """A validation of the frames not left out, with its progress on stderr."""
     kept = calibration.screening.dataset
-    with engine() as executor, ProgressBar("random splits") as bar:
-        found = evaluate([kept], settings, executor, bar.show)
-    assert found is not None  # nobody cancels here
+    with engine() as executor:
+        found = with_bar("random splits", partial(evaluate, [kept], settings, executor))
     return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
 
 
-def print_notes(calibration: Calibration, inputs: list[Input], question: str) -> None:
-    """Warnings, inputs that disagree, and errors that cannot be detected.
-
-    Args:
-        question: whether the lengths are in metres; or empty. A script cannot answer: it is a note.
-    """
-    if question:
-        question += f" If not, correct {DESCRIPTION}: no residual shows a wrong unit."
-    accused = [item.advice for item in inputs if item.accused]
-    timing = calibration.screening.time_note
-    notes = [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]
-    report(notes=filter(None, notes))
-
-
-def refined_lines(result: RefinedResult) -> str:
-    """Noise and left-out frames of the refined set."""
-    lines = [
-        f"refined: noise {result.sigma_px.value:.3f} px ({result.sigma_px.source}), scatter of the "
-        f"bar {1000 * result.scatter_m.value:.2f} mm ({result.scatter_m.source}), "
-        f"baseline {result.pose.baseline:.4f} ± {standard_errors(result)['baseline_m'].sigma:.4f} m"
-    ]
-    if result.outlying_frames:
-        named = listed([str(frame) for frame in result.outlying_frames])
-        lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
-    return "\n".join(lines)
-
-
-def forecast_lines(predictive: Predictive, thresholds: Mapping[Method, float | None]) -> str:
-    """What each file will do on frames to come.
-
-    Args:
-        thresholds: of the files, px.
-    """
+def forecast_lines(
+    predictive: Predictive, thresholds_px: Mapping[Method, float | None]
+) -> list[str]:
+    """What each file will do on frames to come, with the thresholds of the files."""
     lines = ["Expected on new frames with similar bars (95 % intervals):"]
     for method, found in predictive.forecasts.items():
         fcp, length = found.fcp_reprojection, found.median_error_3d
         lines.append(
             f"{method:<10} wrong pairs that look right {percent(fcp.value)} % ({interval(fcp)}), "
             f"length error (median) {percent(length.value)} % ({interval(length)})"
-            + (f", threshold {digits(own, 2)} px" if (own := thresholds.get(method)) else "")
+            + (f", threshold {digits(own, 2)} px" if (own := thresholds_px.get(method)) else "")
         )
-    return "\n".join(lines)
+    return lines
 
 
-def table_of(calibration: Calibration) -> str:
+def table_of(calibration: Calibration) -> list[str]:
     """The results of the methods, one per line."""
     lines = [
         f"{'method':<10} {'reprojection px':>15} {'length mean %':>14} {'length 95 %':>12} "
@@ -199,13 +191,12 @@ def table_of(calibration: Calibration) -> str:
         told["refined"] = (refined.steps, refined.seconds, refined.stop_reason)
     for name, (evaluations, seconds, stopped) in told.items():
         errors = calibration.errors[name]
+        mean, p95 = (
+            "none" if math.isnan(fraction) else f"{100 * fraction:.4f}"
+            for fraction in (errors.mean_length, errors.p95_length)
+        )
         lines.append(
-            f"{name:<10} {errors.mean_reprojection_px:>15.4f} "
-            f"{_percent(errors.mean_length):>14} {_percent(errors.p95_length):>12} "
+            f"{name:<10} {errors.mean_reprojection_px:>15.4f} {mean:>14} {p95:>12} "
             f"{evaluations:>12} {seconds:>8.3f}  {stopped}"
         )
-    return "\n".join(lines)
-
-
-def _percent(fraction: float) -> str:
-    return "none" if math.isnan(fraction) else f"{100 * fraction:.4f}"
+    return lines

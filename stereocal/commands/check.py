@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.commands.calibrate import FILES
-from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, dataset_from
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import report
+from stereocal.commands.console import Options
+from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, dataset_from, finish
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
-from stereocal.field.checking.new_images import NewImages, images_of_bars
+from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
@@ -27,11 +26,8 @@ from stereocal.formats.inputs import STORED_PROJECT, images_in_table
 from stereocal.matching.point_noise import check_sigma
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.atomic_files import write_all
 
 ANSWER = "check.json"
-
-
 OPTIONS: Options = {
     "parameters": "the parameter file to check, or rig.json",
     "dataset": "a few new bars: folder or zip with dataset.json, or a table of bars "
@@ -66,7 +62,13 @@ def run(parsed: argparse.Namespace) -> None:
         answer, told, remarks = rig_to_json(whole), rig_sentence(whole), rig_notes(whole)
     else:
         path, prior = _prior(path)
-        found = recheck(prior, _images(parsed, prior.rig), smallest)
+        data = parsed.dataset
+        is_file = data.is_file() and data.suffix != STORED_PROJECT
+        if is_file and not zipfile.is_zipfile(data):
+            images = images_in_table(data, str(data), prior.rig).stating(parsed.sigma_px)
+        else:
+            images = images_of_bars(dataset_from(parsed, data), prior.rig)
+        found = recheck(prior, images, smallest)
         if found.offers_repair:
             sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             repaired = repaired_parameters(found, sha256)
@@ -77,9 +79,7 @@ def run(parsed: argparse.Namespace) -> None:
         remarks = [*([instead] if path != parsed.parameters else []), *notes(found)]
     answer = {**answer, "parameters": str(path), "dataset": str(parsed.dataset)}
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
-    files = {parsed.out / ANSWER: text.encode(), **files}
-    write_all(files)
-    report(told, notes=remarks, written=files)
+    finish({parsed.out / ANSWER: text.encode(), **files}, told, notes=remarks)
 
 
 def _prior(path: Path) -> tuple[Path, Prior]:
@@ -96,11 +96,3 @@ def _prior(path: Path) -> tuple[Path, Prior]:
         if refined.inputs.get("sha256") == rig.inputs.get("sha256"):
             return beside, prior_of(refined, str(beside))
     return path, prior_of(rig, str(path))
-
-
-def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
-    path = parsed.dataset
-    is_table = path.is_file() and path.suffix != STORED_PROJECT and not zipfile.is_zipfile(path)
-    if is_table:
-        return images_in_table(path, str(path), rig).stating(parsed.sigma_px)
-    return images_of_bars(dataset_from(parsed, path), rig)

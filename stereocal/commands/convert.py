@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from stereocal.commands.console import ONE_OF, Options, report
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     WORLD,
@@ -12,8 +13,6 @@ from stereocal.commands.options import (
     questions,
     world_from,
 )
-from stereocal.commands.parser import ONE_OF, Options
-from stereocal.commands.progress import report
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.network.rig_file import RigFile, holds_rig

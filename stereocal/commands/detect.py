@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
 
-from stereocal.commands.boards import detect_board
+from stereocal.commands.console import Options, in_stages, report, say, with_bar
+from stereocal.commands.intrinsics import detect_board
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, workers_from
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import ProgressBar, Stages, say
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
@@ -48,31 +48,24 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.videos is not None:
         _take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
-        with ProgressBar("photographs unpacked") as unpacking:
-            photographs = photographs_in(parsed.dataset, Path(store), unpacking.show)
-        photographs_of_bar = of_the_bar(photographs)
-        pairing = pair_names(photographs_of_bar)
-        say(f"{len(photographs_of_bar)} photographs. {pairing.sentence}")
+        unpack = partial(photographs_in, parsed.dataset, Path(store))
+        photographs = of_the_bar(with_bar("photographs unpacked", unpack))
+        pairing = pair_names(photographs)
+        say(f"{len(photographs)} photographs. {pairing.sentence}")
         if not pairing.pairs or pairing.ambiguous:
             raise StereocalError(f"{parsed.dataset}: {pairing.sentence}")
-        with workers_from(parsed, compile_detection) as executor, Stages() as stages:
-            frames = detect_frames(
-                pairing.pairs,
-                photographs_of_bar,
-                (survey.primary, survey.secondary),
-                executor,
-                stages.begin,
-                stages.show,
-                target=target,
-            )
-    assert frames is not None  # nobody cancels here
+        cameras = survey.primary, survey.secondary
+        with workers_from(parsed, compile_detection) as executor:
+            about = pairing.pairs, photographs, cameras, executor
+            search = partial(detect_frames, *about, target=target)
+            frames = in_stages(search)
     for frame in frames:
         say(report_line(frame))
     if parsed.doubtful:
         frames = [frame.used(frame.state != "refused") for frame in frames]
     say(describe_frames(frames))
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
-    print(f"wrote {parsed.out}")
+    report(written=[parsed.out])
 
 
 def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
@@ -88,14 +81,10 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
         coloured,
     )
     first, second = parsed.videos
-    with Stages() as stages:
-        report = extract(
-            (first, second),
-            settings,
-            lambda name, content: write_atomically(parsed.dataset / name, content),
-            stages.begin,
-            stages.show,
-        )
-    assert report is not None  # nobody cancels here
-    for sentence in report.sentences:
+
+    def write(name: str, content: bytes) -> None:
+        write_atomically(parsed.dataset / name, content)
+
+    found = in_stages(partial(extract, (first, second), settings, write))
+    for sentence in found.sentences:
         say(sentence)

@@ -7,19 +7,19 @@ from collections.abc import Mapping
 from functools import partial
 
 from stereocal.calibration.methods import Method
+from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
     SEARCH,
     WORKERS,
     dataset_from,
+    finish,
     refine_settings_from,
     settings_from,
     settings_options,
     workers_from,
 )
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import ProgressBar, report
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
@@ -28,7 +28,6 @@ from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
 from stereocal.refined.screening import screened
 from stereocal.rig.dataset import Dataset
-from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.workflow import Answer, answer, calibrate
@@ -62,10 +61,8 @@ def run(parsed: argparse.Namespace) -> None:
     )
     screenings = [screened(dataset, settings.calibration) for dataset in datasets]
     kept = [screening.dataset for screening in screenings]
-    one_run = partial(evaluate_runs, kept[0], settings, 0, [0])
-    with workers_from(parsed, one_run) as executor, ProgressBar("runs") as bar:
-        runs = evaluate(kept, settings, executor, bar.show)
-    assert runs is not None  # nobody cancels here
+    with workers_from(parsed, partial(evaluate_runs, kept[0], settings, 0, [0])) as executor:
+        runs = with_bar("runs", partial(evaluate, kept, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     answers = [
         answer_of(dataset, settings, own)
@@ -79,15 +76,16 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.out / "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
         parsed.out / "report.html": report_html(pooled, by_dataset, *about, recommended).encode(),
     }
-    write_all(files)
-    for screening in screenings:
-        for line in (screening.time_note, left_out_line(screening)):
-            if line:
-                print(f"{screening.full_dataset.name}: {line}")
+    lines = [
+        f"{screening.full_dataset.name}: {line}"
+        for screening in screenings
+        for line in (screening.time_note, left_out_line(screening))
+        if line
+    ]
     if caution := why_validation_not_trusted(pooled, screenings):
-        print(f"Do not rely on this result: {caution}")
+        lines.append(f"Do not rely on this result: {caution}")
     recommendation = [f"Recommendation: {only.recommendation.text}"] if only else []
-    report(validation_answer(pooled), *recommendation, written=files)
+    finish(files, *lines, validation_answer(pooled), *recommendation)
 
 
 def answer_of(

@@ -6,17 +6,16 @@ import argparse
 import math
 from collections.abc import Sequence
 
+from stereocal.commands.console import Options, report
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     answers,
     contents,
     image_size,
     questions,
+    two_cameras,
     with_sigmas,
 )
-from stereocal.commands.parser import Options
-from stereocal.commands.point_options import two_cameras
-from stereocal.commands.progress import report
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.every_camera import ENDS, gather_all

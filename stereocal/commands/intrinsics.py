@@ -1,27 +1,46 @@
-"""`stereocal intrinsics`: calibrate the lens of a camera from photographs of a board."""
+"""`stereocal intrinsics`, and boards in `stereocal detect`: lenses and poses from a board."""
 
 from __future__ import annotations
 
 import argparse
 import tempfile
 from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-from stereocal.commands.boards import lenses_of, search, write_recording
+from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import ProgressBar, report
+from stereocal.detection.target import Board
+from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
+from stereocal.formats.dataset_files import read_cameras
+from stereocal.formats.recording_files import DESCRIPTION, pack_recording, write_points
 from stereocal.frames.pairing import pair_names
-from stereocal.intrinsics import quality
 from stereocal.intrinsics.boards import BoardSearch, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
-from stereocal.intrinsics.stereo_boards import recording_of
+from stereocal.intrinsics.proposed_board import proposed_board
+from stereocal.intrinsics.quality import (
+    LENS_COLUMNS,
+    advice,
+    hint,
+    lens_answer,
+    lens_rows,
+    note_on_model,
+)
+from stereocal.intrinsics.stereo_boards import (
+    StereoBoards,
+    find_stereo_boards,
+    lenses_of_boards,
+    recording_of,
+)
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.system.atomic_files import write_atomically
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.recording import Recording
+from stereocal.system.atomic_files import write_all, write_atomically
 from stereocal.system.described import descriptions
-from stereocal.system.photograph_files import Photographs, photographs_in
+from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
 
 OPENCV_SUFFIXES = (".yml", ".yaml")
 
@@ -40,63 +59,117 @@ DEFAULTS = {"leave_out": ()}
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the boards, calibrate, write the file, print the table."""
-    pattern = pattern_of(parsed)
+    pattern, out = pattern_of(parsed), parsed.out
     settings = LensSettings(**{name: getattr(parsed, name) for name in descriptions(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
-        if not parsed.out.suffix and pair_names(photographs).pairs:
-            _both_cameras(parsed.out, photographs, pattern, settings, executor)
+        if not out.suffix and pair_names(photographs).pairs:
+            boards = _search(photographs, pattern, executor)
+            cameras = _lenses_of(boards, settings, executor)
+            write_recording(out, recording_of(boards, cameras, out.name))
+            print(f"wrote {out}")
             return
-        with ProgressBar("photographs searched") as bar:
-            search = find_boards(photographs, pattern, executor, bar.show)
-        assert search is not None  # nobody cancels here
-        with ProgressBar("draws calibrated") as bar:
-            lens = calibrate_lens(search, settings, executor, bar.show)
-        assert lens is not None
-    write_atomically(parsed.out, _file_of(lens, parsed.out))
-    _print(search, lens)
-    print(f"wrote {parsed.out}")
-
-
-def _both_cameras(
-    folder: Path,
-    photographs: Photographs,
-    pattern: BoardPattern,
-    settings: LensSettings,
-    executor: Executor,
-) -> None:
-    """The lenses of two cameras and, where both see the board, the data set for their pose."""
-    boards = search(photographs, pattern, executor)
-    first, second = lenses_of(boards, settings, executor)
-    recording = recording_of(boards, (first.camera, second.camera), folder.name)
-    write_recording(folder, recording)
-    print(f"wrote {folder}")
+        boards_in = partial(find_boards, photographs, pattern, executor)
+        search = with_bar("photographs searched", boards_in)
+        lens = with_bar("draws calibrated", partial(calibrate_lens, search, settings, executor))
+    of_opencv = out.suffix.lower() in OPENCV_SUFFIXES
+    write_atomically(
+        out,
+        write_opencv_camera(lens.camera) if of_opencv else write_camera(lens.camera, about(lens)),
+    )
+    report(*_lines(search, lens), written=[out])
 
 
 def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Photographs:
     found: dict[str, Path] = {}
     for source in sources:
-        if source.is_file() and source.suffix.lower() != ".zip":
-            own = {source.name: source}
-        else:
-            own = photographs_in(source, store)
+        alone = source.is_file() and source.suffix.lower() != ".zip"
+        own = {source.name: source} if alone else photographs_in(source, store)
         for name, path in own.items():
             found[name if name not in found else str(source / name)] = path
     return {name: path for name, path in found.items() if name not in leave_out}
 
 
-def _file_of(lens: LensCalibration, path: Path) -> bytes:
-    if path.suffix.lower() in OPENCV_SUFFIXES:
-        return write_opencv_camera(lens.camera)
-    return write_camera(lens.camera, about(lens))
+def _lines(search: BoardSearch, lens: LensCalibration) -> list[str]:
+    notes = (*advice(lens), hint(lens), note_on_model(search, lens.settings))
+    return [
+        *(f"Not used: {item.name}: {item.reason}." for item in search.refused),
+        lens_answer(lens),
+        *(" ".join(f"{each:>16}" for each in row) for row in (LENS_COLUMNS, *lens_rows(lens))),
+        *(f"Note: {note}" for note in notes if note),
+    ]
 
 
-def _print(search: BoardSearch, lens: LensCalibration) -> None:
-    for item in search.refused:
-        print(f"Not used: {item.name}: {item.reason}.")
-    print(quality.lens_answer(lens))
-    print(" ".join(f"{title:>16}" for title in quality.LENS_COLUMNS))
-    for row in quality.lens_rows(lens):
-        print(" ".join(f"{cell:>16}" for cell in row))
-    model = quality.note_on_model(search, lens.settings)
-    report(notes=filter(None, (*quality.advice(lens), quality.hint(lens), model)))
+def detect_board(parsed: argparse.Namespace, target: Board) -> None:
+    """Find the boards of two cameras, write the table, or a whole data set.
+
+    The lenses are those of the data set; without one, they come from the same photographs.
+    """
+    if parsed.videos is not None or parsed.doubtful:
+        raise StereocalError("--videos and --doubtful are for a bar, not for a board.")
+    known = _described(parsed)
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
+        photographs = of_the_bar(photographs_in(parsed.dataset, Path(store)))
+        pattern = target.pattern(target.size or _size_found(photographs))
+        with workers_from(parsed) as executor:
+            boards = _search(photographs, pattern, executor)
+            if known is None:
+                cameras = _lenses_of(boards, LensSettings(), executor)
+            else:
+                first, second = known.cameras.values()
+                cameras = first, second
+    recording = recording_of(boards, cameras, parsed.dataset.stem)
+    if known is not None:
+        names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
+        recording = replace(recording, **{name: getattr(known, name) for name in names})
+    if parsed.out.suffix.lower() == ".csv":
+        write_atomically(parsed.out, write_points(recording))
+    else:
+        write_recording(parsed.out, recording)
+    print(f"wrote {parsed.out}")
+
+
+def write_recording(folder: Path, recording: Recording) -> None:
+    """Write a data set into a folder."""
+    write_all({folder / name: content for name, content in pack_recording(recording).items()})
+
+
+def _search(photographs: Photographs, pattern: BoardPattern, executor: Executor) -> StereoBoards:
+    boards = in_stages(partial(find_stereo_boards, photographs, pattern, executor))
+    say(f"{boards.pairing.sentence} {boards.sentence}")
+    return boards
+
+
+def _lenses_of(
+    boards: StereoBoards, settings: LensSettings, executor: Executor
+) -> tuple[Camera, Camera]:
+    """The lenses from the same boards; says how good they are."""
+    of_boards = partial(lenses_of_boards, boards, settings, executor)
+    first, second = lenses = with_bar("draws calibrated", of_boards)
+    for which, lens in zip(CAMERAS, lenses, strict=True):
+        say(f"The {which}'s lens: {lens_answer(lens)}")
+    return first.camera, second.camera
+
+
+def _described(parsed: argparse.Namespace) -> Recording | None:
+    """The cameras of the data set and its baseline; None without a description."""
+    if not (parsed.dataset.is_dir() and (parsed.dataset / DESCRIPTION).is_file()):
+        return None
+    known = read_cameras(parsed.dataset, parsed.lens_model)
+    if len(known.cameras) > 2:
+        raise StereocalError(
+            f"{parsed.dataset}: it has {len(known.cameras)} cameras; boards are found in the "
+            "photographs of two."
+        )
+    return known
+
+
+def _size_found(photographs: Photographs) -> str:
+    board = proposed_board(photographs)
+    if board is None:
+        raise StereocalError(
+            "The size of the board cannot be found in the first photographs: count the inner "
+            "corners, where four squares meet, and state them, as board:9x6:0.03."
+        )
+    say(f"The board has {board} inner corners, as the first photographs show; else state them.")
+    return str(board)

@@ -1,30 +1,47 @@
-"""`stereocal match`: match the points of the two cameras."""
+"""`stereocal match`: match the points of the two cameras, or of all cameras of a rig.
+
+Options for point files of other programs are the same as the questions on the page.
+"""
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.options import WORKERS, workers_from
-from stereocal.commands.parser import ONE_OF, Options
-from stereocal.commands.point_options import POINT_OPTIONS, point_tables
-from stereocal.commands.progress import ProgressBar, report
+from stereocal.commands.console import ONE_OF, Options, report, with_bar
+from stereocal.commands.options import (
+    WORKERS,
+    answers,
+    number_of,
+    questions,
+    two_cameras,
+    workers_from,
+)
 from stereocal.errors import StereocalError
+from stereocal.formats import point_answers
+from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
+from stereocal.formats.exchange.reading import camera_index
+from stereocal.formats.point_files import PointLayout, read_points
+from stereocal.formats.point_layouts import LAYOUTS, first_rows, layout_name, propose_layout
+from stereocal.formats.sleap_h5 import point_text
 from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import POINT
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.point_table import PARQUET, PointTable
 from stereocal.matching.several_files import match_rig
 from stereocal.network.rig_file import RigFile
+from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import read_whole
 
 A_POINT = np.zeros((1, 2))
-
-
+BY_HAND = "columns"
+COUNTED = "-"
 OPTIONS: Options = {
     "primary": "table frame,u,v,... as CSV or Parquet; or, with --layout, of another program",
     "secondary": "the same for the secondary camera",
@@ -48,9 +65,26 @@ OPTIONS: Options = {
     "--depth NEAR FAR": "only pairs at this depth in front of the primary camera, in metres",
     "--unmatched FILE": "write the points without a partner here",
     **WORKERS,
-    **POINT_OPTIONS,
+    "point files of other programs:": {
+        "--layout": {
+            "type": str.lower,
+            "choices": (*LAYOUTS, BY_HAND),
+            "help": "which program wrote both files",
+        },
+        "--cameras P,S": "primary and secondary camera in the file: 1,2 or names",
+        "--columns FRAME U V": "columns by name or number (from 1), with --layout columns or "
+        'table; "-" as FRAME counts the rows',
+        **questions(*ORIGIN),
+        "--px-per-unit N": {"type": float, "help": "pixels in one unit"},
+        "--least-likelihood P": "leave out less likely points",
+    },
 }
 DEFAULTS = {"depth": (0.0, float("inf"))}
+WITH_LAYOUT = {
+    **{name: f"--{name}" for name in ("cameras", "columns")},
+    **{name: QUESTIONS[name].option for name in ORIGIN},
+    **{name: f"--{name.replace('_', '-')}" for name in ("px_per_unit", "least_likelihood")},
+}
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -61,54 +95,148 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.others:
         raise StereocalError("More than two tables of points need --rig rig.json.")
     rig = RigParameters.load(parsed.parameters)
-    threshold = _threshold(parsed.threshold)
+    text = None if parsed.threshold == "auto" else parsed.threshold
+    threshold = number_of(text, "--threshold", "a number of pixels, or auto")
     if parsed.unmatched is not None and parsed.unmatched == parsed.out:
         raise StereocalError("--out and --unmatched name the same file.")
+    given = [option for name, option in WITH_LAYOUT.items() if getattr(parsed, name) is not None]
+    if parsed.layout is None and given:
+        raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-        primary, secondary = point_tables(parsed, rig, Path(folder))
-        compile_first = partial(match_points, rig, A_POINT, A_POINT, 1.0)
-        with workers_from(parsed, compile_first) as executor, ProgressBar("frames") as bar:
-            matched = match_tables(
-                rig,
-                primary,
-                secondary,
-                parsed.out,
-                threshold,
-                tuple(parsed.depth),
-                parsed.unmatched,
-                bar.show,
-                executor=executor,
-                sigma_px=parsed.sigma_px,
+        primary, secondary = (
+            _ours(path)
+            if parsed.layout is None
+            else _theirs(parsed, which, path, camera, Path(folder))
+            for which, (path, camera) in enumerate(
+                ((parsed.primary, rig.primary), (parsed.secondary, rig.secondary))
             )
-    assert matched is not None  # nobody cancels here
+        )
+        about = (
+            rig,
+            primary,
+            secondary,
+            parsed.out,
+            threshold,
+            tuple(parsed.depth),
+            parsed.unmatched,
+        )
+        with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
+            tables = partial(match_tables, *about, executor=executor, sigma_px=parsed.sigma_px)
+            matched = with_bar("frames", tables)
     sentences = matched.chosen.sentence(), matched.sentence()
     report(*sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
 
 
 def _run_rig(parsed: argparse.Namespace) -> None:
     """The same of all cameras of a rig."""
-    given = {"--threshold": parsed.threshold, "--layout": parsed.layout}
-    given["--unmatched"] = parsed.unmatched
-    if unused := [option for option, value in given.items() if value is not None]:
-        raise StereocalError(f"{unused[0]} is for two cameras: leave it out with --rig.")
+    for name in ("threshold", "layout", "unmatched"):
+        if getattr(parsed, name) is not None:
+            raise StereocalError(f"--{name} is for two cameras: leave it out with --rig.")
     tables: dict[str, PointTable] = {}
     for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
         name, equals, file = text.partition("=")
         if not equals or name in tables:
             raise StereocalError(f"{text}: give each camera's points once, as NAME=FILE.")
         tables[name] = PointTable(Path(file), POINT)
-    with ProgressBar("frames") as bar:
-        found = match_rig(RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px, bar.show)
+    about = RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px
+    found = with_bar("frames", partial(match_rig, *about))
     report(*found.sentences(), notes=found.notes, written=[parsed.out])
 
 
-def _threshold(text: str | None) -> float | None:
-    """None: by the noise of the points."""
-    if text is None or text == "auto":
-        return None
+def _ours(path: Path) -> PointTable:
+    """A table `frame,u,v`; the error for another known layout names it."""
     try:
-        return float(text)
-    except ValueError:
+        return PointTable(path, POINT)
+    except StereocalError as error:
+        if not path.is_file() or path.suffix.lower() in PARQUET:
+            raise
+        content = point_text(path.read_bytes(), str(path))
+        name = layout_name(content, str(path))
+        if name is None or propose_layout(content, str(path)).program == point_answers.OURS:
+            raise
+        raise StereocalError(f"{path}: looks like the layout {name}: give --layout {name}.") from (
+            error
+        )
+
+
+def _theirs(
+    parsed: argparse.Namespace, which: int, path: Path, camera: Camera, folder: Path
+) -> PointTable:
+    """A table of another program, converted into `folder`."""
+    source = str(path)
+    content = point_text(read_whole(path), source)
+    if parsed.layout == BY_HAND:
+        layout = point_answers.layout_by_hand(content, source)
+    else:
+        layout = propose_layout(content, source, parsed.layout)
+    if layout.program == "TrackMate" and layout.questions and parsed.px_per_unit is None:
+        raise StereocalError(f"{source}: {layout.questions[0]} Give --px-per-unit.")
+    stated = {
+        **answers(parsed),
+        "px_per_unit": parsed.px_per_unit,
+        "least_likelihood": parsed.least_likelihood,
+        "camera": _camera(parsed.cameras, layout.cameras, which, source),
+        "columns": _columns(parsed.columns, layout, content, source),
+    }
+    own = replace(
+        point_answers.first_answers(layout, which, camera.image_size[1]),
+        **{name: value for name, value in stated.items() if value is not None},
+    )
+    layout = point_answers.answered(layout, own, content, source)
+    table = read_points(content, layout, own.camera, own.image_height, source)
+    if table.empty:
+        raise StereocalError(f"{source}: there is no point of {own.camera} in the file.")
+    flip = f", v = {own.flip} - v'" if own.corner == "lower-left" else ""
+    left_out = (
+        f", points below likelihood {own.least_likelihood:g} left out"
+        if any(each.likelihood is not None for each in layout.columns)
+        else ""
+    )
+    print(
+        f"{source}: read as {layout.program}, {own.camera}, counted from the "
+        f"{own.corner.replace('-', ' ')}{flip}, first pixel {own.first_pixel:g}{left_out}."
+    )
+    written = folder / f"{which}.csv"
+    table.to_csv(written, index=False, lineterminator="\n")
+    return PointTable(written, POINT, source)
+
+
+def _camera(text: str | None, cameras: tuple[str, ...], which: int, source: str) -> str | None:
+    if text is not None:
+        wanted = two_cameras(text)[which]
+        return wanted if wanted in cameras else cameras[camera_index(wanted, cameras, source)]
+    if len(cameras) > 2:
         raise StereocalError(
-            f'--threshold is "{text}"; it must be a number of pixels, or auto.'
-        ) from None
+            f"{source}: the file has {len(cameras)} cameras ({', '.join(cameras)[:100]}): say "
+            "which are the primary and the secondary, as --cameras 1,2."
+        )
+    return None
+
+
+def _columns(
+    given: list[str] | None, layout: PointLayout, content: bytes, source: str
+) -> tuple[int | None, int, int] | None:
+    if given is None and layout.columns:
+        return None
+    names = point_answers.column_names(content, layout, source)
+    if given is None:
+        raise StereocalError(
+            f"{source}: choose the columns, as --columns FRAME U V; the file has "
+            f"{', '.join(names)[:200]}."
+        )
+    if not point_answers.can_choose_columns(layout):
+        raise StereocalError(f"--columns is for --layout {BY_HAND} and table only.")
+    rows, _ = first_rows(content, source)
+    head = [name.strip() for name in rows[layout.header_rows - 1]] if layout.header_rows else []
+
+    def column(name: str) -> int:
+        if name in head:
+            return head.index(name)
+        if not name.isdecimal() or not 1 <= int(name) <= len(names):
+            raise StereocalError(
+                f"{source}: there is no column {name!r}; it has {len(names)} columns."
+            )
+        return int(name) - 1
+
+    frame, u, v = given
+    return None if frame == COUNTED else column(frame), column(u), column(v)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,7 +12,7 @@ from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.commands.parser import Options
+from stereocal.commands.console import Options, report
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.inputs import read_input
@@ -22,6 +22,7 @@ from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.atomic_files import write_all
 from stereocal.system.described import descriptions
 from stereocal.system.executors import engine
 from stereocal.system.limits import Limits
@@ -47,13 +48,10 @@ def settings_options(*kinds: type) -> Options:
 def questions(*names: str) -> Options:
     """What files of other programs may not say, as options that `answers` reads."""
     return {
-        QUESTIONS[name].option: {"dest": name, "help": QUESTIONS[name].help}
-        | (
-            {"choices": tuple(QUESTIONS[name].choices)}
-            if QUESTIONS[name].choices
-            else {"type": float, "metavar": "N"}
-        )
-        for name in names
+        asked.option: {"dest": name, "help": asked.help}
+        | ({"choices": [*asked.choices]} if asked.choices else {"type": float, "metavar": "N"})
+        for name, asked in QUESTIONS.items()
+        if name in names
     }
 
 
@@ -78,6 +76,12 @@ WORKERS: Options = {
     "--workers N": "N processes (default: threads)",
     "--scheduler ADDRESS": "a Dask cluster: tcp://host:8786",
 }
+
+
+def finish(files: Mapping[Path, bytes], *lines: str, notes: Iterable[str] = ()) -> None:
+    """Write the files, then print what was found, its notes, and the files."""
+    write_all(files)
+    report(*lines, notes=notes, written=files)
 
 
 def answers(parsed: argparse.Namespace) -> dict[str, Any]:
@@ -114,6 +118,22 @@ def image_size(text: str | None) -> tuple[int, int] | None:
     if width < 1 or height < 1:
         raise StereocalError(f'The image size "{text}" is not possible.')
     return width, height
+
+
+def number_of(text: str | None, option: str, wanted: str) -> float | None:
+    """The number of an option that is read as text, since it may be a word."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise StereocalError(f'{option} is "{text}"; it must be {wanted}.') from None
+
+
+def two_cameras(text: str) -> tuple[str, str]:
+    """The primary and the secondary of `--cameras`."""
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2:
+        raise StereocalError(f'--cameras is "{text}"; it must name two, as 1,2.')
+    return names[0], names[1]
 
 
 def pattern_of(parsed: argparse.Namespace) -> BoardPattern:

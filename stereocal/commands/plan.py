@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from stereocal.commands.options import WORKERS, questions, workers_from
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import ProgressBar, report
+from stereocal.commands.console import Options, with_bar
+from stereocal.commands.options import WORKERS, finish, questions, workers_from
 from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import draw_rigs
 from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, answer, forecast
 from stereocal.figures.plan_report import plan_report
 from stereocal.formats.plan_file import read_plan
-from stereocal.system.atomic_files import write_all
 
 OPTIONS: Options = {
     "plan": "plan.json",
@@ -35,13 +33,10 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.seed < 0:
         raise StereocalError(f"The seed is {parsed.seed}: it must be 0 or more.")
     plan = read_plan(parsed.plan, parsed.lens_model)
-    compile_first = partial(draw_rigs, plan, 0, 0, 2)
-    with workers_from(parsed, compile_first) as executor, ProgressBar("rigs") as bar:
-        found = forecast(plan, executor, parsed.seed, parsed.rigs, bar.show)
+    with workers_from(parsed, partial(draw_rigs, plan, 0, 0, 2)) as executor:
+        found = with_bar("rigs", partial(forecast, plan, executor, parsed.seed, parsed.rigs))
     files = {
         parsed.out / "forecast.json": found.dumps(),
         parsed.out / "report.html": plan_report(found).encode(),
     }
-    write_all(files)
-    sentences = [f"  {sentence}" for sentence in found.advice.sentences]
-    report(answer(found), *sentences, written=files)
+    finish(files, answer(found), *(f"  {sentence}" for sentence in found.advice.sentences))

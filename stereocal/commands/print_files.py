@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from pathlib import Path
 
+from stereocal.commands.console import ONE_OF, Options, take
 from stereocal.commands.options import BOARD, LENSES_AND_LENGTHS, contents, pattern_of
-from stereocal.commands.parser import ONE_OF, Options, take
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
-from stereocal.field.printing.paper import PAPERS, Sheet, paper_named
+from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
 from stereocal.field.printing.print_target import GOOD_PX, target_size
 from stereocal.field.printing.prints import print_board, print_tags, print_targets
 from stereocal.field.printing.sheet import field_sheet
@@ -67,55 +66,40 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> None:
     """Print, and say what was written."""
-    kinds = {"target": _target, "board": _board, "tags": _tags, "sheet": _sheet}
-    kinds[parsed.kind](parsed)
+    out, paper, suffix = parsed.out, paper_named(parsed.paper), parsed.out.suffix.lower()
+    suffixes = (".pdf",) if parsed.kind == "sheet" else (".pdf", ".svg")
+    if suffix not in suffixes:
+        raise StereocalError(f'"{out}" must end in {" or ".join(suffixes)}.')
+    if parsed.kind == "sheet":
+        write_atomically(out, field_sheet(read_plan(parsed.plan, parsed.lens_model), paper))
+        print(f"wrote {out}")
+        return
+    if parsed.kind == "board":
+        sheet = print_board(pattern_of(parsed), paper)
+    else:
+        sheet = {"target": _target, "tags": _tags}[parsed.kind](parsed, paper)
+    write_atomically(out, sheet.pdf() if suffix == ".pdf" else sheet.svg().encode())
+    print(f"wrote {out}: print it at 100 % on {sheet.paper.name}")
 
 
-def _target(parsed: argparse.Namespace) -> None:
-    side = parsed.side
+def _target(parsed: argparse.Namespace, paper: Paper) -> Sheet:
+    side, focal = parsed.side, parsed.focal
     if side is None:
         if parsed.far is None:
             raise StereocalError("State --far, the largest distance of the bar in metres.")
         near = parsed.far if parsed.near is None else parsed.near
-        size = target_size(_focal_px(parsed), near, parsed.far, parsed.px)
+        if parsed.camera is not None:
+            (content,) = contents([parsed.camera]).values()
+            K = read_camera(content, str(parsed.camera)).K
+            focal = float(min(K[0, 0], K[1, 1]))
+        size = target_size(focal, near, parsed.far, parsed.px)
         print(size.sentence)
         side = size.side_m
-    _write(print_targets(side, paper_named(parsed.paper)), parsed.out)
+    return print_targets(side, paper)
 
 
-def _focal_px(parsed: argparse.Namespace) -> float:
-    if parsed.camera is None:
-        return float(parsed.focal)
-    (content,) = contents([parsed.camera]).values()
-    camera = read_camera(content, str(parsed.camera))
-    return float(min(camera.K[0, 0], camera.K[1, 1]))
-
-
-def _board(parsed: argparse.Namespace) -> None:
-    _write(print_board(pattern_of(parsed), paper_named(parsed.paper)), parsed.out)
-
-
-def _tags(parsed: argparse.Namespace) -> None:
+def _tags(parsed: argparse.Namespace, paper: Paper) -> Sheet:
     target = parse_target(parsed.target)
     if not isinstance(target, Tags):
         raise StereocalError(f'"{parsed.target}" are no tags: write tags:4X4_50:3,7.')
-    _write(print_tags(target, parsed.side, paper_named(parsed.paper)), parsed.out)
-
-
-def _sheet(parsed: argparse.Namespace) -> None:
-    paper = paper_named(parsed.paper)
-    _check_suffix(parsed.out, ".pdf")
-    write_atomically(parsed.out, field_sheet(read_plan(parsed.plan, parsed.lens_model), paper))
-    print(f"wrote {parsed.out}")
-
-
-def _write(sheet: Sheet, out: Path) -> None:
-    _check_suffix(out, ".pdf", ".svg")
-    content = sheet.pdf() if out.suffix.lower() == ".pdf" else sheet.svg().encode()
-    write_atomically(out, content)
-    print(f"wrote {out}: print it at 100 % on {sheet.paper.name}")
-
-
-def _check_suffix(out: Path, *suffixes: str) -> None:
-    if out.suffix.lower() not in suffixes:
-        raise StereocalError(f'"{out}" must end in {" or ".join(suffixes)}.')
+    return print_tags(target, parsed.side, paper)

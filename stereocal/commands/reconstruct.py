@@ -7,9 +7,8 @@ from functools import partial
 
 import numpy as np
 
+from stereocal.commands.console import ONE_OF, Options, report, with_bar
 from stereocal.commands.options import WORKERS, WORLD, workers_from, world_from
-from stereocal.commands.parser import ONE_OF, Options
-from stereocal.commands.progress import ProgressBar, report
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
@@ -19,8 +18,6 @@ from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 
 A_POINT = np.zeros((1, 2))
-
-
 OPTIONS: Options = {
     "pairs": "pairs.csv or pairs.parquet of match; with --rig its tracks.csv",
     ONE_OF: {
@@ -47,10 +44,7 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.matched_with is not None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)
     pairs = PointTable(parsed.pairs, PIXELS)
-    compile_first = partial(reconstruct_points, rig, A_POINT, A_POINT)
-    with workers_from(parsed, compile_first) as executor, ProgressBar("pairs") as bar:
-        measured = reconstruct_table(
-            rig, pairs, parsed.out, world_from(parsed), parsed.sigma_px, bar.show, executor=executor
-        )
-    assert measured is not None  # nobody cancels here
+    about = rig, pairs, parsed.out, world_from(parsed), parsed.sigma_px
+    with workers_from(parsed, partial(reconstruct_points, rig, A_POINT, A_POINT)) as executor:
+        measured = with_bar("pairs", partial(reconstruct_table, *about, executor=executor))
     report(measured.sentence(), measured.about_errors, notes=measured.notes, written=[parsed.out])

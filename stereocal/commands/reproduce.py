@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from stereocal.commands.calibrate import evaluation_of
-from stereocal.commands.parser import Options
+from stereocal.commands.console import Options
+from stereocal.commands.options import finish
 from stereocal.commands.warming import compile_apart
 from stereocal.paper_kit.reproduction import (
     Comparison,
@@ -15,15 +16,12 @@ from stereocal.paper_kit.reproduction import (
     read_archive,
 )
 from stereocal.rig.parameters import RigParameters, software_versions
-from stereocal.system.atomic_files import write_all
 from stereocal.verdict.forecast import outlook_of
 from stereocal.workflow import answer, calibrate
 
 DIFFERENT = 1
 """Exit status if a file differs by more than its tolerance."""
 MOST_SHOWN = 5
-
-
 EPILOG = (
     "Exit status: 0 if all files are identical or within the tolerance, 1 if one differs, "
     "2 for bad input."
@@ -39,14 +37,10 @@ def run(parsed: argparse.Namespace) -> int:
     archived = read_archive(parsed.archive)
     compile_apart()
     sets = computed_again(archived)
-    write_all({parsed.out / name: rig.dumps().encode() for name, rig in sets.items()})
+    files = {parsed.out / name: rig.dumps().encode() for name, rig in sets.items()}
     found = compare(archived, sets)
-    for one in found:
-        print(line_of(one))
-    if not all(one.identical for one in found):
-        print(elsewhere(archived))
-    for name in sets:
-        print(f"wrote {parsed.out / name}")
+    others = [] if all(one.identical for one in found) else [elsewhere(archived)]
+    finish(files, *map(line_of, found), *others)
     return 0 if all(one.agrees for one in found) else DIFFERENT
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from stereocal.commands.parser import Options
+from stereocal.commands.console import Options
 from stereocal.errors import StereocalError
-from stereocal.system.atomic_files import write_atomically
+from stereocal.system.atomic_files import write_all
 from stereocal.system.resources import ROOT
 
 SAMPLES = {
@@ -20,8 +20,6 @@ SAMPLES = {
     "bump": "bars of the real recording after a camera turned by 0.2 degrees",
     "world": "a survey, plumb lines and a throw, with parameters",
 }
-
-
 OPTIONS: Options = {
     "name SAMPLE": {
         "type": str,
@@ -47,6 +45,5 @@ def run(parsed: argparse.Namespace) -> None:
             raise StereocalError(
                 f"{path} exists already, with other content: choose another --out."
             )
-    for path, content in files.items():
-        write_atomically(path, content)
+    write_all(files)
     print(f"wrote {len(files)} files to {parsed.out}")

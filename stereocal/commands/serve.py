@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 
-from stereocal.commands.parser import Options
+from stereocal.commands.console import Options
 from stereocal.errors import StereocalError
 from stereocal.system.resources import ROOT
 

@@ -6,13 +6,13 @@ import argparse
 import json
 from pathlib import Path
 
-from stereocal.commands.parser import Options
+from stereocal.commands.console import Options
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import NOISE_PX, simulate_nineteen
 from stereocal.simulation.simulate import FIELD_NOISE_PX, TRUTH, simulate_field, truth_of
-from stereocal.system.atomic_files import write_atomically
+from stereocal.system.atomic_files import write_all
 
 OPTIONS: Options = {
     "--datasets N": "default: 19",
@@ -25,8 +25,7 @@ DEFAULTS = {"datasets": 19, "frames": 25, "seed": 0}
 
 def run(parsed: argparse.Namespace) -> None:
     """Write the data sets with their ground truth."""
-    for name in ("seed", "datasets", "frames"):
-        lowest = 0 if name == "seed" else 1
+    for name, lowest in {"seed": 0, "datasets": 1, "frames": 1}.items():
         if getattr(parsed, name) < lowest:
             raise StereocalError(f"--{name} must be at least {lowest}.")
     field, nineteen = parsed.out / "field", parsed.out / "nineteen"
@@ -46,5 +45,5 @@ def write_field(folder: Path, seed: int) -> None:
 
 
 def _write(folder: Path, dataset: Dataset, truth: str) -> None:
-    for name, content in {**pack_dataset(dataset), TRUTH: f"{truth}\n".encode()}.items():
-        write_atomically(folder / name, content)
+    files = {**pack_dataset(dataset), TRUTH: f"{truth}\n".encode()}
+    write_all({folder / name: content for name, content in files.items()})

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.console import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching.matching import match_points

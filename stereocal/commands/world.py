@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 
-from stereocal.commands.options import contents
-from stereocal.commands.parser import Options
-from stereocal.commands.progress import report
+from stereocal.commands.console import Options
+from stereocal.commands.options import contents, finish
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
-from stereocal.formats.world_file import write_world
-from stereocal.formats.world_tables import read_observed
+from stereocal.formats.world_file import read_observed, write_world
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.atomic_files import write_atomically
 
 OPTIONS: Options = {
     "observed SURVEY.csv|PLUMB.csv|THROW.csv": "surveyed points (point,x,y,z and pixels of both "
@@ -51,9 +48,9 @@ def run(parsed: argparse.Namespace) -> None:
         parsed.upside_down,
     )
     found = find_world(rig, observed, settings)
-    write_atomically(parsed.out, write_world(found, rig))
     residuals = [
         f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m"
         for name, (x, y, z) in found.about.get("residuals_m", {}).items()
     ]
-    report(found.sentence, *residuals, notes=found.notes, written=[parsed.out])
+    files = {parsed.out: write_world(found, rig)}
+    finish(files, found.sentence, *residuals, notes=found.notes)

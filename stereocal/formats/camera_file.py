@@ -1,4 +1,8 @@
-"""Camera files: our JSON (`stereocal-camera/1`) and OpenCV FileStorage (YAML, XML, JSON)."""
+"""Camera files: our JSON (`stereocal-camera/1`) and OpenCV FileStorage (YAML, XML, JSON).
+
+Four coefficients may be OpenCV's standard lens model (k1 k2 p1 p2) or its fisheye model
+(k1 k2 k3 k4); if the file does not state which, the user must.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +12,22 @@ from dataclasses import replace
 from typing import Any
 
 import cv2
+import numpy as np
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.file_storage import (
+    ForeignFile,
     Storage,
     find_node,
     is_number,
     matrix_of,
-    read_storage,
     stated_lens_model,
 )
-from stereocal.formats.lens_model import five_or_more, lens_model_of
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.rig.camera import Camera, LensModel
+from stereocal.rig.camera import Camera, LensModel, LensUncertainty
+from stereocal.rig.compiled import FloatArray
 
 CAMERA_FORMAT = "stereocal-camera/1"
-LARGEST_BYTES = 4_000_000
 K_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M")
 DISTORTION_NAMES = (
     "distortion_coefficients",
@@ -31,6 +35,7 @@ DISTORTION_NAMES = (
     "distCoeffs",
     "dist_coeffs",
     "D",
+    "distortion",
 )
 SIZE_NAMES = ("image_size", "imageSize", "resolution")
 WIDTH_NAMES = ("image_width", "image_Width", "width")
@@ -39,6 +44,49 @@ EXPECTED = (
     "stereocal reads its own JSON, and OpenCV's YAML, XML or JSON with camera_matrix, "
     "distortion_coefficients, image_width and image_height"
 )
+USUAL = ("brown", "plumb_bob", "radtan", "rational_polynomial", "pinhole", "opencv")
+FISHEYE = ("fisheye", "equidistant", "equi", "kannala_brandt", "kannala_brandt4", "kb4")
+
+
+class FourCoefficientsError(StereocalError):
+    """A lens with four coefficients whose model is not stated."""
+
+    def __init__(self, source: str) -> None:
+        self.question = (
+            f"{source}: the lens has 4 distortion coefficients, and the file does not say whether "
+            "they are k1 k2 p1 p2 (OpenCV's usual lens) or k1 k2 k3 k4 (its fisheye)."
+        )
+        super().__init__(
+            f"{self.question} Use --lens-model brown or fisheye, or write "
+            "distortion_model: plumb_bob or equidistant into the file."
+        )
+
+
+def five_or_more(coefficients: FloatArray) -> FloatArray:
+    """The coefficients with at least k3 = 0 appended, so that they do not look like a fisheye's."""
+    return np.append(coefficients, np.zeros(max(5 - coefficients.size, 0)))
+
+
+def lens_model_of(
+    coefficients: FloatArray, stated: object, by_user: LensModel | None, source: str
+) -> LensModel:
+    """The model of a lens in a file.
+
+    Args:
+        stated: the file's name of its lens model, or whether it is a fisheye; None if not stated.
+        by_user: the model that the user states, which counts if the file states none.
+
+    Raises:
+        FourCoefficientsError: four coefficients of an unstated model.
+    """
+    name = str(stated).strip().lower() if isinstance(stated, str) else ""
+    if name in FISHEYE or stated is True:
+        return "fisheye"
+    if name in USUAL or stated is False:
+        return "brown"
+    if by_user is None and coefficients.size == 4 and coefficients.any():
+        raise FourCoefficientsError(source)
+    return by_user or "brown"
 
 
 def read_camera(content: bytes, source: str, lens_model: LensModel | None = None) -> Camera:
@@ -51,19 +99,11 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
         FourCoefficientsError: four coefficients that may be those of a fisheye.
         StereocalError: an empty file, an unknown format, or an invalid camera.
     """
-    if not content.strip():
-        raise StereocalError(f"{source}: the file is empty.")
-    if len(content) > LARGEST_BYTES:
-        raise StereocalError(f"{source}: {len(content)} bytes are too many for a camera file.")
     refuse_other_camera(content, source)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise StereocalError(f"{source}: this is not a camera file; {EXPECTED}.") from error
-    start = text.lstrip()
-    if not start.startswith(("{", "%YAML", "<?xml")):
+    file = ForeignFile(source, content)
+    if not file.text.lstrip().startswith(("{", "%YAML", "<?xml")):
         raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
-    storage = read_storage(text, source)
+    storage = file.storage
     if str(storage.get("format", "")).startswith("stereocal-camera"):
         if storage["format"] != CAMERA_FORMAT:
             raise StereocalError(
@@ -71,9 +111,25 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
                 f'this version reads "{CAMERA_FORMAT}".'
             )
         return Camera.from_json(storage, source)
-    if start.startswith("{") and isinstance(find_node(storage, K_NAMES), list):
-        return _read_nested_lists(storage, source, lens_model)
-    return _read_matrices(storage, source, lens_model)
+    K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
+    distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
+    size = [find_node(storage, names) for names in (WIDTH_NAMES, HEIGHT_NAMES)]
+    if None in size:
+        size = _node(storage, SIZE_NAMES, source)
+    if not isinstance(size, list) or len(size) != 2 or not all(map(is_number, size)):
+        raise StereocalError(
+            f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
+        )
+    stated = storage.get("uncertainty")
+    uncertainty = None if stated is None else LensUncertainty.from_json(stated, source)
+    K = K.reshape(3, 3) if K.size == 9 else K
+    try:
+        camera = Camera(K, distortion.ravel(), (int(size[0]), int(size[1])), uncertainty)
+    except (ValueError, OverflowError) as error:  # of a StereocalError too
+        raise StereocalError(f"{source}: {error}") from error
+    model = lens_model_of(camera.distortion, stated_lens_model(storage), lens_model, source)
+    with naming(source):
+        return replace(camera, model=model)
 
 
 def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> bytes:
@@ -108,43 +164,6 @@ def write_opencv_camera(camera: Camera) -> bytes:
     coefficients = camera.distortion if camera.is_fisheye else five_or_more(camera.distortion)
     storage.write("distortion_coefficients", coefficients.reshape(1, -1).copy())
     return str(storage.releaseAndGetString()).encode()
-
-
-def _read_nested_lists(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
-    """A camera given as nested lists, with our names or OpenCV's."""
-    size = find_node(storage, SIZE_NAMES) or [
-        find_node(storage, WIDTH_NAMES),
-        find_node(storage, HEIGHT_NAMES),
-    ]
-    distortion = find_node(storage, ("distortion", *DISTORTION_NAMES))
-    if distortion is None or (isinstance(size, list) and None in size):
-        what = "distortion" if distortion is None else "image_size"
-        raise StereocalError(f"{source}: {what} is missing; {EXPECTED}.")
-    named = {"K": find_node(storage, K_NAMES), "distortion": distortion, "image_size": size}
-    stated = storage.get("distortion_model", storage.get("fisheye_model", storage.get("model")))
-    stated = bool(stated) if isinstance(stated, int) else stated
-    camera = Camera.from_json({**storage, **named, "model": "brown"}, source)
-    model = lens_model_of(camera.distortion, stated, lens_model, source)
-    with naming(source):
-        return replace(camera, model=model)
-
-
-def _read_matrices(storage: Storage, source: str, lens_model: LensModel | None) -> Camera:
-    """A camera given as OpenCV matrices."""
-    K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
-    distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
-    size = [_node(storage, names, source) for names in (WIDTH_NAMES, HEIGHT_NAMES)]
-    for side, names in zip(size, (WIDTH_NAMES, HEIGHT_NAMES), strict=True):
-        if not is_number(side):
-            raise StereocalError(f"{source}: {names[0]} is not a number.")
-    K = K.reshape(3, 3) if K.size == 9 else K
-    try:
-        camera = Camera(K, distortion, (int(size[0]), int(size[1])))
-    except (ValueError, OverflowError) as error:  # of a StereocalError too
-        raise StereocalError(f"{source}: {error}") from error
-    model = lens_model_of(camera.distortion, stated_lens_model(storage), lens_model, source)
-    with naming(source):
-        return replace(camera, model=model)
 
 
 def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:

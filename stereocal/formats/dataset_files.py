@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 
 from stereocal.errors import RefusedRowsError, StereocalError, disk_errors, naming
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
-from stereocal.formats.description import (
+from stereocal.formats.recording_files import (
     DATASET_FORMAT,
     DESCRIPTION,
     LARGEST_DESCRIPTION,
     find_description,
+    pack_recording,
+    parse_recording,
 )
-from stereocal.formats.recording_files import pack_recording, parse_recording
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import Camera, LensModel
+from stereocal.rig.camera import LensModel
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.recording import Recording
 from stereocal.system.limits import Limits
@@ -33,24 +35,6 @@ FREE = "free"
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 NAMED = frozenset((".ini", ".conf", ".mat"))
 """Read if small, for a helpful error message where `dataset.json` names them as cameras."""
-
-
-@dataclass(frozen=True)
-class Survey:
-    """The contents of `dataset.json`: a data set without its points."""
-
-    name: str
-    primary: Camera
-    secondary: Camera
-    baseline_m: float
-    target_distance_m: float
-    baseline_sigma_m: float | None
-    target_distance_sigma_m: float | None
-    notes: str
-
-    def with_points(self, correspondences: Correspondences) -> Dataset:
-        """The data set; a free baseline is found from the lengths of its bars."""
-        return with_baseline_found(Dataset(correspondences=correspondences, **vars(self)))
 
 
 def read_dataset(
@@ -72,10 +56,9 @@ def read_recording(path: str | Path, lens_model: LensModel | None = None) -> Rec
     return parse_recording(files, str(path), photographs, lens_model)
 
 
-def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Survey:
+def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Dataset:
     """Read a data set without its points, which may still be missing."""
-    files, _ = read_texts(Path(path))
-    return parse_survey(files, str(path), lens_model)
+    return parse_survey(read_texts(Path(path))[0], str(path), lens_model)
 
 
 def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recording:
@@ -83,28 +66,31 @@ def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recor
     files, _ = read_texts(Path(path))
     if find_description(files, str(path)).is_recording:
         return parse_recording(files, str(path), False, lens_model, with_points=False)
-    none = np.empty((0, 2))
-    empty = Correspondences.from_arrays(none[:, 0], "", none, none)
-    survey = parse_survey(files, str(path), lens_model)
-    return Recording.of_pair(Dataset(correspondences=empty, **vars(survey)))
+    return Recording.of_pair(parse_survey(files, str(path), lens_model))
 
 
 def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """The text files in a folder or a zip by name, and whether there are photographs too."""
     with disk_errors(f"{path} cannot be read"):
         if path.is_dir():
-            found = [
-                file
-                for file in _files_in(path, lambda name: Path(name).suffix.lower() in TEXTS | NAMED)
-                if file.suffix.lower() in TEXTS or file.stat().st_size <= LARGEST_DESCRIPTION
-            ]
+            below = [file for each in ("*", "*/*") for file in sorted(path.glob(each))]
+            sizes = {
+                file: file.stat().st_size
+                for file in below
+                if file.suffix.lower() in TEXTS | NAMED and file.is_file()
+            }
+            found = {
+                file: size
+                for file, size in sizes.items()
+                if file.suffix.lower() in TEXTS or size <= LARGEST_DESCRIPTION
+            }
             limits = Limits.from_environment()
             limits.check_count(len(found), str(path))
-            limits.check_size(sum(file.stat().st_size for file in found), str(path))
+            limits.check_size(sum(found.values()), str(path))
             texts = {
                 str(PurePosixPath(file.relative_to(path))): file.read_bytes() for file in found
             }
-            return texts, any(True for _ in _files_in(path, is_photograph))
+            return texts, any(is_photograph(file.name) and file.is_file() for file in below)
         if path.is_file():
             with open_zip(path, path.name) as opened:
                 photographs = any(map(is_photograph, opened.names))
@@ -128,7 +114,14 @@ def parse_dataset(
     found = find_description(files, source)
     if found.is_recording:
         recording = parse_recording(files, source, photographs, lens_model)
-        return _pair_of(recording, pair, source)
+        with naming(source):
+            if pair is None and len(recording.cameras) > 2:
+                raise StereocalError(
+                    f"it has {len(recording.cameras)} cameras: choose two with --pair. "
+                    f"{recording.describe_pairs()}"
+                )
+            chosen = recording.pair_named(pair) if pair else recording.pairs[0]
+            return with_baseline_found(recording.pair(*chosen))
     if pair is not None:
         raise StereocalError(f"{source}: it has two cameras, and no pair {pair[:60]!r} to choose.")
     survey = parse_survey(files, source, lens_model)
@@ -142,25 +135,13 @@ def parse_dataset(
     name = f"{source}: {TABLE}"
     rows = read_table(files[found.folder + TABLE], name).strict(name)
     try:
-        return survey.with_points(rows)
+        return with_baseline_found(replace(survey, correspondences=rows))
     except RefusedRowsError as error:
         raise RefusedRowsError(
             f"{source}: {TABLE}: ", error.problems, "with a point outside its image"
         ) from error
     except StereocalError as error:
         raise StereocalError(str(error), source) from error
-
-
-def _pair_of(recording: Recording, pair: str | None, source: str) -> Dataset:
-    """The data set of a pair of cameras, of the two if there are no more."""
-    with naming(source):
-        if pair is None and len(recording.cameras) > 2:
-            raise StereocalError(
-                f"it has {len(recording.cameras)} cameras: choose two with --pair. "
-                f"{recording.describe_pairs()}"
-            )
-        chosen = recording.pair_named(pair) if pair else recording.pairs[0]
-        return with_baseline_found(recording.pair(*chosen))
 
 
 def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:
@@ -173,19 +154,20 @@ def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) 
 
 def parse_survey(
     files: Mapping[str, bytes], source: str, lens_model: LensModel | None = None
-) -> Survey:
-    """The data set without its points, from files by name."""
-    found = find_description(files, source)
+) -> Dataset:
+    """The data set without its points, from files by name; a free baseline is still to be found."""
+    found, none = find_description(files, source), np.empty((0, 2))
     is_free = found.entries.get("baseline_sigma_m") == FREE
-    return Survey(
-        name=found.name,
+    entries: dict[str, Any] = {
         **found.cameras(lens_model),
-        baseline_m=found.length("baseline_m"),
-        target_distance_m=found.length("target_distance_m"),
-        baseline_sigma_m=np.inf if is_free else found.optional_length("baseline_sigma_m"),
-        target_distance_sigma_m=found.optional_length("target_distance_sigma_m"),
-        notes=found.notes,
-    )
+        "correspondences": Correspondences.from_arrays(none[:, 0], "", none, none),
+        "baseline_m": found.length("baseline_m"),
+        "target_distance_m": found.length("target_distance_m"),
+        "baseline_sigma_m": np.inf if is_free else found.optional_length("baseline_sigma_m"),
+        "target_distance_sigma_m": found.optional_length("target_distance_sigma_m"),
+    }
+    with naming(source):
+        return Dataset(found.name, notes=found.notes, **entries)
 
 
 def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
@@ -214,13 +196,3 @@ def pack_pair(dataset: Dataset) -> dict[str, bytes]:
         "secondary.json": write_camera(dataset.secondary),
         TABLE: write_table(dataset.correspondences),
     }
-
-
-def _files_in(folder: Path, wanted: Callable[[str], bool]) -> Iterable[Path]:
-    """The files with wanted names in a folder and its direct subfolders."""
-    return (
-        file
-        for pattern in ("*", "*/*")
-        for file in sorted(folder.glob(pattern))
-        if wanted(file.name) and file.is_file()
-    )

@@ -1,20 +1,64 @@
-"""Read OpenCV FileStorage (YAML, XML, JSON) as plain data."""
+"""Read YAML of Kalibr, ROS and OpenCV, and the rest of OpenCV's FileStorage, as plain data."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import yaml
 
-from stereocal.errors import StereocalError
-from stereocal.formats.yaml_text import read_yaml
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.json_text import DEEPEST, read_json
 
+LARGEST_BYTES = 4_000_000
 Storage = Mapping[str, Any]
 """The nodes of a file: numbers, texts, lists, and matrices as `rows`, `cols` and `data`."""
+LONGEST = 50_000
+"""Characters: our files have 4000; adversarial text of this length takes the parser 1 s."""
+LONG_LIST = re.compile(r"\[[^\[\]]{4000,}\]")
+"""Longer than any matrix of a camera: OpenCV's calibration program writes all found corners, and
+200,000 characters would take 3 s."""
+OPENCV_HEAD = re.compile(r"\A%YAML:1\.\d[^\n]*")
+NUMBER = re.compile(
+    r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.inf|\.nan", re.ASCII | re.IGNORECASE
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignFile:
+    """A file of another program."""
+
+    name: str
+    content: bytes
+
+    def ends_with(self, *endings: str) -> bool:
+        """Whether its name has one of these endings."""
+        return self.name.lower().endswith(endings)
+
+    @cached_property
+    def text(self) -> str:
+        """Its text."""
+        if not self.content.strip():
+            raise StereocalError("the file is empty.", self.name)
+        if len(self.content) > LARGEST_BYTES:
+            raise StereocalError(
+                f"{len(self.content)} bytes are too many for a parameter file.", self.name
+            )
+        try:
+            return self.content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise StereocalError("this is not a text file (UTF-8).", self.name) from error
+
+    @cached_property
+    def storage(self) -> Storage:
+        """The nodes of a YAML, XML or JSON file."""
+        return read_storage(self.text, self.name)
 
 
 def read_storage(text: str, source: str) -> Storage:
@@ -23,7 +67,7 @@ def read_storage(text: str, source: str) -> Storage:
     if start.startswith("<"):
         return _read_xml(start, source)
     if not start.startswith("{"):
-        return read_yaml(start, source)
+        return read_yaml(start if start.startswith("%") else text, source)
     data = read_json(start, source)
     return data if isinstance(data, dict) else {}
 
@@ -59,10 +103,9 @@ def is_number(value: object) -> bool:
 
 def stated_lens_model(storage: Storage) -> str | bool | None:
     """The name of the lens model in a file, or whether it is a fisheye; None if not stated."""
-    model, fisheye = storage.get("distortion_model"), storage.get("fisheye_model")
-    if isinstance(model, str):
-        return model
-    return bool(fisheye) if isinstance(fisheye, int) else None  # of OpenCV's calibration program
+    found = [storage.get(name) for name in ("distortion_model", "fisheye_model", "model")]
+    stated = next((each for each in found if isinstance(each, str | int)), None)
+    return bool(stated) if isinstance(stated, int) else stated
 
 
 def _read_xml(text: str, source: str) -> Storage:
@@ -102,3 +145,56 @@ def _value(word: str) -> Any:
         except ValueError:
             continue
     return word
+
+
+class _PlainLoader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no types
+    """Loads plain data. Aliases are rejected, since they can expand to gigabytes."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases are not read")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Reject duplicate keys, of which the base class takes the last."""
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(keys)) < len(keys):
+            twice = next(key for k, key in enumerate(keys) if key in keys[:k])
+            line = node.start_mark.line + 1
+            raise yaml.YAMLError(
+                f'the key "{twice[:60]}" occurs twice in the mapping that begins in line {line}'
+            )
+        return super().construct_mapping(node, deep)
+
+    def construct_tagged(self, _: str, node: Any) -> Any:
+        """The plain value behind an unknown tag such as !!opencv-matrix."""
+        if isinstance(node, yaml.MappingNode):
+            return self.construct_mapping(node, deep=True)
+        if isinstance(node, yaml.SequenceNode):
+            return self.construct_sequence(node, deep=True)
+        return self.construct_scalar(node)
+
+
+_PlainLoader.add_multi_constructor("", _PlainLoader.construct_tagged)
+# YAML 1.1 requires a point and a sign: 1e-05 would be read as text.
+_PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0123456789"))
+
+
+def read_yaml(text: str, source: str) -> dict[str, Any]:
+    """The mapping in a YAML text."""
+    text = LONG_LIST.sub("[]", OPENCV_HEAD.sub("", text))
+    check_length(text, source)
+    try:
+        data = yaml.load(text, Loader=_PlainLoader)
+    except (yaml.YAMLError, *DAMAGED) as error:
+        reason = str(error).splitlines()[0] if str(error) else "it is damaged"
+        raise StereocalError(f"{source}: this is not valid YAML ({reason}).") from error
+    if not isinstance(data, dict):
+        raise StereocalError(f"{source}: this is not a parameter file (a YAML mapping).")
+    return {str(key): value for key, value in data.items()}
+
+
+def check_length(text: str, source: str) -> None:
+    """Raise a `StereocalError` for a text that a parser written in Python would take long for."""
+    if len(text) > LONGEST:
+        raise StereocalError(f"{source}: {len(text)} characters are too many for a parameter file.")

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
-from stereocal.formats.pixel_origin import Corner, Flip, PixelOrigin
+from stereocal.formats.exchange.options import Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout
 from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
 

@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import io
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences
+from stereocal.formats.exchange.options import PixelOrigin
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.dataset import TARGETS, Correspondences
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MISSING, Column, cells_of, numbers_in, rows_below, text_of
 
@@ -104,18 +105,40 @@ def read_points(
     return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
 
 
+@dataclass(frozen=True, eq=False)
+class BarPoints:
+    """Ends of a bar in some frames, as any number of cameras saw them."""
+
+    frame: IntArray
+    target: IntArray
+    pixels: FloatArray
+    """(n, cameras, 2): ours; NaN where a camera did not see it."""
+
+    @classmethod
+    def seen_by_two(cls, frame: IntArray, target: IntArray, pixels: FloatArray) -> BarPoints:
+        """Those that two cameras saw, or more."""
+        rows = np.isfinite(pixels).all(axis=2).sum(axis=1) >= 2
+        return cls(frame[rows], target[rows], pixels[rows])
+
+    @property
+    def correspondences(self) -> Correspondences:
+        """Of two cameras."""
+        names = [TARGETS[target] for target in self.target]
+        return Correspondences.from_arrays(self.frame, names, self.pixels[:, 0], self.pixels[:, 1])
+
+
 def read_bars(
     content: bytes,
     layout: PointLayout,
-    cameras: tuple[str, str],
+    cameras: Sequence[str],
     ends: tuple[str, str],
-    image_heights: tuple[int | None, int | None] = (None, None),
+    image_heights: Sequence[int | None],
     source: str = "points",
-) -> Correspondences:
-    """The ends of a bar that both cameras saw, for calibration.
+) -> BarPoints:
+    """The ends of a bar that two cameras saw, for calibration.
 
     Args:
-        cameras: names of the primary and the secondary.
+        cameras: their names, the primary first.
         ends: names of the points A and B.
     """
     rows = _Rows(_table(content, layout, source, None), layout, source)
@@ -126,19 +149,10 @@ def read_bars(
             if (camera, end) not in columns:
                 raise StereocalError(f"{source}: there is no point {end} of camera {camera}.")
             found.append(rows.pixels(columns[camera, end], height))
-    both = np.vstack([np.hstack(found[:2]), np.hstack(found[2:])])
-    seen = np.isfinite(both).all(axis=1)
-    if not seen.any():
-        raise StereocalError(
-            f"{source}: no end of the bar was seen by both cameras, {cameras[0]} and {cameras[1]}."
-        )
-    frames = rows.frames()
-    return Correspondences.from_arrays(
-        frame=np.tile(frames, 2)[seen],
-        target=np.repeat(["A", "B"], len(frames))[seen].tolist(),
-        primary=both[seen, :2],
-        secondary=both[seen, 2:],
-    )
+    pixels = np.stack(found).reshape(2, len(cameras), -1, 2).swapaxes(1, 2)
+    frames, shape = rows.frames(), (-1, len(cameras), 2)
+    ends_of = np.repeat([0, 1], len(frames))
+    return BarPoints.seen_by_two(np.tile(frames, 2), ends_of, pixels.reshape(shape))
 
 
 def _table(

@@ -10,8 +10,8 @@ from dataclasses import replace
 from functools import partial
 
 from stereocal.errors import StereocalError
+from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
-from stereocal.formats.pixel_origin import LOWER_LEFT, PixelOrigin
 from stereocal.formats.point_files import PointColumns, PointLayout
 
 HEAD_BYTES = 200_000

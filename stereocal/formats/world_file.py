@@ -1,4 +1,8 @@
-"""The world frame's file, `stereocal-world/1`, and plain 4x4 tables."""
+"""The world frame's file, `stereocal-world/1`, plain 4x4 tables, and what a frame is found from.
+
+Tables of surveyed points, lines and throws name their columns in the first line: `point`, `line` or
+`frame` tells which table it is.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +13,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from stereocal.errors import DAMAGED, StereocalError
-from stereocal.field.world.frame import SOURCES, WorldFrame
+from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
+from stereocal.field.world.frame import (
+    KINDS,
+    SOURCES,
+    Line,
+    LineKind,
+    Observed,
+    Survey,
+    Throw,
+    WorldFrame,
+)
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
+from stereocal.system.tables import Column, Reasons, Values, names_of, read_rows, text_of
 from stereocal.version import __version__
 
 WORLD_FORMAT = "stereocal-world/1"
 CONVENTION = "x_world = R @ x_primary + t; world_from_primary = [[R, t], [0, 0, 0, 1]]; metres"
 LARGEST_BYTES = 1_000_000
+POINT, LINE, FRAME, KIND, THROW = "point", "line", "frame", "kind", "throw"
+PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
+SURVEYED = ("x", "y", "z")
+MEASURED = ("x_primary", "y_primary", "z_primary")
+MOST_ROWS = 5_000
+MOST_NAMES = {POINT: 200, LINE: 30, FRAME: 10}
+"""Of points, lines and throws; the time of a fit grows with the square of the last two."""
+LONGEST_NAME = 60
+FARTHEST_M = 1e8
 
 
 def write_world(frame: WorldFrame, rig: RigParameters) -> bytes:
@@ -107,3 +131,149 @@ def _check_format(data: dict[str, Any], source: str) -> None:
         raise StereocalError(f'{source}: "world_from_primary" is missing.')
     if data.get("source") not in SOURCES:
         raise StereocalError(f'{source}: "source" must be one of {", ".join(SOURCES)}.')
+
+
+def kind_of_table(content: bytes, source: str) -> str:
+    """`point`, `line` or `frame`: what the rows of a table are."""
+    names, *_ = names_of(text_of(content, source), source)
+    for kind in (POINT, LINE, FRAME):
+        if kind in names:
+            return kind
+    raise StereocalError(
+        f"{source}: a table for a world frame has a column point (surveyed points), line (plumb "
+        f"or level lines) or frame (a throw), and names {', '.join(names)[:200]}."
+    )
+
+
+def read_observed(content: bytes, source: str, frame_rate: float | None = None) -> Observed:
+    """Surveyed points, lines or a throw from a table; further columns are ignored.
+
+    Args:
+        frame_rate: frames per second of a throw.
+    """
+    kind = kind_of_table(content, source)
+    if kind == FRAME and frame_rate is None:
+        raise StereocalError(
+            f"{source}: a throw needs the frame rate of the cameras (frames per second; "
+            "--frame-rate on the command line)."
+        )
+    required = {POINT: (POINT, *SURVEYED), LINE: (LINE, *PIXELS), FRAME: (FRAME, *PIXELS)}[kind]
+    if max(content.count(b"\n"), content.count(b"\r")) > MOST_ROWS:
+        raise StereocalError(f"{source}: at most {MOST_ROWS:,} rows are read for a world frame.")
+    numbers = [
+        Column(name, name not in required or name in PIXELS)
+        for name in (*PIXELS, *SURVEYED, *MEASURED)
+    ]
+    if kind == FRAME:
+        numbers.append(Column(FRAME, is_whole=True))
+    rows = read_rows(content, source, required, numbers, (POINT, LINE, FRAME, KIND, THROW))
+    raw, values, reasons = rows.raw, rows.values, rows.reasons
+    if rows.too_long:
+        rows.check(source)
+    _check_sizes(raw, kind, source)
+    found: Observed
+    if kind == POINT:
+        found = _survey(raw, values, reasons)
+    elif kind == LINE:
+        found = _lines(raw, values, reasons)
+    else:
+        found = _throw(raw, values, reasons, frame_rate or 0.0)
+    rows.check(source)
+    return found
+
+
+def check_world(content: bytes, source: str) -> None:
+    """Check that a file is a world frame, or a table that one can be found from."""
+    if is_json(source):
+        parse_world(content, source)
+        return
+    try:
+        read_observed(content, source, frame_rate=1.0)
+    except RefusedRowsError:
+        raise
+    except StereocalError as error:
+        try:
+            parse_world(content, source)
+        except StereocalError:
+            raise error from None
+
+
+def _check_sizes(raw: pd.DataFrame, kind: str, source: str) -> None:
+    names = _names(raw, THROW if kind == FRAME else kind)
+    most = MOST_NAMES[kind]
+    if len(set(names)) > most:
+        raise StereocalError(
+            f"{source}: {len(set(names))} different names are too many; at most {most} are read of "
+            f"a {'throw' if kind == FRAME else kind}."
+        )
+
+
+def _names(raw: pd.DataFrame, column: str) -> tuple[str, ...]:
+    if column not in raw:
+        return ("",) * len(raw)
+    return tuple(str(name).strip()[:LONGEST_NAME] for name in raw[column])
+
+
+def _columns(values: Values, columns: tuple[str, ...]) -> FloatArray:
+    return np.column_stack([values[name] for name in columns])
+
+
+def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons) -> Survey:
+    names = _names(raw, POINT)
+    world, pixels, measured = (_columns(values, each) for each in (SURVEYED, PIXELS, MEASURED))
+    has_pixels = np.asarray(np.isfinite(pixels).all(axis=1))
+    has_point = np.asarray(np.isfinite(measured).all(axis=1))
+    first: dict[str, int] = {}
+    for row, name in enumerate(names):
+        if not name:
+            reasons.setdefault(row, "the point has no name")
+        elif not (has_pixels[row] or has_point[row]):
+            reasons.setdefault(
+                row, f"{', '.join(PIXELS)} are not all given, nor {', '.join(MEASURED)}"
+            )
+        elif np.abs(world[row]).max() > FARTHEST_M:
+            reasons.setdefault(row, "the point is too far away; coordinates are in metres")
+        elif not np.array_equal(world[first.setdefault(name, row)], world[row], equal_nan=True):
+            reasons.setdefault(row, f"{name} has other coordinates in an earlier row")
+    measured[~has_point] = np.nan
+    return Survey(names, world, pixels, measured)
+
+
+def _lines(raw: pd.DataFrame, values: Values, reasons: Reasons) -> tuple[Line, ...]:
+    names, pixels = _names(raw, LINE), _columns(values, PIXELS)
+    kinds = [kind.lower() or KINDS[0] for kind in _names(raw, KIND)]
+    known = [np.isfinite(pixels[:, :2]), np.isfinite(pixels[:, 2:])]
+    kind_of: dict[str, LineKind] = {}
+    for row, (name, text) in enumerate(zip(names, kinds, strict=True)):
+        kind = next((each for each in KINDS if each == text), None)
+        if not name:
+            reasons.setdefault(row, "the line has no name")
+        elif kind is None:
+            reasons.setdefault(row, f'kind is "{text[:40]}"; it must be {", ".join(KINDS)}')
+        elif kind_of.setdefault(name, kind) != kind:
+            reasons.setdefault(row, f"{name} is a {kind_of[name]} line in an earlier row")
+        elif any(each[row].any() != each[row].all() for each in known):
+            reasons.setdefault(row, "one of u and v is empty")
+    rows_of = {name: np.array(names) == name for name in kind_of}
+    return tuple(
+        Line(
+            name,
+            kind,
+            (
+                pixels[rows_of[name] & known[0].all(axis=1), :2],
+                pixels[rows_of[name] & known[1].all(axis=1), 2:],
+            ),
+        )
+        for name, kind in kind_of.items()
+    )
+
+
+def _throw(raw: pd.DataFrame, values: Values, reasons: Reasons, frame_rate: float) -> Throw:
+    pixels = _columns(values, PIXELS)
+    whole = np.asarray(np.isfinite(pixels).all(axis=1))
+    whole[list(reasons)] = False
+    if not whole.any() and not reasons:
+        reasons[0] = "no frame has the point of both cameras"
+    tracks = np.array(_names(raw, THROW), dtype=object)[whole]
+    frames = values[FRAME][whole].astype(np.int64)
+    return Throw(tuple(tracks.tolist()), frames, pixels[whole], frame_rate)

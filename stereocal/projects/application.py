@@ -19,7 +19,7 @@ from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.formats.world_tables import check_world
+from stereocal.formats.world_file import check_world
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PARQUET, PointTable

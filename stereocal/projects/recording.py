@@ -7,8 +7,7 @@ from collections.abc import Mapping
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import TABLE, pack_pair
-from stereocal.formats.description import find_description
-from stereocal.formats.recording_files import POINTS, parse_recording
+from stereocal.formats.recording_files import POINTS, find_description, parse_recording
 from stereocal.network.rig_file import RIG, RigFile
 from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
 from stereocal.projects.files import StoredFile

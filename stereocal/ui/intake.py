@@ -14,13 +14,12 @@ from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileMan
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.camera_file import FourCoefficientsError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
-from stereocal.formats.dataset_files import TABLE, Survey, pack_pair, parse_dataset, parse_survey
-from stereocal.formats.description import find_description
+from stereocal.formats.dataset_files import TABLE, pack_pair, parse_dataset, parse_survey
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.lens_model import FourCoefficientsError
+from stereocal.formats.recording_files import find_description
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
@@ -29,7 +28,6 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
@@ -252,7 +250,6 @@ def give_dataset(
         description = find_description(files, source)
         folder = description.folder
     found = of_the_bar({name: store.keep(name, content) for name, content in photographs()})
-    survey: Survey | Dataset
     given: dict[Slot, tuple[str, bytes]] = {}
     read: dict[Slot, Camera | Table] = {}
     if found and folder + TABLE not in files:

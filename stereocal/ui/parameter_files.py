@@ -9,11 +9,9 @@ from functools import cached_property
 import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.formats.camera_file import FourCoefficientsError
 from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes, import_files
-from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.lens_model import FourCoefficientsError
-from stereocal.formats.pixel_origin import PixelOrigin
-from stereocal.formats.units import UnitError
+from stereocal.formats.exchange.options import ExchangeOptions, PixelOrigin, UnitError
 from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS

@@ -22,8 +22,7 @@ from stereocal.field.planning.plan import (
     SensorLens,
     Uncertainty,
 )
-from stereocal.formats.camera_file import read_camera, write_camera
-from stereocal.formats.lens_model import FourCoefficientsError
+from stereocal.formats.camera_file import FourCoefficientsError, read_camera, write_camera
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.geometry import Pose

@@ -10,7 +10,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.lens_model import FourCoefficientsError
+from stereocal.formats.camera_file import FourCoefficientsError
 from stereocal.rig.camera import LensModel
 from stereocal.ui.texts import escape_markdown
 

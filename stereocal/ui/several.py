@@ -14,9 +14,14 @@ from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import TABLES
-from stereocal.formats.description import DESCRIPTION
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import POINTS, pack_recording, parse_recording, write_points
+from stereocal.formats.recording_files import (
+    DESCRIPTION,
+    POINTS,
+    pack_recording,
+    parse_recording,
+    write_points,
+)
 from stereocal.frames import several
 from stereocal.frames.pairing import natural
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection

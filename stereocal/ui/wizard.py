@@ -16,8 +16,14 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.formats import point_answers
 from stereocal.formats.archives.gather import Heights, bars_of
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.exchange.options import ORIGIN, QUESTIONS, ExchangeOptions, ImageSize
-from stereocal.formats.pixel_origin import Corner, PixelOrigin
+from stereocal.formats.exchange.options import (
+    ORIGIN,
+    QUESTIONS,
+    Corner,
+    ExchangeOptions,
+    ImageSize,
+    PixelOrigin,
+)
 from stereocal.formats.point_answers import Answers, can_choose_columns, layout_of
 from stereocal.formats.point_files import PointLayout
 from stereocal.projects.application import Asked, ProjectApplication

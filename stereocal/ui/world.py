@@ -22,8 +22,14 @@ from stereocal.field.world.frame import (
     WorldFrame,
     WorldSettings,
 )
-from stereocal.formats.world_file import is_json, parse_world, write_world
-from stereocal.formats.world_tables import FRAME, kind_of_table, read_observed
+from stereocal.formats.world_file import (
+    FRAME,
+    is_json,
+    kind_of_table,
+    parse_world,
+    read_observed,
+    write_world,
+)
 from stereocal.matching.application import digest_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile

@@ -8,8 +8,8 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.commands.console import take
 from stereocal.commands.options import SEARCH, settings_from
-from stereocal.commands.parser import take
 from stereocal.errors import StereocalError
 from stereocal.system.described import descriptions
 

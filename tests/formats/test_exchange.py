@@ -23,9 +23,8 @@ from stereocal.formats.exchange.exchange import (
     export_notes,
     import_files,
 )
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions, Flip
 from stereocal.formats.exchange.writing import fewer_coefficients
-from stereocal.formats.pixel_origin import Flip
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose

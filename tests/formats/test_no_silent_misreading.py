@@ -14,14 +14,12 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.camera_file import FourCoefficientsError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.exchange.exchange import FORMATS, export_files, import_files
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.inputs import read_input
-from stereocal.formats.lens_model import FourCoefficientsError
-from stereocal.formats.units import UNITS, Unit
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from tests.formats.test_exchange import PLAIN, RICHEST, SIZES

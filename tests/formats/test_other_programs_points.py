@@ -199,7 +199,8 @@ class TestNumbers:
         expected = VIEWS[side].reshape(-1, 2)
         np.testing.assert_allclose(table[["u", "v"]].to_numpy(), expected, rtol=0, atol=1e-9)
         layout = layout_of(content, "points")
-        rows = read_bars(content, layout, ("cam1", "cam2"), layout.points[:2], HEIGHTS)  # type: ignore[arg-type]
+        ends = layout.points[0], layout.points[1]
+        rows = read_bars(content, layout, ("cam1", "cam2"), ends, HEIGHTS).correspondences
         assert len(rows.bars) == FRAMES
         np.testing.assert_allclose(rows.primary[:FRAMES], VIEWS[0][:, 0], rtol=0, atol=1e-9)
 

@@ -10,8 +10,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.field.world.frame import Survey, Throw, WorldFrame
-from stereocal.formats.world_file import WORLD_FORMAT, read_world, write_world
-from stereocal.formats.world_tables import read_observed
+from stereocal.formats.world_file import WORLD_FORMAT, read_observed, read_world, write_world
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters

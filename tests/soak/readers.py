@@ -36,8 +36,7 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import analysis_table
-from stereocal.formats.world_file import read_world
-from stereocal.formats.world_tables import read_observed
+from stereocal.formats.world_file import read_observed, read_world
 from stereocal.matching.point_table import PointTable
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stereocal.commands.progress import ProgressBar
+from stereocal.commands.console import ProgressBar
 from stereocal.simulation.simulate import FIELD_FRAMES
 from tools.photographs.board_series import LENS_PHOTOGRAPHS
 from tools.photographs.sample import write_photographs

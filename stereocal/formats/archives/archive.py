@@ -8,11 +8,10 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.formats.units import UNITS, Unit
+from stereocal.formats.point_files import BarPoints
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
+from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.system.numbers import rounded
 
 NOMINAL_SIGMA = 0.02
@@ -82,25 +81,40 @@ class Archive:
             )
         assert self.primary is not None and self.secondary is not None
         assert self.correspondences is not None and distance is not None
-        nominal, sigma = self.baseline_m or 1.0, self.baseline_sigma_m
-        free = baseline_m == np.inf
-        if baseline_m is not None:
-            sigma = np.inf if free else None
-        notes = self.notes
+        measured, sigma, notes = baseline_m, None, self.notes
         if baseline_m is None:
+            measured, sigma = self.baseline_m, self.baseline_sigma_m
             notes += ("The baseline is a result of the other program, not a measurement.",)
+        elif baseline_m == np.inf:
+            measured, sigma = None, np.inf
         return with_baseline_found(
             Dataset(
                 name=name,
                 primary=self.primary,
                 secondary=self.secondary,
                 correspondences=self.correspondences,
-                baseline_m=nominal if free or baseline_m is None else baseline_m,
+                baseline_m=measured or self.baseline_m or 1.0,
                 target_distance_m=distance,
                 baseline_sigma_m=sigma,
                 notes=" ".join(notes),
             )
         )
+
+
+def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]:
+    """The bars, and background points as further frames with one target, which serve matching.
+
+    Returns:
+        All rows, and in words which frames are added.
+    """
+    first = 1000 * (1 + (int(bars.frame.max()) + BACKGROUND_STEP) // 1000)
+    numbers = first + BACKGROUND_STEP * np.arange(len(points.frame))
+    both = BarPoints(
+        np.append(bars.frame, numbers),
+        np.append(bars.target, points.target),
+        np.concatenate([bars.pixels, points.pixels]),
+    )
+    return both, f"frames {first} to {numbers[-1]}"
 
 
 def baseline_taken(baseline_m: float, origin: str) -> Taken:
@@ -118,50 +132,10 @@ def points_taken(rows: Correspondences, origin: str) -> Taken:
 def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
     """The line of the report on a lens."""
     width, height = camera.image_size
-    K = camera.K
-    distortion = (
-        f"k1 {rounded(camera.distortion[0], 3)}" if camera.distortion.any() else "no distortion"
-    )
+    K, lens = camera.K, camera.distortion
+    distortion = f"k1 {rounded(lens[0], 3)}" if lens.any() else "no distortion"
     words = (
         f"f {rounded(K[0, 0], 5)} px, centre ({rounded(K[0, 2], 5)}, {rounded(K[1, 2], 5)}), "
         f"{width}x{height} px, {distortion}"
     )
     return Taken(f"{which} lens", words, origin)
-
-
-def check_bar(length: float, unit: Unit | None, source: str) -> float:
-    """The length of the bar in metres."""
-    metres = length * UNITS[unit or "m"]
-    if not 0 < metres <= 20:
-        raise StereocalError(
-            f"{source}: the bar would be {metres:g} m long: state the unit of its lengths, --unit "
-            "mm or cm, or the length, --distance."
-        )
-    return metres
-
-
-def with_background(
-    bars: Correspondences, points: FloatArray, origin: str
-) -> tuple[Correspondences, Taken, str]:
-    """The bars, and background points as further frames with one target, which serve matching.
-
-    Args:
-        points: (n, 4) pixels of points that both cameras saw, n > 0.
-
-    Returns:
-        All rows, the line of the report, and the note for the data set.
-    """
-    first = 1000 * (1 + (int(bars.frame.max()) + BACKGROUND_STEP) // 1000)
-    numbers = range(first, first + BACKGROUND_STEP * len(points), BACKGROUND_STEP)
-    rows = Correspondences.from_arrays(
-        frame=[*bars.frame.tolist(), *numbers],
-        target=[*(TARGETS[k] for k in bars.target), *("A" for _ in numbers)],
-        primary=np.concatenate([bars.primary, points[:, :2]]),
-        secondary=np.concatenate([bars.secondary, points[:, 2:]]),
-    )
-    words = f"frames {first} to {numbers[-1]}"
-    return (
-        rows,
-        Taken("background points", f"{len(points)} pairs, {words}", origin),
-        f"Background points are the {words}, with one target each: they serve matching only.",
-    )

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations, repeat
 from pathlib import PurePath
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import Taken
-from stereocal.formats.archives.easywand import open_easywand
-from stereocal.formats.archives.gather import TABLES, gather
-from stereocal.formats.exchange.exchange import READ, camera_names, format_of, read_camera_pair
-from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.other_files import is_matlab
+from stereocal.formats.archives.archive import Taken, lens_taken, with_background
+from stereocal.formats.archives.easywand import LENS_FIELDS
+from stereocal.formats.archives.gather import TABLES, layout_of_bars, sorted_files
+from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
+from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
+from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.recording_files import NUMBERS, REQUIRED, read_points
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import check_length
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
@@ -57,79 +55,72 @@ def gather_all(
     tables = [each for each in files if each.lower().endswith(TABLES)]
     if len(tables) == 1 and _is_of_points(files[tables[0]], tables[0]):
         return _of_points(files, tables[0], options, name, lengths)
-    return _of_pairs(files, tables, options, name, lengths.get("B"))
+    return _of_bars(files, options, name, lengths.get("B"))
 
 
-def _of_pairs(
-    files: Mapping[str, bytes],
-    tables: Sequence[str],
-    options: ExchangeOptions,
-    name: str,
-    distance_m: float | None,
+def _of_bars(
+    files: Mapping[str, bytes], options: ExchangeOptions, name: str, distance_m: float | None
 ) -> EveryCamera:
-    """The recording of another program's files, by reading every pair of their cameras."""
-    single = {each: content for each, content in files.items() if _is_single(each, content)}
-    count = max(_count(files), len(single))
+    """The recording of another program's files."""
+    table, others, opened = sorted_files(files)
+    size = options.image_sizes[0]
+    if opened is not None:
+        count, origin = len(opened.cameras), options.origin(LOWER_LEFT)
+        sizes = opened.image_sizes(range(count), [size] * count)
+        cameras = [opened.camera(k, own, origin) for k, own in enumerate(sizes)]
+    else:
+        cameras = [*cameras_in(others, options).values()]
+        count = len(cameras)
     if count < 3:
         raise StereocalError(
             "--cameras all is for files of three cameras or more; these name "
             f"{count or 'none'}: give --cameras 1,2."
         )
-    cameras: dict[str, Camera] = {}
-    images: dict[tuple[int, int, int], FloatArray] = {}
-    taken: dict[str, Taken] = {}
-    remarks: dict[str, None] = {}
-    failed: list[str] = []
-    numbers = [str(number + 1) for number in range(count)]
-    for pair in combinations(range(count), 2):
-        chosen = numbers[pair[0]], numbers[pair[1]]
-        own = files
-        if single:  # of which a pair is read at a time
-            two = [[*single][number] for number in pair]
-            own = {each: files[each] for each in (*tables, *two)}
-        try:
-            found = gather(own, replace(options, cameras=chosen), baseline_known=True)
-        except StereocalError as error:  # as of two cameras that see nothing together
-            failed.append(f"Cameras {' and '.join(chosen)}: {error}")
-            continue
-        distance_m = found.target_distance_m if distance_m is None else distance_m
-        if found.primary is None or found.secondary is None or found.correspondences is None:
-            lines = found.missing(1.0, distance_m or 1.0)
-            text = "; ".join(f"{each.what} missing, {each.origin}" for each in lines)
-            raise StereocalError(f"{text[0].upper()}{text[1:]}.")
-        cameras |= {chosen[0]: found.primary, chosen[1]: found.secondary}
-        rows = found.correspondences
-        times, targets = rows.time_frame.tolist(), rows.target.tolist()
-        for which, pixels in zip(pair, (rows.primary, rows.secondary), strict=True):
-            rows_of_camera = zip(times, repeat(which), targets, strict=False)
-            known = dict(zip(rows_of_camera, pixels, strict=True))
-            if any(np.abs(images[key] - known[key]).max() > 1e-6 for key in {*images} & {*known}):
-                raise StereocalError(
-                    f"The table does not have the points of all {count} cameras that the "
-                    "camera files name: give the table of all, or --cameras 1,2."
-                )
-            images |= known
-        taken |= {f"{each.what} {each.taken}": each for each in found.taken}
-        remarks |= dict.fromkeys(found.remarks)
-    if len(cameras) < count:
-        raise StereocalError(failed[0])
+    remarks: tuple[str, ...] = ()
+    if opened is not None:
+        bars = opened.seen("wandPts", range(count), sizes, origin)
+        assert bars is not None  # it names the cameras
+        background = opened.seen("backgroundPts", range(count), sizes, origin)
+        if background is not None and len(background.frame) and len(bars.frame):
+            bars, _ = with_background(bars, background)
+        distance_m = opened.bar_length(options.unit) if distance_m is None else distance_m
+    elif not table:
+        raise StereocalError("Table of points missing, give the CSV of the bar's ends.")
+    else:
+        layout, ends, remarks = layout_of_bars(files[table], table, options)
+        if len(layout.cameras) != count:
+            raise StereocalError(
+                f"The table does not have the points of all {count} cameras that the camera files "
+                "name: give the table of all, or --cameras 1,2."
+            )
+        heights = [(size or camera.image_size)[1] for camera in cameras]
+        bars = read_bars(files[table], layout, layout.cameras, ends, heights, table)
     if distance_m is None:
         raise StereocalError("distance A-B is missing: give --distance D in metres.")
-    keys = sorted(images)
-    frame, camera, target = np.array(keys, dtype=np.int64).T
+    row, camera_of_row = np.nonzero(np.isfinite(bars.pixels).all(axis=2))
+    order = np.lexsort([bars.target[row], camera_of_row, bars.frame[row]])
+    row, camera_of_row = row[order], camera_of_row[order]
     recording = Recording(
         name,
-        {number: cameras[number] for number in numbers},
+        {str(k + 1): camera for k, camera in enumerate(cameras)},
         RigidObject.bar(distance_m),
-        frame,
-        camera,
-        target,
-        np.array([images[key] for key in keys]),
-        np.full(len(keys), np.nan),
+        bars.frame[row],
+        camera_of_row,
+        bars.target[row],
+        bars.pixels[row, camera_of_row],
+        np.full(len(row), np.nan),
     )
-    lines = [each for each in taken.values() if "point" not in each.what]
-    lines.insert(0, Taken("points", f"{len(keys)} of {count} cameras", ", ".join(files)))
-    return EveryCamera(recording, tuple(lines), (*remarks, *failed))
+    if unseen := [each for k, each in enumerate(recording.cameras) if k not in camera_of_row]:
+        raise StereocalError(
+            f"Camera {unseen[0]} sees no end of the bar that another camera sees: choose two with "
+            "--cameras."
+        )
+    apart = (pair for pair in recording.pairs if not len(recording.common_frames(*pair)))
+    remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
+    taken = [Taken("points", f"{len(row)} of {count} cameras", ", ".join(files))]
+    origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
+    taken += [lens_taken(f"camera {k}", own, origin_of) for k, own in recording.cameras.items()]
+    return EveryCamera(recording, tuple(taken), remarks)
 
 
 def targets_in(content: bytes, source: str) -> tuple[str, ...]:
@@ -149,12 +140,6 @@ def _is_of_points(content: bytes, source: str) -> bool:
     """Whether it is a table of format 2."""
     head, _ = first_rows(content, source)
     return {*REQUIRED} <= {cell.strip().lower() for cell in head[0]}
-
-
-def _is_single(name: str, content: bytes) -> bool:
-    """Whether a file has one camera."""
-    found = format_of(name, content)
-    return found is not None and READ[found].one_camera
 
 
 def _of_points(
@@ -243,13 +228,3 @@ def _named_as(
         found[name] = own
     pairs = [*found.items(), *((name, name) for name in cameras if name not in found.values())]
     return {name: cameras[own] for name, own in sorted(pairs, key=lambda each: order[each[1]])}
-
-
-def _count(files: Mapping[str, bytes]) -> int:
-    """How many cameras the files name."""
-    found = 0
-    for name, content in files.items():
-        opened = open_easywand(content, name) if is_matlab(content) else None
-        named = opened.cameras if opened is not None else camera_names(name, content)
-        found = max(found, len(named))
-    return found

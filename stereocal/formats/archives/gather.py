@@ -6,40 +6,30 @@ found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
-from stereocal.formats.archives.easywand import open_easywand, read_easywand
+from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import chosen_pair, has_cameras
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
-from stereocal.formats.point_files import read_bars
+from stereocal.formats.point_files import PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Correspondences
 
-Heights = tuple[int | None, int | None]
-"""Of the images of the primary and the secondary, px."""
+Heights = Sequence[int | None]
+"""Of the images of the cameras, px."""
 TABLES = (".csv", ".txt", ".tsv")
 WANTED = (
     "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
     "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Bars:
-    """The rows of a table, and how it was read."""
-
-    rows: Correspondences
-    words: str
-    remarks: tuple[str, ...] = ()
-    """For the user."""
 
 
 def gather(
@@ -52,7 +42,16 @@ def gather(
         baseline_known: whether the user states the baseline, so that the unit of the files'
             own need not be known.
     """
-    tables = {name: each for name, each in files.items() if name.lower().endswith(TABLES)}
+    table, others, opened = sorted_files(files)
+    if opened is not None:
+        return read_easywand(opened, options)
+    found = _cameras(others, options, baseline_known) if others else Archive(())
+    return _with_table(found, table, files[table], options) if table else found
+
+
+def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], EasyWandFile | None]:
+    """The name of the table, or empty, the camera files, and the file that has everything."""
+    tables = [name for name in files if name.lower().endswith(TABLES)]
     others = {name: each for name, each in files.items() if name not in tables}
     for name, content in others.items():
         if is_hdf5(content):
@@ -62,17 +61,13 @@ def gather(
             )
         if format_of(name, content) is None:
             raise StereocalError(f"{name}: the file is not known; {WANTED}.")
-        opened = open_easywand(content, name) if is_matlab(content) else None
-        if opened is not None and len(files) > 1:
-            raise StereocalError(f"{name}: it has points and lenses; give it alone.")
-        if opened is not None:
-            return read_easywand(opened, options)
+        if is_matlab(content) and (opened := open_easywand(content, name)) is not None:
+            if len(files) > 1:
+                raise StereocalError(f"{name}: it has points and lenses; give it alone.")
+            return "", {}, opened
     if len(tables) > 1:
         raise StereocalError(f"{', '.join(tables)}: these are {len(tables)} tables; give one.")
-    found = _cameras(others, options, baseline_known) if others else Archive(())
-    for name, content in tables.items():
-        found = _with_table(found, name, content, options)
-    return found
+    return "".join(tables), others, None
 
 
 def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool) -> Archive:
@@ -95,38 +90,36 @@ def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_know
 
 
 def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
+    """With the bars of a table, in images of the stated or the cameras' height."""
     head, _ = first_rows(content, name)
+    remarks: tuple[str, ...] = ()
     if set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}:
-        read = Bars(read_table(content, name).strict(name), "stereocal")
+        rows, words = read_table(content, name).strict(name), "stereocal"
     else:
-        read = _bars(found, name, content, options)
+        sizes = [
+            size or (None if camera is None else camera.image_size)
+            for size, camera in zip(
+                options.image_sizes, (found.primary, found.secondary), strict=True
+            )
+        ]
+        heights = [None if size is None else size[1] for size in sizes]
+        cameras, wanted = propose_layout(content, name, options.layout).cameras, options.cameras
+        # Of a table with two cameras, the choice may be about the camera files alone.
+        if wanted and len(cameras) == 2 and found.primary and not has_cameras(cameras, wanted):
+            options = replace(options, cameras=None)
+            remarks = (
+                f"The two cameras of {name} are primary and secondary; --cameras was used for the "
+                "camera files only.",
+            )
+        read = bars_of(content, name, options, heights)
+        rows, words, remarks = read.rows, read.words, remarks + read.remarks
     return replace(
         found,
-        taken=(points_taken(read.rows, f"{name} ({read.words})"), *found.taken),
-        correspondences=read.rows,
-        notes=(*found.notes, f"Points from {name}, {read.words}."),
-        remarks=(*found.remarks, *read.remarks),
+        taken=(points_taken(rows, f"{name} ({words})"), *found.taken),
+        correspondences=rows,
+        notes=(*found.notes, f"Points from {name}, {words}."),
+        remarks=(*found.remarks, *remarks),
     )
-
-
-def _bars(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Bars:
-    """The bars of another program's table, in images of the stated or the cameras' height."""
-    sizes = [
-        size or (None if camera is None else camera.image_size)
-        for size, camera in zip(options.image_sizes, (found.primary, found.secondary), strict=True)
-    ]
-    first, second = (None if size is None else size[1] for size in sizes)
-    cameras = propose_layout(content, name, options.layout).cameras
-    wanted = options.cameras
-    # Of a table with two cameras, the choice may be about the camera files alone.
-    if wanted and len(cameras) == 2 and found.primary and not has_cameras(cameras, wanted):
-        read = bars_of(content, name, replace(options, cameras=None), (first, second))
-        remark = (
-            f"The two cameras of {name} are primary and secondary; --cameras was used for the "
-            "camera files only."
-        )
-        return replace(read, remarks=(remark, *read.remarks))
-    return bars_of(content, name, options, (first, second))
 
 
 def holds_bars(content: bytes, source: str) -> bool:
@@ -138,8 +131,34 @@ def holds_bars(content: bytes, source: str) -> bool:
     return len(layout.cameras) > 1 and len(layout.points) > 1
 
 
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """The rows of a table for two cameras, and how it was read."""
+
+    rows: Correspondences
+    words: str
+    remarks: tuple[str, ...]
+    """For the user."""
+
+
 def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heights) -> Bars:
-    """The bars in a file."""
+    """The bars in a file, as two cameras saw them."""
+    layout, ends, remarks = layout_of_bars(content, source, options)
+    chosen = chosen_pair(layout.cameras, options.cameras, source)
+    found = read_bars(content, layout, chosen.names, ends, heights, source)
+    if not len(found.frame):
+        raise StereocalError(
+            f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}.", source
+        )
+    words = f"{chosen.words}, counted from the {layout.origin.corner.replace('-', ' ')}"
+    about = f"{layout.program}, {words}"
+    return Bars(found.correspondences, about, chosen.remarks + remarks)
+
+
+def layout_of_bars(
+    content: bytes, source: str, options: ExchangeOptions
+) -> tuple[PointLayout, tuple[str, str], tuple[str, ...]]:
+    """The layout of a table with both ends of a bar, the names of A and B, and remarks."""
     layout = propose_layout(content, source, options.layout)
     if len(layout.points) < 2:
         raise StereocalError(
@@ -147,24 +166,15 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
             f"the points {', '.join(layout.points)[:60]}.",
             source,
         )
-    layout = replace(layout, origin=options.origin(layout.origin))
-    chosen = chosen_pair(layout.cameras, options.cameras, source)
-    if layout.origin.corner == "lower-left" and None in heights:
-        raise StereocalError(
-            "the points are counted from the lower left, so the image height is needed: give the "
-            "camera files, or --image-size WxH.",
-            source,
-        )
-    remarks, ends = chosen.remarks, options.ends or (layout.points[0], layout.points[1])
+    ends = options.ends or (layout.points[0], layout.points[1])
     if ends[0] == ends[1]:
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
+    remarks: tuple[str, ...] = ()
     if len(layout.points) > 2 and options.ends is None:
-        remarks += (
+        remarks = (
             f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the "
             "ends A and B of the bar.",
         )
-    rows = read_bars(content, layout, chosen.names, ends, heights, source)
-    corner = layout.origin.corner.replace("-", " ")
-    return Bars(rows, f"{layout.program}, {chosen.words}, counted from the {corner}", remarks)
+    return replace(layout, origin=options.origin(layout.origin)), ends, remarks

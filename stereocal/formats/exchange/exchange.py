@@ -12,15 +12,8 @@ import numpy as np
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.camera_file import K_NAMES, read_camera
 from stereocal.formats.exchange.matlab import MATLAB
-from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.reading import (
-    LARGEST_BYTES,
-    STORAGES,
-    CameraFormat,
-    CameraPair,
-    Files,
-    ForeignFile,
-)
+from stereocal.formats.exchange.options import ExchangeOptions, Unit
+from stereocal.formats.exchange.reading import STORAGES, CameraFormat, CameraPair, Files
 from stereocal.formats.exchange.text_formats import ANIPOSELIB, CALISCOPE, COLMAP, DLT
 from stereocal.formats.exchange.writing import OUR_UNIT, ExchangeFormat, Posed, fewer_coefficients
 from stereocal.formats.exchange.yaml_formats import (
@@ -32,9 +25,8 @@ from stereocal.formats.exchange.yaml_formats import (
     SINGLE_FILES,
     is_ros,
 )
-from stereocal.formats.file_storage import find_node
+from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
-from stereocal.formats.units import Unit
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions, Unit
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
-    ForeignFile,
     array_of,
     camera_matrix,
     camera_of,
@@ -26,9 +25,9 @@ from stereocal.formats.exchange.reading import (
     pose_of,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number
+from stereocal.formats.file_storage import ForeignFile
 from stereocal.formats.matlab_file import Fields, numbers_of, read_structs
 from stereocal.formats.other_files import is_matlab
-from stereocal.formats.units import Unit
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

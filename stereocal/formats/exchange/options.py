@@ -4,14 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
-from stereocal.formats.pixel_origin import CORNERS, FLIPS, Corner, Flip, PixelOrigin
-from stereocal.formats.units import UNITS, Unit
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.errors import StereocalError
 from stereocal.rig.camera import LensModel
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 
+Unit = Literal["m", "cm", "mm"]
+UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Metres per unit."""
+POSSIBLE_M = (0.002, 100.0)
+"""Plausible baselines: stereo laparoscopes have 4 mm; the largest still allow a portable bar."""
+USUAL_M = (0.01, 10.0)
+"""Plausible baselines if metres are assumed: narrow, so that 1 cm to 10 m in mm, or 10 cm
+to 10 m in cm, are not taken for metres."""
+Corner = Literal["upper-left", "lower-left"]
+CORNERS: tuple[Corner, ...] = ("upper-left", "lower-left")
+Flip = Literal["h", "h-1", "h+1"]
+FLIPS: tuple[Flip, ...] = ("h", "h-1", "h+1")
 ImageSize = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class PixelOrigin:
+    """The pixel coordinates (u', v') of another program.
+
+    `u' = u + first_pixel`. Upper left: `v' = v + first_pixel`. Lower left: `v' = flip - v`, where h
+    is the image height. (u, v) are stereocal's: (0, 0) is the centre of the top-left pixel.
+    """
+
+    corner: Corner = "upper-left"
+    first_pixel: float = 0.0
+    """Coordinate of the centre of the first pixel: 1 in MATLAB, 0.5 in COLMAP."""
+    flip: Flip = "h"
+    """DLTdv5 to 7, Argus and easyWand use h; others h - 1 (the bottom row is 0) or h + 1."""
+
+    def matrix(self, height: int) -> FloatArray:
+        """(3, 3): transforms our homogeneous pixels to theirs."""
+        if self.corner == "upper-left":
+            return np.array([[1.0, 0, self.first_pixel], [0, 1.0, self.first_pixel], [0, 0, 1.0]])
+        flip = height + {"h": 0, "h-1": -1, "h+1": 1}[self.flip]
+        return np.array([[1.0, 0, self.first_pixel], [0, -1.0, flip], [0, 0, 1.0]])
+
+    def to_ours(self, pixels: npt.ArrayLike, height: int) -> FloatArray:
+        """Convert their pixels (n, 2) to ours."""
+        matrix = np.linalg.inv(self.matrix(height))
+        return np.asarray(np.asarray(pixels, np.float64) @ matrix[:2, :2].T + matrix[:2, 2])
+
+
 USUAL_ORIGIN = PixelOrigin()
+LOWER_LEFT = PixelOrigin("lower-left")
 
 
 @dataclass(frozen=True)
@@ -94,3 +140,52 @@ QUESTIONS: Mapping[str, Question] = {
     ),
 }
 ORIGIN = ("corner", "first_pixel", "flip")
+
+
+class UnitError(StereocalError):
+    """Lengths of unknown unit, or implausible in the stated unit."""
+
+    def __init__(self, found: str, baseline: float) -> None:
+        low, high = POSSIBLE_M
+        fitting = [
+            f"{unit} ({baseline * scale:g} m)"
+            for unit, scale in UNITS.items()
+            if low <= baseline * scale <= high
+        ]
+        choice = " or ".join(fitting) or "m, cm or mm; none of them is plausible"
+        self.question = f"{found}: state the unit of its lengths, {choice}."
+        super().__init__(f"{found}: state the unit of its lengths, --unit {choice}.")
+
+
+def metres_per_unit(
+    baseline: float, stated: Unit | None, by_user: Unit | None, usual: Unit | None, source: str
+) -> float:
+    """Factor that converts the lengths of a file to metres.
+
+    Args:
+        baseline: distance of the two cameras, in the file's unit.
+        stated: the unit stated in the file.
+        by_user: the unit stated by the user.
+        usual: the unit of all files of this format, by its documentation.
+
+    Raises:
+        UnitError: the unit is unknown, or the baseline is implausible.
+        StereocalError: file and user contradict each other.
+    """
+    if by_user and stated and by_user != stated:
+        raise StereocalError(
+            f"{source}: the file's lengths are in {stated}, but the unit entered is {by_user}."
+        )
+    unit = by_user or stated or usual
+    if unit is None:
+        raise UnitError(
+            f"{source}: the file does not say the unit of its baseline, {baseline:g}", baseline
+        )
+    low, high = POSSIBLE_M if by_user or stated else USUAL_M
+    if not low <= baseline * UNITS[unit] <= high:
+        raise UnitError(
+            f"{source}: a baseline of {baseline:g} {unit} is not plausible (expected {low:g} to "
+            f"{high:g} m)",
+            baseline,
+        )
+    return UNITS[unit]

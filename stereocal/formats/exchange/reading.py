@@ -4,60 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
-from stereocal.formats.file_storage import Storage, read_storage
-from stereocal.formats.lens_model import lens_model_of
-from stereocal.formats.units import Unit, metres_per_unit
-from stereocal.formats.yaml_text import read_yaml
+from stereocal.formats.camera_file import lens_model_of
+from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
+from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.arrays import LARGEST
 
-LARGEST_BYTES = 4_000_000
 STORAGES = (".yaml", ".yml", ".xml", ".json")
-
-
-@dataclass(frozen=True, eq=False)
-class ForeignFile:
-    """A file of another program."""
-
-    name: str
-    content: bytes
-
-    def ends_with(self, *endings: str) -> bool:
-        """Whether its name has one of these endings."""
-        return self.name.lower().endswith(endings)
-
-    @cached_property
-    def text(self) -> str:
-        """Its text."""
-        if not self.content.strip():
-            raise StereocalError("the file is empty.", self.name)
-        if len(self.content) > LARGEST_BYTES:
-            raise StereocalError(
-                f"{len(self.content)} bytes are too many for a parameter file.", self.name
-            )
-        try:
-            return self.content.decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise StereocalError("this is not a text file (UTF-8).", self.name) from error
-
-    @cached_property
-    def storage(self) -> Storage:
-        """The nodes of a YAML, XML or JSON file."""
-        if self.text.lstrip().startswith(("{", "<", "%YAML")):
-            return read_storage(self.text, self.name)
-        return read_yaml(self.text, self.name)
-
-
 Files = Sequence[ForeignFile]
 
 

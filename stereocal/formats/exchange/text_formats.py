@@ -30,7 +30,6 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
-    ForeignFile,
     array_of,
     camera_matrix,
     camera_of,
@@ -47,7 +46,7 @@ from stereocal.formats.exchange.writing import (
     number,
     numbers,
 )
-from stereocal.formats.yaml_text import check_length
+from stereocal.formats.file_storage import ForeignFile, check_length
 from stereocal.rig.camera import CAMERAS, FISHEYE_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -9,13 +9,12 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import K_NAMES
+from stereocal.formats.camera_file import FISHEYE, K_NAMES, five_or_more
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import (
     STORAGES,
     CameraPair,
     Files,
-    ForeignFile,
     array_of,
     camera_matrix,
     camera_of,
@@ -24,8 +23,13 @@ from stereocal.formats.exchange.reading import (
     pose_of,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number, numbers
-from stereocal.formats.file_storage import find_node, is_number, matrix_of, stated_lens_model
-from stereocal.formats.lens_model import FISHEYE, five_or_more
+from stereocal.formats.file_storage import (
+    ForeignFile,
+    find_node,
+    is_number,
+    matrix_of,
+    stated_lens_model,
+)
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -1,0 +1,143 @@
+"""The options of commands as tables, the parser that takes them, and what commands print."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+Show = Callable[[int, int], None]
+"""How much is done, of how much."""
+Options = Mapping[str, Any]
+"""Options as the help spells them, with their help, or with all that argparse is told.
+
+`--frames N` takes a value, `--kit` is a switch, and `plan` a file; `FILE...` stands for one or
+more. Under `ONE_OF` are options of which one must be given, under a name with a colon a group.
+"""
+ONE_OF = "one of"
+KINDS: Mapping[str, Callable[[str], Any]] = {
+    **dict.fromkeys(("K", "N"), int),
+    **dict.fromkeys(("D", "DEG", "FAR", "FPS", "FRACTION", "M", "NEAR", "P", "PX", "S"), float),
+    **dict.fromkeys(("ADDRESS", "B", "CAMERA", "DICT", "FRAME", "KIND", "NAME"), str),
+    **dict.fromkeys(("LEFT-RIGHT", "P,S", "WxH", "18x12"), str),
+}
+"""What a value is, by its name in the help; else a file."""
+
+
+def take(to: argparse._ActionsContainer, options: Options) -> None:
+    """Add options to a parser or a group; `--out` is required."""
+    for spelled, told in options.items():
+        if spelled == ONE_OF:
+            take(to.add_mutually_exclusive_group(required=True), told)
+            continue
+        if spelled.endswith(":"):
+            take(to.add_argument_group(spelled[:-1]), told)
+            continue
+        name, *values = spelled.removesuffix("...").split()
+        about: dict[str, Any] = {"help": told} if isinstance(told, str) else dict(told)
+        if name == "--out":
+            about["required"] = True
+        if spelled.endswith("..."):
+            about["nargs"] = "+"
+        if len(values) > 1:
+            about |= {"nargs": len(values), "metavar": tuple(values)}
+        elif values:
+            about["metavar"] = values[0]
+        if values or not name.startswith("-"):
+            about.setdefault("type", KINDS.get(values[0] if values else "", Path))
+        elif not about.keys() & {"action", "choices", "type"}:
+            about["action"] = "store_true"
+        to.add_argument(name, **about)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that takes no empty path: `Path("")` is the current folder."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.register("type", Path, _path)
+
+
+def _path(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("a path is missing: the text is empty")
+    return Path(text)
+
+
+_open: list[ProgressBar] = []
+"""The progress bar on the current line, if any."""
+
+
+def say(line: str) -> None:
+    """Write a line to stderr, below an open progress bar."""
+    _end_line()
+    _write(f"{line}\n")
+
+
+def _end_line() -> None:
+    if _open:
+        _open.clear()
+        _write("\n")
+
+
+def _write(text: str) -> None:
+    with suppress(OSError):  # a closed pipe must not end the work
+        print(text, end="", file=sys.stderr, flush=True)
+
+
+def report(*lines: str, notes: Iterable[str] = (), written: Iterable[Path | None] = ()) -> None:
+    """Print what a command has found, its notes, and its files, a line each."""
+    for line in (*lines, *(f"Note: {note}" for note in notes)):
+        print(line)
+    for path in filter(None, written):
+        print(f"wrote {path}")
+
+
+def with_bar(what: str, work: Callable[[Show], T | None]) -> T:
+    """The result of long work, with a progress bar."""
+    return in_stages(lambda _, show: work(show), what)
+
+
+def in_stages(work: Callable[[Callable[[str], None], Show], T | None], first: str = "") -> T:
+    """The same with a bar for each stage of the work, which names them."""
+    with ProgressBar(first) as bar:
+        found = work(bar.begin, bar.show)
+    assert found is not None  # nobody cancels here
+    return found
+
+
+class ProgressBar:
+    """A progress bar on stderr with the time left; as a context it ends its line."""
+
+    def __init__(self, what: str) -> None:
+        self.begin(what)
+
+    def begin(self, what: str) -> None:
+        """Start at nothing done."""
+        _end_line()
+        self.what, self.started, self.drawn = what, time.monotonic(), 0.0
+
+    def __enter__(self) -> ProgressBar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        _end_line()
+
+    def show(self, done: int, total: int) -> None:
+        """Draw the bar, at most ten times a second; the last call ends the line."""
+        if done < total and time.monotonic() - self.drawn < 0.1:
+            return
+        self.drawn = time.monotonic()
+        left = (time.monotonic() - self.started) * (total - done) / max(done, 1)
+        time_left = f", {left:.0f} s left" if done else ""
+        filled = 30 * done // total
+        line = f"[{'#' * filled}{' ' * (30 - filled)}] {done}/{total} {self.what}{time_left}"
+        _open[:] = [self]
+        _write(f"\r{line:<70}")
+        if done >= total:
+            _end_line()
