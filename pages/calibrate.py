@@ -11,7 +11,7 @@ from stereocal.ui.messages import ErrorsShown, end_here, readable
 from stereocal.ui.navigation import went_on_to
 from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.press import press, show_progress, work_of
+from stereocal.ui.press import Press, show_progress
 from stereocal.ui.refined import answer_when_ready
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import calibrate_again, show_exchanged
@@ -26,10 +26,11 @@ values = settings_form(project, dataset)
 show_exchanged(project)
 work = None
 with ErrorsShown():
+    own = Press(project, inputs, dataset, settings_of(values))
     if calibrate_again() or pressed or first:
-        press(project, inputs, dataset, settings_of(values), errors_first=not (pressed or first))
+        own.press(errors_first=not (pressed or first))
         result = readable(lambda: project.calibration)
-    work = work_of(project, inputs, dataset, settings_of(values))
+    work = own.work
 show_progress(project, work)
 
 if result is None:

@@ -7,8 +7,9 @@ that is stored when it starts; if another one is stored meanwhile, it begins aga
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
 
 import streamlit as st
 
@@ -18,7 +19,6 @@ from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.messages import ErrorsShown
@@ -33,114 +33,111 @@ STEPS = ("screening", "essential", "2d", "3d", *ANSWER_STEPS)
 FEWEST_TO_VALIDATE = 5
 
 
-def work_of(
-    project: Project, inputs: Inputs, dataset: Dataset, settings: CalibrationSettings
-) -> jobs.Work:
-    """The work of a press with these inputs and settings."""
-    protocol = kept_protocol(project, [dataset])
-    large = is_long(dataset)
-    about = {"dataset": digests_of(dataset), "settings": [settings.to_json(), protocol.to_json()]}
+@dataclass(frozen=True, eq=False)
+class Press:
+    """What a press calibrates and validates."""
 
-    def run(job: jobs.Job) -> bool:
-        def step(name: str) -> None:
-            job.progress(STEPS.index(name), len(STEPS))
+    project: Project
+    inputs: Inputs
+    dataset: Dataset
+    settings: CalibrationSettings
 
-        if large:
-            job.begin("steps")
-            found = _calibrate(project, inputs, dataset, settings, protocol.refined, step)
-            if protocol.refined is not None:
-                answer_for(found, protocol.refined, None, step)
-        job.begin("runs")
-        return _validate(project, protocol, job)
+    @cached_property
+    def protocol(self) -> EvaluationSettings:
+        """Of the validation."""
+        return kept_protocol(self.project, [self.dataset])
 
-    return jobs.Work(project, KIND, STAGES if large else STAGES[1:], about, run)
+    @cached_property
+    def work(self) -> jobs.Work:
+        """The work of a press with these inputs and settings."""
+        large, given = is_long(self.dataset), [self.settings.to_json(), self.protocol.to_json()]
 
+        def run(job: jobs.Job) -> bool:
+            def step(name: str) -> None:
+                job.progress(STEPS.index(name), len(STEPS))
 
-def press(
-    project: Project,
-    inputs: Inputs,
-    dataset: Dataset,
-    settings: CalibrationSettings,
-    errors_first: bool = False,
-) -> None:
-    """Calibrate and validate, at once or in a job.
+            if large:
+                job.begin("steps")
+                found = self._calibrate(step)
+                if self.protocol.refined is not None:
+                    answer_for(found, self.protocol.refined, None, step)
+            job.begin("runs")
+            return self._validate(job)
 
-    Args:
-        errors_first: show the errors of the methods before forecast and validation are there.
+        about = {"dataset": digests_of(self.dataset), "settings": given}
+        return jobs.Work(self.project, KIND, STAGES if large else STAGES[1:], about, run)
 
-    Raises:
-        StereocalError: the data do not determine the pose; the last result stays.
-    """
-    work = work_of(project, inputs, dataset, settings)
-    if is_long(dataset):
-        jobs.start(work)
-        return
-    protocol, frames = kept_protocol(project, [dataset]), len(dataset.correspondences.frames)
-    with st.spinner("Calibrating."):
-        _calibrate(project, inputs, dataset, settings, protocol.refined)
-    if frames < FEWEST_TO_VALIDATE:
-        _conclude(project, protocol)
-    elif errors_first or protocol.runs * frames / 25 > INSTANT:
-        jobs.start(work)
-    else:
-        with ErrorsShown(lambda why: st.info(f"Not validated: {why}")), st.spinner("Validating."):
-            _validate(project, protocol, jobs.on_page(STAGES))
+    def press(self, errors_first: bool = False) -> None:
+        """Calibrate and validate, at once or in a job.
 
+        Args:
+            errors_first: show the errors of the methods before forecast and validation are there.
 
-def _calibrate(
-    project: Project,
-    inputs: Inputs,
-    dataset: Dataset,
-    settings: CalibrationSettings,
-    of_refined: RefineSettings | None,
-    step: Callable[[str], None] = lambda _: None,
-) -> Calibration:
-    found = jobs.compute(calibrate, dataset, settings, trace=True, progress=step, refined=None)
-    if of_refined is not None:
-        step("refined")
-        found = replace(found, refined=refined_for(found, of_refined))
-    project.keep_calibration(found, inputs)
-    return found
+        Raises:
+            StereocalError: the data do not determine the pose; the last result stays.
+        """
+        if is_long(self.dataset):
+            jobs.start(self.work)
+            return
+        runs, frames = self.protocol.runs, len(self.dataset.correspondences.frames)
+        with st.spinner("Calibrating."):
+            self._calibrate()
+        if frames < FEWEST_TO_VALIDATE:
+            self._conclude()
+        elif errors_first or runs * frames / 25 > INSTANT:
+            jobs.start(self.work)
+        else:
+            shown = ErrorsShown(lambda why: st.info(f"Not validated: {why}"))
+            with shown, st.spinner("Validating."):
+                self._validate(jobs.on_page(STAGES))
 
+    def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> Calibration:
+        how: dict[str, Any] = {"trace": True, "progress": step, "refined": None}
+        found = jobs.compute(calibrate, self.dataset, self.settings, **how)
+        if self.protocol.refined is not None:
+            step("refined")
+            found = replace(found, refined=refined_for(found, self.protocol.refined))
+        self.project.keep_calibration(found, self.inputs)
+        return found
 
-def _validate(project: Project, protocol: EvaluationSettings, job: jobs.Job) -> bool:
-    """Evaluate the stored calibration and store the result; False if cancelled."""
+    def _validate(self, job: jobs.Job) -> bool:
+        """Evaluate the stored calibration and store the result; False if cancelled."""
+        project = self.project
 
-    def is_over(digest: str | None) -> bool:
-        return job.cancelled or project.calibration_digest != digest
+        def is_over(digest: str | None) -> bool:
+            return job.cancelled or project.calibration_digest != digest
 
-    while True:
-        digest, calibration = project.calibration_digest, project.calibration
-        if calibration is None:
-            return False
-        if project.calibration_evaluation is None:
-            kept = calibration.screening.dataset
-            most = max(len(kept.correspondences.frames) - 2, 1)
-            settings = replace(
-                protocol,
-                calibration=replace(calibration.settings, calibration_frames=None),
-                calibration_frames=min(protocol.calibration_frames, most),
-                splits="runs",  # of which the tiles are, whatever Validate shows
-            )
-            runs = evaluated([kept], settings, job, partial(is_over, digest))
-            if runs is not None:
-                own = [calibration.dataset.sha256]
-                found = Evaluation(runs, settings, [kept.name], own)
-                project.keep_evaluation(found, of_calibration=True)
-            elif job.cancelled:
-                _conclude(project, protocol)
+        while True:
+            digest, calibration = project.calibration_digest, project.calibration
+            if calibration is None:
                 return False
-        elif project.calibration_digest == digest:
-            _conclude(project, protocol)
-            return True
+            if project.calibration_evaluation is None:
+                kept = calibration.screening.dataset
+                most = max(len(kept.correspondences.frames) - 2, 1)
+                settings = replace(
+                    self.protocol,
+                    calibration=replace(calibration.settings, calibration_frames=None),
+                    calibration_frames=min(self.protocol.calibration_frames, most),
+                    splits="runs",  # of which the tiles are, whatever Validate shows
+                )
+                runs = evaluated([kept], settings, job, partial(is_over, digest))
+                if runs is not None:
+                    own = [calibration.dataset.sha256]
+                    found = Evaluation(runs, settings, [kept.name], own)
+                    project.keep_evaluation(found, of_calibration=True)
+                elif job.cancelled:
+                    self._conclude()
+                    return False
+            elif project.calibration_digest == digest:
+                self._conclude()
+                return True
 
-
-def _conclude(project: Project, protocol: EvaluationSettings) -> None:
-    """Make the answer, so that the page has it at once, and store what it recommends."""
-    calibration = project.calibration
-    assert calibration is not None and protocol.refined is not None
-    found = answer_for(calibration, protocol.refined, project.calibration_evaluation)
-    project.keep_recommended(found.recommendation.match.method, found.recommendation.measure.method)
+    def _conclude(self) -> None:
+        """Make the answer, so that the page has it at once, and store what it recommends."""
+        calibration, refined = self.project.calibration, self.protocol.refined
+        assert calibration is not None and refined is not None
+        use = answer_for(calibration, refined, self.project.calibration_evaluation).recommendation
+        self.project.keep_recommended(use.match.method, use.measure.method)
 
 
 def show_progress(project: Project, work: jobs.Work | None) -> None:
