@@ -37,7 +37,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import field_rig
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.noise_model import draw_noise
+from stereocal.verdict.fresh_frames import draw_noise
 from stereocal.workflow import calibrate
 from tests import known_rig
 from tests.rigs.plans import observed

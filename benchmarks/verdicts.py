@@ -16,8 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
-from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.one_or_two_sets import TOLERANCE, Verdict
+from stereocal.verdict.forecast import TOLERANCE, Verdict, forecast_files
 from stereocal.workflow import calibrate
 from tests.rigs.population import population
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated

@@ -44,12 +44,11 @@ from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast, RigParameters
 from stereocal.rig.rig import Rig
-from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.forecast import Outlook, verdict
+from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
-from stereocal.verdict.one_or_two_sets import verdict
 from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
-from stereocal.verdict.splits import note_on_splits
 
 OTHER_SEEDS = (1, 2, 3, 4)
 DEFAULT_REFINED = RefineSettings()

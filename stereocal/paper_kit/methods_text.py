@@ -20,8 +20,8 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.dataset import SOURCES, Correspondences, Dataset
 from stereocal.system.numbers import rounded
+from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, percent
-from stereocal.verdict.one_or_two_sets import sure
 from stereocal.verdict.recommendation import NAMES
 from stereocal.version import __version__
 from stereocal.workflow import Answer

@@ -30,8 +30,8 @@ from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.validation import is_current
+from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
-from stereocal.verdict.splits import note_on_splits
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 COLUMNS = {

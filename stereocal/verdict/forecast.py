@@ -1,20 +1,28 @@
-"""The forecast of all files of a calibration, the model it comes from, and what would improve it.
+"""The forecast of all files of a calibration, whether one set is enough, and what would improve it.
 
-For that, the forecast of the refined set is repeated with a distribution of the truth that is as
-narrow as the improvement would make it.
+Two sets are needed where, on fresh bars, the refined set is more than 10 % worse than the 2D set in
+mean reprojection error, or than the 3D set in mean length error. The forecast (`predictive`) judges
+all three on the same simulated images, so that the verdict is its share of draws. It is right as
+far as the model is: errors on held-out frames are compared with the forecast (`model_check`), and
+where they are larger, the verdict says so and does not decide for one set. For two it still does:
+what the model lacks makes one set worse, not better (right in all 6 simulated rigs looked at).
+
+For an improvement, the forecast of the refined set is repeated with a distribution of the truth
+that is as narrow as the improvement would make it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
 from stereocal.refined.disagreement import Comparison, compare_inputs
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
@@ -24,11 +32,20 @@ from stereocal.refined.unknowns import shared_unknowns, unknowns_between
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.parameters import FileForecast
 from stereocal.rig.rig import Rig
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import digits, rounded
+from stereocal.verdict.intervals import TAILS
 from stereocal.verdict.model_check import ModelCheck, check_model
-from stereocal.verdict.one_or_two_sets import Verdict, verdict
 from stereocal.verdict.predictive import Predictive, predict
 
+TOLERANCE = 0.10
+"""One set is sufficient if its errors exceed those of the specialised sets by at most this
+fraction."""
+SURE = 0.975
+"""Share of the draws that decides."""
+MAXIMUM_TO_ADD = 10
+"""Largest number of frames to add that is reported, as a multiple of the present number."""
+SETS: tuple[Method, ...] = ("2d", "3d", "refined")
+Kind = Literal["one", "two", "level"]
 DRAWS, BARS = 32, 100
 """For improvements."""
 KNOWN = 1e6
@@ -36,6 +53,91 @@ KNOWN = 1e6
 MORE_FRAMES = 4
 WORTH_IT = 0.93
 """Errors above this fraction of the present ones are no improvement."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict and the numbers behind it; its sentences are those of the `recommendation`."""
+
+    kind: Kind
+    figures: str
+    """The expected errors of the sets on similar bars, for the user."""
+    matching: Estimate
+    """Refined over 2D set, mean reprojection error."""
+    measuring: Estimate
+    """Refined over 3D set, mean length error."""
+    chance_of_one: float
+    """Share of the draws in which one set does both jobs."""
+    match_with: Method
+    measure_with: Method
+    frames_to_add: int | None
+    """For `level`: approximate number of further frames that would decide; None if more than
+    `MAXIMUM_TO_ADD` times the present number, or if nothing is to be decided."""
+    check: ModelCheck | None
+    """None if there are too few frames for one."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether held-out frames do not contradict the forecast."""
+        return self.check is None or self.check.holds
+
+
+def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None) -> Verdict:
+    """The verdict of a forecast of all files, for a calibration of so many frames."""
+    in_images = predictive.ratio(predictive.correct_px, "refined", "2d")
+    in_length = predictive.ratio(predictive.mean_errors_3d, "refined", "3d")
+    limit = 1.0 + TOLERANCE
+    matching, measuring = (
+        Estimate(float(value), float(low), float(high))
+        for low, value, high in (
+            np.nanpercentile(draws, (TAILS[0], 50, TAILS[1])) for draws in (in_images, in_length)
+        )
+    )
+    chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
+    surely_one = chance >= SURE and (check is None or check.holds)
+    kind: Kind = "two" if chance <= 1.0 - SURE else "one" if surely_one else "level"
+    match_with: Method = "2d" if matching.value > limit else "refined"
+    measure_with: Method = "3d" if measuring.value > limit else "refined"
+    add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
+    figures = _figures(predictive, matching, measuring)
+    return Verdict(kind, figures, matching, measuring, chance, match_with, measure_with, add, check)
+
+
+def sure(chance: float) -> str:
+    """A probability, for the user."""
+    return "more than 99 %" if chance > 0.99 else f"{100 * chance:.0f} %"
+
+
+def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) -> str:
+    of = predictive.forecasts
+    px = {name: f"{digits(of[name].mean_reprojection_px.value, 2)} px" for name in SETS}
+    length = {name: f"{digits(100 * of[name].mean_error_3d.value, 2)} %" for name in SETS}
+    times = [
+        f"{ratio.value:.2f} times, {ratio.low:.2f} to {ratio.high:.2f}"
+        for ratio in (matching, measuring)
+    ]
+    return (
+        f"On similar bars, the refined set matches with an error of {px['refined']}, the 2D set "
+        f"with {px['2d']} ({times[0]}); it measures with an error of {length['refined']}, the 3D "
+        f"set with {length['3d']} ({times[1]})."
+    )
+
+
+def _frames_to_add(ratios: Sequence[Estimate], frames: int) -> int | None:
+    """Number of additional frames after which no interval should contain the limit, if their widths
+    fall with the square root of the number of frames; None if many.
+    """
+    limit = np.log1p(TOLERANCE)
+    needed = 1.0
+    for ratio in ratios:
+        if np.log(ratio.low) <= limit < np.log(ratio.high):
+            side = ratio.high if np.log(ratio.value) <= limit else ratio.low
+            half = abs(np.log(side / ratio.value))
+            gap = abs(np.log(ratio.value) - limit)
+            needed = max(needed, float(np.square(half / max(gap, 1e-9))))
+    if needed > MAXIMUM_TO_ADD:
+        return None
+    return max(5 * int(np.ceil((needed - 1.0) * frames / 5)), 5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +168,17 @@ class Outlook:
         Args:
             threshold_px: at which the shares are given; None: the recommended one.
         """
-        model, predictive = self.comparison.model, self.predictive
+        model = self.comparison.model
+        cameras = model.primary, model.secondary
         noises = {"sigma_px": model.sigma_px, "bar_scatter_m": model.scatter_m}
         return FileForecast(
-            predictive.forecast(method, threshold_px).to_json(),
+            self.predictive.forecast(method, threshold_px).to_json(),
             {
                 **{
                     name: {"value": float(each.value), "source": each.source}
                     for name, each in noises.items()
                 },
-                "covariance": covariance_entry(
-                    self.covariance(method), (model.primary, model.secondary)
-                ),
+                "covariance": covariance_entry(self.covariance(method), cameras),
                 "design_effect": model.design_effect,
             },
         )

@@ -1,4 +1,4 @@
-"""How much the figures of a file differ on a further recording whose frames follow each other.
+"""How figures differ where frames follow each other: on a further recording, and between splits.
 
 A further recording has other places, and other noise where blur or detection change. How much that
 matters shows between runs of the recording at hand: the variance of the logarithm of a figure
@@ -20,15 +20,17 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from stereocal.calibration.methods import Method, errors_of
-from stereocal.evaluation.evaluate import count_set
-from stereocal.evaluation.summary import Estimate, figures_of_set
+from stereocal.calibration.methods import METHOD_NAMES, Method, errors_of
+from stereocal.errors import StereocalError
+from stereocal.evaluation import evaluate
+from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.clusters import clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.verdict.in_words import interval, percent
 
 RUNS = 10
 FEWEST = 4
@@ -36,6 +38,12 @@ FEWEST = 4
 SHUFFLES, SHUFFLES_OF_PAIRS = 60, 6
 LENGTH = 1 / 3
 """Of a further recording, over that of the one at hand."""
+SPLITS, FEWEST_SPLITS = 40, 10
+"""Of the other kind of splits: half a second with 400 frames."""
+MOST_FRAMES = 40_000
+"""Of all of them together; longer recordings are not compared."""
+SMALLEST_RATIO = 1.1
+"""Of two figures that are worth telling apart."""
 LARGEST = float(np.log(3.0))
 """Half width in logarithms: few frames show runs that differ by far more than recordings do."""
 
@@ -67,10 +75,7 @@ def further_recordings(
 ) -> dict[Method, Further]:
     """Of each file how its figures differ on a further recording; empty for single frames.
 
-    Args:
-        model: the fit whose frames are compared.
-        files: the sets that were written, of the same data set.
-        seed: of the groups of frames drawn at random.
+    The frames of the fit `model` are compared, by the sets that were written of its data set.
     """
     table = model.dataset.correspondences
     length = max(model.clusters.length, _length_of_places(model))
@@ -118,11 +123,8 @@ def _length_of_places(model: RefinedResult) -> int:
 def half_width(
     errors: FloatArray, figure: Callable[..., Any], length: int, rng: np.random.Generator
 ) -> float:
-    """Half width of the interval of a figure of the errors (f,), which are in the order of time.
-
-    Args:
-        length: frames over which they are alike.
-    """
+    """Half width of the interval of a figure of the errors (f,), which are in the order of time,
+    and alike over a length."""
     known = errors[np.isfinite(errors)]
 
     def spread(runs: int) -> tuple[float, float]:
@@ -138,11 +140,8 @@ def half_width(
 def _half_width_of_fcp(
     seen: Dataset, pose: Pose, used: IntArray, at: IntArray, length: int, rng: np.random.Generator
 ) -> float:
-    """That of the FCP, from its log odds.
-
-    Args:
-        used: (n,): the rows to count, and `at` (n,) the places of their frames in time.
-    """
+    """That of the FCP, from its log odds; `used` (n,) are the rows to count, and `at` (n,) says at
+    which place in time the frame of each is."""
     frames = int(at.max()) + 1
 
     def between(order: IntArray, runs: int) -> float:
@@ -151,7 +150,10 @@ def _half_width_of_fcp(
         for own in np.array_split(order, runs):
             rows = np.zeros(len(seen.correspondences), dtype=np.bool_)
             rows[used[np.isin(at, own)]] = True
-            fcp, pairs = figures_of_set(count_set(seen, pose, rows=rows))[0], int(rows.sum())
+            fcp, pairs = (
+                figures_of_set(evaluate.count_set(seen, pose, rows=rows))[0],
+                int(rows.sum()),
+            )
             odds.append(np.log((fcp * pairs + 0.5) / ((1.0 - fcp) * pairs + 0.5)))
         return float(np.var(odds, ddof=1))
 
@@ -165,9 +167,7 @@ def _half_width_of_fcp(
 def _half_width(frames: int, length: int, spread: Callable[[int], tuple[float, float]]) -> float:
     """0 if frames that are alike for a length are too few to be divided into runs.
 
-    Args:
-        spread: the variances between runs, and between groups of frames drawn at random, by the
-            number of runs.
+    By their number, `spread` gives the variances between runs and between random groups of frames.
     """
     runs = min(RUNS, max(frames // length, FEWEST))
     if frames < FEWEST * runs:
@@ -189,4 +189,43 @@ def widened(estimate: Estimate, half: float) -> Estimate:
         estimate,
         low=value * math.exp(-math.hypot(down, half)),
         high=value * math.exp(math.hypot(math.log(estimate.high / value), half)),
+    )
+
+
+def note_on_splits(
+    dataset: Dataset,
+    settings: evaluate.EvaluationSettings,
+    summaries: Mapping[Method, MethodSummary],
+) -> str:
+    """Where the other kind of splits differs from what was found beyond both intervals and by a
+    tenth; else empty. Without runs in the data set nothing is computed.
+    """
+    runs = min(settings.runs, SPLITS, MOST_FRAMES // len(dataset.correspondences.frames))
+    if runs < FEWEST_SPLITS or evaluate.clusters_to_split(dataset) is None:
+        return ""
+    splits: evaluate.Splits = "frames" if settings.splits == "runs" else "runs"
+    other = replace(settings, runs=runs, refined=None, splits=splits)
+    try:
+        tried = summarise([evaluate.evaluate_runs(dataset, other, 0, range(runs))])
+    except StereocalError:  # a single run does not determine the pose
+        return ""
+    by_kind = {settings.splits: summaries, other.splits: tried}
+    found = []
+    for method in ("2d", "3d"):
+        single, whole = (
+            (own.reprojection.fcp, own.reconstruction.median)
+            for own in (by_kind[kind][method] for kind in ("frames", "runs"))
+        )
+        found += [
+            f"{METHOD_NAMES[method]} {what} {percent(a.value)} % ({interval(a)}) instead of "
+            f"{percent(b.value)} % ({interval(b)})"
+            for what, a, b in zip(("FCP", "median length error"), single, whole, strict=True)
+            if (a.high < b.low or b.high < a.low)
+            and max(a.value, b.value) > SMALLEST_RATIO * min(a.value, b.value)
+        ]
+    if not found:
+        return ""
+    return (
+        "Frames that follow each other are alike. With single frames left out, figures differ from "
+        f"those with whole runs left out: {'; '.join(found)}. Rely on the figures of whole runs."
     )

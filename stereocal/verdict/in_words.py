@@ -9,7 +9,6 @@ from stereocal.calibration.methods import POOR_LENGTH, Method, errors_of
 from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
-from stereocal.rig.compiled import IntArray
 from stereocal.system.numbers import digits as digits
 
 
@@ -42,10 +41,11 @@ def _named(frames: Sequence[int]) -> str:
 
 
 def why_not_trusted(calibration: Calibration) -> str:
-    """Why a calibration is not reliable; empty if there is no reason."""
-    dataset = calibration.dataset.of_frames(tested_frames(calibration))
-    error = errors_of(dataset, calibration.methods["3d"].pose).p95_length
-    return why_held_out_not_trusted([calibration.screening], [error])
+    """Why a calibration is not reliable, judged on held-out frames if there are any; or empty."""
+    held_out = calibration.held_out_frames
+    tested = held_out if len(held_out) else calibration.frames
+    error = errors_of(calibration.dataset.of_frames(tested), calibration.methods["3d"].pose)
+    return why_held_out_not_trusted([calibration.screening], [error.p95_length])
 
 
 def why_validation_not_trusted(
@@ -79,12 +79,6 @@ def listed(frames: Sequence[object], most: int = 12) -> str:
     if len(frames) > most:
         return f"{', '.join(shown)} and {len(frames) - most} more"
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-
-
-def tested_frames(calibration: Calibration) -> IntArray:
-    """The frames on which a result is tested: held-out ones if there are any, else fitted ones."""
-    held_out = calibration.held_out_frames
-    return held_out if len(held_out) else calibration.frames
 
 
 def percent(fraction: float, significant: int = 2) -> str:

@@ -49,11 +49,7 @@ class Scale:
 
 
 LOG = Scale(np.log, np.exp, WIDER)
-
-
 LENGTH = Scale(np.log, np.exp, WIDER, FLOOR)
-
-
 ROOT = Scale(np.sqrt, np.square)
 
 
@@ -62,11 +58,8 @@ def interval_of(
 ) -> Estimate:
     """Median and 95 % interval over draws, without the scatter of the finite number of bars.
 
-    The difference of two halves shows that scatter; the draws are shrunk by its share.
-
-    Args:
-        whole: (draws,); `halves`: (draws, 2).
-        removed: the part of the scatter between the halves to remove.
+    The difference of two halves shows that scatter, of which a part is `removed`; the draws are
+    shrunk by its share. `whole` is (draws,), `halves` (draws, 2).
     """
     known = np.isfinite(whole) & np.isfinite(halves).all(axis=1)
     if known.sum() < 2:
@@ -80,18 +73,14 @@ def interval_of(
     middle = float(each.mean())
     kept = float(np.hypot(scale.wider * kept, scale.floor / np.sqrt(total))) if total > 0 else 0.0
     shrunk = middle + kept * (each - middle)
-    low, value, high = (
-        float(scale.back(v)) for v in np.percentile(shrunk, (TAILS[0], 50, TAILS[1]))
-    )
-    return Estimate(value, low, high)
+    value, *ends = (float(scale.back(v)) for v in np.percentile(shrunk, (50, *TAILS)))
+    return Estimate(value, *ends)
 
 
 def quantile_interval(values: FloatArray, share: float) -> Estimate:
     """A quantile of the values (draws, halves, n) of each draw, those that are not NaN."""
-    whole, halves = (
-        _quantile_of(each, share) for each in (values.reshape(len(values), -1), values)
-    )
-    return interval_of(whole, halves, LENGTH)
+    whole = _quantile_of(values.reshape(len(values), -1), share)
+    return interval_of(whole, _quantile_of(values, share), LENGTH)
 
 
 def mean_of(values: FloatArray) -> FloatArray:

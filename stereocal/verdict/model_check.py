@@ -45,8 +45,6 @@ BENDS = "alike near and far, as of a bar that bends or of targets that move on i
 ALONG = "most where they are least certain, as of blur by motion or of cameras out of step"
 UNCLEAR = "these bars cannot tell whether the bar bends or the points are less exact"
 PLACES = ("in the near half", "in the far half", "near the image centres", "near the image edges")
-_Ratio = tuple[float, float]
-"""A mean error over the forecast one, and the standard error of its logarithm; NaN if few."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +77,13 @@ class ModelCheck:
     """What else is known of the noise, for the user."""
 
     @property
-    def _all(self) -> tuple[HeldOutRatio, ...]:
-        return self.matching, self.measuring, *self.places
-
-    @property
     def _failed(self) -> list[HeldOutRatio]:
-        return [each for each in self._all if not each.holds]
+        return [each for each in (self.matching, self.measuring, *self.places) if not each.holds]
 
     @property
     def worst(self) -> HeldOutRatio:
-        """The comparison with the clearest excess."""
-        return max(self._failed or self._all, key=lambda each: each.standard_errors)
+        """Of the comparisons that fail, that with the clearest excess."""
+        return max(self._failed, key=lambda each: each.standard_errors)
 
     @property
     def holds(self) -> bool:
@@ -99,8 +93,9 @@ class ModelCheck:
     @property
     def excess(self) -> tuple[float, float]:
         """The largest significant excess in the images and in length, each at least 1."""
+        failed = self._failed
         images, length = (
-            max([1.0, *(each.ratio for each in self._failed if each.what == what)])
+            max([1.0, *(each.ratio for each in failed if each.what == what)])
             for what in (IN_IMAGES, IN_LENGTH)
         )
         return images, length
@@ -151,7 +146,9 @@ def check_model(
     if clusters.has_runs:
         of_pairs = clusters.of_frames[np.searchsorted(table.frames, table.frame)]
 
-    def errors_over_forecast(pairs: BoolArray, bars: BoolArray, drawn: BoolArray) -> list[_Ratio]:
+    def errors_over_forecast(
+        pairs: BoolArray, bars: BoolArray, drawn: BoolArray
+    ) -> list[tuple[float, float]]:
         length = float(np.hypot(predictive.mean_length_error("refined", drawn), of_bar))
         return [
             _ratio(px[pairs], forecast.mean_reprojection_px.value, of_pairs[pairs]),
@@ -194,11 +191,8 @@ def check_model(
 def _held_out_errors(
     data: Dataset, clusters: IntArray, settings: RefineSettings, start: Pose, seed: int
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out.
-
-    Args:
-        clusters: (f,): of the frames, each of which is held out whole.
-    """
+    """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out with
+    all frames of its cluster (f,)."""
     table = data.correspondences
     if len(table.frames) < MINIMUM_FRAMES:
         return None
@@ -217,8 +211,10 @@ def _held_out_errors(
     return px, lengths
 
 
-def _ratio(errors: FloatArray, forecast: float, clusters: IntArray) -> _Ratio:
-    """Of errors (n,) with the numbers (n,) of their clusters, whose sums are independent."""
+def _ratio(errors: FloatArray, forecast: float, clusters: IntArray) -> tuple[float, float]:
+    """Mean of errors (n,) over the forecast one, and the standard error of its logarithm; NaN if
+    they are few. The sums of the errors are independent between the clusters (n,).
+    """
     finite = np.isfinite(errors)
     known, at = errors[finite], np.unique(clusters[finite], return_inverse=True)[1]
     count = int(at.max(initial=-1)) + 1
@@ -259,8 +255,7 @@ def cause_of_scatter(model: RefinedResult, bars: Innovations) -> str:
 def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
     """What is unusual about the noise, for the user."""
     found = []
-    cause = cause_of_scatter(model, bars)
-    if cause:
+    if cause := cause_of_scatter(model, bars):
         found.append(
             f"The lengths of the bar vary by {rounded(1000 * model.scatter_m.value)} mm more than "
             f"the noise of the images explains: {cause}."

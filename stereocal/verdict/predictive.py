@@ -1,7 +1,7 @@
 """What the parameter files will do on frames to come.
 
 Given the data, the truth is distributed as the refined fit says: normal, with its covariance. For
-each draw of it come fresh bars (`fresh_bars`), fresh noise (`noise_model`), and every written set
+each draw of it come fresh bars and noise (`fresh_frames`), and every written set
 is judged on the same images. No calibration is repeated. The intervals are those of the figure of
 the population, for bars and frames like the recorded ones, without the scatter of a finite test.
 Length errors are those of the paper: relative to distances measured as the bar was.
@@ -10,7 +10,7 @@ Length errors are those of the paper: relative to distances measured as the bar 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,11 +28,11 @@ from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import without_nan
 from stereocal.verdict import intervals
-from stereocal.verdict.fresh_bars import GROUP, fresh_bars
+from stereocal.verdict.fresh_frames import GROUP, draw_noise, fresh_bars, noise_of_points
 from stereocal.verdict.further_recording import Further, further_recordings, widened
 from stereocal.verdict.judging import Judged, add_noise, judge, photograph
-from stereocal.verdict.noise_model import draw_noise, noise_of_points
 
 DRAWS, BARS = 128, 200
 """Draws of the truth, and fresh bars of each half of a draw."""
@@ -56,33 +56,29 @@ class Forecast:
 
     def to_json(self) -> dict[str, dict[str, float | None]]:
         """Each figure as `{"value", "low", "high"}`; errors are fractions."""
-        return {
-            name: {key: v if math.isfinite(v) else None for key, v in vars(estimate).items()}
-            for name, estimate in vars(self).items()
-        }
+        return {name: without_nan(vars(estimate)) for name, estimate in vars(self).items()}
 
     def further(self, spread: Further) -> Forecast:
         """With the intervals widened to what a further recording may show."""
-        return Forecast(
-            **{
-                name: _limited(name, widened(estimate, spread.of(name)))
-                for name, estimate in vars(self).items()
-            }
-        )
+        return self._changed(lambda name, own: widened(own, spread.of(name)))
 
     def raised(self, in_images: float, in_length: float) -> Forecast:
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""
-        raised = {}
-        for name, estimate in vars(self).items():
-            high = estimate.high * (in_length if name.endswith("_3d") else in_images)
-            raised[name] = _limited(name, replace(estimate, high=high))
-        return Forecast(**raised)
+        return self._changed(
+            lambda name, own: replace(
+                own, high=own.high * (in_length if name.endswith("_3d") else in_images)
+            )
+        )
 
-
-def _limited(name: str, estimate: Estimate) -> Estimate:
-    """A figure; no share is above 1."""
-    of_share = not name.endswith(("_3d", "_px"))
-    return replace(estimate, high=min(estimate.high, 1.0)) if of_share else estimate
+    def _changed(self, change: Callable[[str, Estimate], Estimate]) -> Forecast:
+        """With another interval of each figure; no share is above 1."""
+        found = {name: change(name, own) for name, own in vars(self).items()}
+        shares = {
+            name: replace(own, high=min(own.high, 1.0))
+            for name, own in found.items()
+            if not name.endswith(("_3d", "_px"))
+        }
+        return Forecast(**{**found, **shares})
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +111,10 @@ class Predictive:
 
     @cached_property
     def forecasts(self) -> Mapping[Method, Forecast]:
-        """The figures of each file."""
         return {method: self.forecast(method) for method in self.methods}
 
     def ratio(self, quantity: FloatArray, of: Method, to: Method) -> FloatArray:
-        """(draws,): the figures of one file over those of another, on the same images.
-
-        Args:
-            quantity: (draws, halves, methods), such as `correct_px`.
-        """
+        """(draws,): a quantity (draws, halves, methods) of one file over that of another."""
         a, b = self.methods.index(of), self.methods.index(to)
         whole = quantity.mean(axis=1)
         return np.asarray(whole[:, a] / whole[:, b])
@@ -158,15 +149,10 @@ class Predictive:
         counts, errors = self.counts[:, :, at].astype(np.int64), self.errors_3d[:, :, at]
         of_px, px = counts[:, :, compiled_run.REPROJECTION], self.correct_px[:, :, at]
         recommended = int(crossing(of_px.sum(axis=(0, 1))))
-        limit = recommended
-        if threshold_px is not None:
-            limit = int(np.clip(bin_edge(threshold_px), 0, compiled_run.BINS))
+        limit = recommended if threshold_px is None else bin_edge(threshold_px)
         below = of_px[..., compiled_run.UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
         total = of_px.sum(axis=-1)
-        lost, let_in = (
-            (total - below)[..., compiled_run.CORRECT],
-            below[..., 1 - compiled_run.CORRECT],
-        )
+        lost = (total - below)[..., compiled_run.CORRECT]
         both = np.concatenate([of_px, of_px.sum(axis=1, keepdims=True)], axis=1)
         thresholds = np.power(10.0, compiled_run.LOWEST + crossing(both) * compiled_run.BIN_WIDTH)
         value = float(10 ** (compiled_run.LOWEST + recommended * compiled_run.BIN_WIDTH))
@@ -180,7 +166,7 @@ class Predictive:
                 intervals.share_interval(lost, total[..., compiled_run.CORRECT]), self.recorded
             ),
             wrong_let_in_at_threshold=intervals.share_interval(
-                let_in, total[..., 1 - compiled_run.CORRECT]
+                below[..., compiled_run.WRONG], total[..., compiled_run.WRONG]
             ),
             mean_reprojection_px=intervals.interval_of(intervals.mean_of(px), px, intervals.LOG),
             median_error_3d=intervals.quantile_interval(errors, 0.5),
@@ -191,11 +177,8 @@ class Predictive:
 
 
 def image_radii(rig: RefinedResult, pixels: FloatArray) -> FloatArray:
-    """(n,): distance from the image centre over the half diagonal, the larger of both images.
-
-    Args:
-        pixels: (n, 4): u, v in the primary and in the secondary.
-    """
+    """(n,): distance of pixels (n, 4) from the image centre over the half diagonal, the larger of
+    both images."""
     halves = 0.5 * np.array([rig.primary.image_size, rig.secondary.image_size])
     away = (pixels.reshape(-1, 2, 2) - (halves - 0.5)) / np.linalg.norm(halves, axis=1)[:, None]
     found = np.einsum("nck,nck->nc", away, away)
@@ -216,7 +199,6 @@ def predict(
     Args:
         model: the fit whose distribution is that of the truth; its accused inputs are freed.
         files: the sets that were written, of the data set of the model.
-        seed: of draws, bars and noise.
         bars: of each half of a draw.
         workers: threads.
         knowledge: the same fit with other information about its parameters.
@@ -264,9 +246,8 @@ def predict(
 
 def bin_edge(threshold_px: float) -> int:
     """The bin at whose lower edge a threshold lies."""
-    return round(
-        (math.log10(max(threshold_px, 1e-300)) - compiled_run.LOWEST) / compiled_run.BIN_WIDTH
-    )
+    decades = math.log10(max(threshold_px, 1e-300)) - compiled_run.LOWEST
+    return min(max(round(decades / compiled_run.BIN_WIDTH), 0), compiled_run.BINS)
 
 
 def _truths(
@@ -274,8 +255,7 @@ def _truths(
 ) -> FloatArray:
     """(draws, 25): draws of the shared unknowns; the covariance grows with the drawn noise.
 
-    Args:
-        of_boards: whether lenses from the same boards are taken for what they are.
+    `of_boards` says whether lenses from the same boards are taken for what they are.
     """
     M, k = model.unknowns.M, len(model.unknowns.names)
     of_images = M.T @ model.information @ M / model.design_effect

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
-from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.forecast import Outlook, Verdict, sure
 from stereocal.verdict.in_words import (
     digits,
     interval,
@@ -24,7 +24,7 @@ from stereocal.verdict.in_words import (
     why_held_out_not_trusted,
     why_not_trusted,
 )
-from stereocal.verdict.one_or_two_sets import Verdict, sure
+from stereocal.verdict.predictive import Forecast
 
 NAMES: Mapping[Method, str] = {
     "essential": "the essential matrix",
@@ -67,7 +67,6 @@ class FileFigures:
     wrong_pairs: int
     """Number of wrong pairs of the validation."""
     length_median: Figure
-    """Relative length error of the bars."""
     length_p95: Figure
 
     @property
@@ -97,7 +96,7 @@ class Recommendation:
     @property
     def forecast_holds(self) -> bool:
         """Whether there is a forecast that held-out frames do not contradict."""
-        return _holds(self.verdict)
+        return self.verdict is not None and self.verdict.holds
 
     @property
     def text(self) -> str:
@@ -143,13 +142,15 @@ def recommend(
                 f"The frames follow each other{alike}: the intervals are for a further recording "
                 "in the same volume, at least a third as long."
             )
-    use, left_out = _use(match, measure, _holds(found)), left_out_line(calibration.screening)
-    errors = [own["p95_error_3d"] for own in validation.values()]
-    caution = (
-        why_held_out_not_trusted([calibration.screening], errors)
-        if errors
-        else why_not_trusted(calibration)
+    use, left_out = (
+        _use(match, measure, found is not None and found.holds),
+        left_out_line(calibration.screening),
     )
+    errors = [own["p95_error_3d"] for own in validation.values()]
+    if errors:
+        caution = why_held_out_not_trusted([calibration.screening], errors)
+    else:
+        caution = why_not_trusted(calibration)
     sentences = tuple(filter(None, (use, certainty, left_out, in_runs)))
     return Recommendation(match, measure, found, sentences, caution)
 
@@ -162,34 +163,28 @@ def figures_of(
     limit = _finite(own.get("threshold_px"))
     usual = at_limit = None
     if outlook is not None and method in outlook.files:
-        usual = at_limit = outlook.predictive.forecasts[method]
-        if limit is not None:
-            at_limit = outlook.predictive.forecast(method, limit)
-        else:
-            limit = _finite(usual.threshold_px.value)
+        usual = outlook.predictive.forecasts[method]
+        limit = _finite(usual.threshold_px.value) if limit is None else limit
+        at_limit = outlook.predictive.forecast(method, _finite(own.get("threshold_px")))
 
-    def figure(name: str, forecast: Any, key: str) -> Figure:
-        found: Estimate | None = getattr(forecast, name, None)
+    def figure(name: str, forecast: Forecast | None) -> Figure:
+        found = None if forecast is None else getattr(forecast, name)
         known = found is not None and math.isfinite(found.value)
-        return Figure(found if known else None, _finite(own.get(key)))
+        return Figure(found if known else None, _finite(own.get(name)))
 
     return FileFigures(
         method,
         limit,
-        wrong_let_in=figure("wrong_let_in_at_threshold", at_limit, "wrong_let_in_at_threshold"),
-        wrong_pairs=int(own.get("wrong_pairs", 0)),
-        length_median=figure("median_error_3d", usual, "median_error_3d"),
-        length_p95=figure("p95_error_3d", usual, "p95_error_3d"),
+        figure("wrong_let_in_at_threshold", at_limit),
+        int(own.get("wrong_pairs", 0)),
+        figure("median_error_3d", usual),
+        figure("p95_error_3d", usual),
     )
 
 
 def _finite(value: float | None) -> float | None:
     """The value; None if it could not be computed."""
     return float(value) if value is not None and math.isfinite(value) else None
-
-
-def _holds(found: Verdict | None) -> bool:
-    return found is not None and (found.check is None or found.check.holds)
 
 
 def _use(match: FileFigures, measure: FileFigures, holds: bool) -> str:

@@ -100,10 +100,7 @@ def trade_off(
         start: initial pose, such as the essential or the 2D pose; computed if None.
         points: number of points of each curve.
         progress: called with the number of finished solves and of all solves.
-        cancelled: checked after each solve.
-
-    Returns:
-        The curves; None if cancelled.
+        cancelled: checked after each solve; the answer then is None.
     """
     settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False, rest=None)
     if points < 3:
@@ -135,12 +132,15 @@ class _Curve:
 
     def __init__(self, dataset: Dataset, unknowns: Unknowns, lenses: str) -> None:
         self.dataset, self.unknowns, self.name = dataset, unknowns, lenses
-        rows = dataset.correspondences
-        self.lenses = lenses_of(dataset)
-        self.pixels = np.column_stack([rows.primary, rows.secondary])
-        self.rays = dataset.rays.copy()
+        rows, self.lenses = dataset.correspondences, lenses_of(dataset)
+        self.pixels, self.rays = (
+            np.column_stack([rows.primary, rows.secondary]),
+            dataset.rays.copy(),
+        )
         self.inverse_jacobians = np.empty((len(rows), 2, 4))
         self.bars, self.distances = rows.bars, dataset.bar_distances_m
+        of_images = self.lenses, self.pixels, self.rays, self.inverse_jacobians
+        self.data = *of_images, self.bars, self.distances
         n, m = len(rows), len(rows.bars)
         self.pairs = n
         self.errors, self.weights = np.empty(4 * n + m), np.empty(4 * n + m)
@@ -173,8 +173,8 @@ class _Curve:
     def _costs_at(self, p: FloatArray) -> tuple[float, float]:
         """The 2D cost in pixels and the 3D cost in metres."""
         self._errors_at(p)
-        _, *costs = weigh(self.errors, self.pairs, 1.0, 1.0, 0.0, 0.0, self.weights)
-        return costs[0], costs[1]
+        _, px, m = weigh(self.errors, self.pairs, 1.0, 1.0, 0.0, 0.0, self.weights)
+        return px, m
 
     def _errors_at(self, p: FloatArray) -> None:
         q = self._q(p)
@@ -190,15 +190,9 @@ class _Curve:
     def _objective(self, p: FloatArray, share: float) -> float:
         """The weighted sum of both costs, in units of their mean errors, plus the priors."""
         self._errors_at(p)
-        value, _, _ = weigh(
-            self.errors,
-            self.pairs,
-            2.0 * (1.0 - share) / self.mean_px,
-            2.0 * share / self.mean_m,
-            SMOOTHING * self.mean_px,
-            SMOOTHING * self.mean_m,
-            self.weights,
-        )
+        weights = 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m
+        smoothing = SMOOTHING * self.mean_px, SMOOTHING * self.mean_m
+        value = weigh(self.errors, self.pairs, *weights, *smoothing, self.weights)[0]
         return float(value + 0.5 * (p @ self.unknowns.precision @ p))
 
     def _minimise(self, p: FloatArray, share: float) -> FloatArray:
@@ -206,19 +200,7 @@ class _Curve:
         best, damping, fresh = self._objective(p, share), 1e-6, True
         for _ in range(MAXIMUM_STEPS):
             if fresh:
-                q = self._q(p)
-                fill_jacobian(
-                    q,
-                    self.unknowns.M,
-                    self.steps,
-                    self.lenses,
-                    self.pixels,
-                    self.rays,
-                    self.inverse_jacobians,
-                    self.bars,
-                    self.distances,
-                    self.J,
-                )
+                fill_jacobian(self._q(p), self.unknowns.M, self.steps, *self.data, self.J)
                 weighted = self.J * self.weights
                 A = weighted @ self.J.T + self.unknowns.precision
                 b = weighted @ self.errors + self.unknowns.precision @ p
@@ -238,15 +220,9 @@ class _Curve:
 
     def _point(self, share: float, p: FloatArray) -> TradeOffPoint:
         (cost_2d, cost_3d), q = self._costs_at(p), self._q(p)
-        return TradeOffPoint(
-            share=share,
-            cost_2d_px=cost_2d,
-            cost_3d_m=cost_3d,
-            pose=pose_of(q),
-            primary=camera_of(self.dataset.primary, q, 0),
-            secondary=camera_of(self.dataset.secondary, q, 1),
-            lenses=self.name,
-        )
+        primary = camera_of(self.dataset.primary, q, 0)
+        secondary = camera_of(self.dataset.secondary, q, 1)
+        return TradeOffPoint(share, cost_2d, cost_3d, pose_of(q), primary, secondary, self.name)
 
 
 def costs_of(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,20 +13,41 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
-from stereocal.field.checking.new_images import images_of_bars
+from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
+from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import lens_off_by, place_bars
-from tests.rigs.bumps import Case, bound, bumped, cases, joined, matched, new_bars, true_fit
+from tests.rigs.bumps import (
+    Case,
+    bound,
+    bumped,
+    cases,
+    joined,
+    matched,
+    new_bars,
+    seen_by,
+    true_fit,
+)
 from tests.rigs.moving_bar import move_bar, record
-from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, random_rig
+from tests.rigs.refined_rigs import (
+    BAR_M,
+    DEPTHS_M,
+    Misjudged,
+    in_runs,
+    random_rig,
+    stated,
+    waved_scene,
+)
 
 COARSE = Smallest(float(np.radians(1.0)), 0.05)
 
@@ -41,14 +64,11 @@ def angle_between(one: Rig, other: Rig) -> float:
 def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
     images = new_bars(case, case.truth)
     found = recheck(case.prior, images, COARSE)
-    assert found.verdict == "same"
-    assert not found.changed
-    assert found.turn[0].low == 0
+    assert found.verdict == "same" and not found.changed and found.turn[0].low == 0
     assert sentence(found).startswith("Same: no movement is seen; a turn of one camera by 1° or")
     strict = recheck(case.prior, images)
     assert strict.verdict == "cannot tell"
-    assert strict.power.baseline is not None
-    assert strict.power.baseline < 0.8
+    assert strict.power.baseline is not None and strict.power.baseline < 0.8
     assert "only a turn of" in sentence(strict)
 
 
@@ -71,9 +91,7 @@ def test_a_turn_is_found_with_its_size_and_the_pose_repaired(case: Case, degrees
     rig = bumped(case, np.radians(degrees))
     images = new_bars(case, rig)
     found = recheck(case.prior, images)
-    assert found.verdict == "moved"
-    assert found.pose_moved
-    assert not found.refocused
+    assert found.verdict == "moved" and found.pose_moved and not found.refocused
     turn = np.degrees([found.turn[0].low, found.turn[0].value, found.turn[0].high])
     true_turn = np.degrees(angle_between(rig, case.truth))
     assert turn[0] < true_turn < turn[2]
@@ -181,3 +199,61 @@ def test_bars_out_of_step_are_shifted_by_the_offset_of_the_parameters() -> None:
     assert "time offset" in " ".join(notes(found))
     blind = replace(rig, time_offset=None)
     assert recheck(prior_of(blind, "rig"), images_of_bars(second, blind), Smallest()).changed
+
+
+RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
+OFF = Misjudged()
+RUN, FRAMES, NEW = 10, 200, 80
+
+
+def waved_cases(trials: int) -> Iterator[Case]:
+    """Rigs calibrated with a waved bar, whose noise is alike for runs of frames."""
+    for seed in range(trials):
+        rng = np.random.default_rng([seed, 91])
+        scene = waved_scene(random_rig(rng), rng, FRAMES, RUN)
+        data = in_runs(stated(scene, rng, OFF), rng, RUN, OFF.noise_px)
+        fit = refine(data, OFF.settings())
+        yield Case(scene.rig, data, prior_of(refined_parameters(fit)), rng)
+
+
+def waved_bars(case: Case, *rigs: Rig) -> NewImages:
+    """New frames of a waved bar, seen by several rigs in turn."""
+    seen = [seen_by(case, waved_scene(rig, case.rng, NEW // len(rigs), RUN)) for rig in rigs]
+    rows = [part.correspondences for part in seen]
+    first, second = (
+        np.concatenate([getattr(own, which) for own in rows]) for which in ("primary", "secondary")
+    )
+    whole = Correspondences.from_arrays(np.arange(2 * NEW) // 2, "AB" * NEW, first, second)
+    data = in_runs(replace(seen[0], correspondences=whole), case.rng, RUN, OFF.noise_px)
+    return images_of_bars(data, case.prior.rig)
+
+
+@pytest.mark.soak
+def test_runs_are_no_movement_and_a_turn_is_still_found() -> None:
+    """With new frames taken as independent, 4 of the first 12 unmoved rigs had moved."""
+    alarms = found = since = 0
+    for case in waved_cases(8):
+        moved = bumped(case, np.radians(0.2))
+        alarms += recheck(case.prior, waved_bars(case, case.truth)).changed
+        late = recheck(case.prior, waved_bars(case, case.truth, moved))
+        found += late.changed
+        since += late.since is not None
+    # Measured on 600 unmoved rigs: 7; on 200 that moved: 197 and 129. The stated share of alarms
+    # is 1 in 100.
+    assert alarms <= 1
+    assert found >= 7
+    assert since >= 3
+
+
+def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count() -> None:
+    data = screen(read_dataset(RECORDING)).dataset
+    fit = refine(data)
+    prior = prior_of(refined_parameters(fit))
+    assert prior.design_effect == fit.design_effect > 2
+    check = recheck(prior, images_of_bars(data, prior.rig))
+    assert check.verdict != "moved"
+    assert check.noise.design_effect >= prior.design_effect
+    assert any("independent ones" in note for note in notes(check))
+    written = repaired_parameters(check, None).uncertainties
+    assert written is not None
+    assert written["design_effect"] == check.noise.design_effect

@@ -18,7 +18,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.fresh_bars import GROUP
+from stereocal.verdict.fresh_frames import GROUP
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge
 from stereocal.verdict.predictive import Forecast, bin_edge, partners_in_groups

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from stereocal.evaluation.summary import Estimate
+from stereocal.evaluation.evaluate import EvaluationSettings, Splits, evaluate_runs
+from stereocal.evaluation.summary import Estimate, summarise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.further_recording import half_width, widened
+from stereocal.verdict.further_recording import half_width, note_on_splits, widened
 from stereocal.workflow import calibrate
 from tests.rigs.population import figures_on
-from tests.rigs.refined_rigs import Misjudged, random_rig, stated, waved_scene
+from tests.rigs.refined_rigs import (
+    Misjudged,
+    random_rig,
+    smooth_fields,
+    stated,
+    waved_scene,
+    with_waves,
+)
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
@@ -82,3 +92,26 @@ def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() 
     found = forecast_files(calibrate(data, refined=RefineSettings())).predictive.further["2d"]
     assert found.of("fcp_reprojection") > 2 * found.of("mean_reprojection_px") > 0
     assert found.of("wrong_let_in_at_threshold") == found.of("fcp_reprojection")
+
+
+def recorded(length: int, seed: int = 1) -> Dataset:
+    """200 frames of a bar through lenses with smooth errors, at another place every `length`."""
+    rng = np.random.default_rng([seed, 27])
+    scene = waved_scene(random_rig(rng), rng, 200, length)
+    data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, 0.1))
+    return with_waves(data, smooth_fields(rng), 1.0)
+
+
+def note(data: Dataset, splits: Splits) -> str:
+    settings = EvaluationSettings(runs=40, calibration_frames=160, splits=splits)
+    runs = evaluate_runs(data, settings, 0, range(settings.runs))
+    return note_on_splits(data, settings, summarise([runs]))
+
+
+@pytest.mark.parametrize("splits", get_args(Splits))
+def test_a_difference_is_stated_whichever_was_evaluated(splits: Splits) -> None:
+    assert "Rely on the figures of whole runs" in note(recorded(20), splits)
+
+
+def test_frames_taken_one_by_one_have_nothing_to_compare() -> None:
+    assert note(recorded(1), "runs") == ""

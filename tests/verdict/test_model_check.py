@@ -50,8 +50,7 @@ def test_a_lens_that_the_model_cannot_follow_is_doubted_and_raises_the_intervals
     moved = replace(table, primary=table.primary + ripple)
     spoiled = replace(data, correspondences=moved)
     outlook = forecast_files(calibrate(spoiled, refined=SETTINGS))
-    assert outlook.check is not None
-    assert not outlook.check.holds
+    assert outlook.check is not None and not outlook.check.holds
     assert outlook.check.worst.where == "near the image edges"
     assert "edges" in outlook.check.text
     images, length = outlook.check.excess

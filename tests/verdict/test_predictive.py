@@ -26,9 +26,8 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.verdict.forecast import Outlook, forecast_files
-from stereocal.verdict.fresh_bars import fresh_bars
+from stereocal.verdict.fresh_frames import fresh_bars, noise_given
 from stereocal.verdict.judging import add_noise
-from stereocal.verdict.noise_model import noise_given
 from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests import known_rig as rig

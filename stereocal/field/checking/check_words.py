@@ -31,17 +31,17 @@ def sentence(check: Recheck) -> str:
             f"({digits(check.noise.sigma_px, 2)} px instead of {digits(check.prior.sigma_px, 2)} "
             "px). Check that the pairs are right, and of the same cameras."
         )
-    if check.changed:
-        return " ".join(filter(None, [what_changed(check), _since(check), _repair(check)]))
-    return _unchanged(check)
+    if not check.changed:
+        return _unchanged(check)
+    found, since = what_changed(check), check.since
+    if since is not None:
+        between = f" (between {since.low} and {since.high})" * (since.low != since.high)
+        found += f" Since frame {since.frame}{between}."
+    return f"{found} {_repair(check)}".rstrip()
 
 
 def to_json(check: Recheck, repaired: str | None = None) -> dict[str, Any]:
-    """The content of `check.json`.
-
-    Args:
-        repaired: name of the repaired file, if one is written.
-    """
+    """The content of `check.json`; `repaired` names the repaired file, if one is written."""
     turn, vector = check.turn
     baseline, power, since = check.prior.rig.pose.baseline, check.power, check.since
     return {
@@ -142,8 +142,7 @@ def _turn(check: Recheck) -> str:
             return f"the primary turned in place by {angle} {_about(own)}"
         case ("secondary",):
             return f"the secondary turned in place by {angle} {_about(vector)}"
-    about = _about(vector, "the secondary's")
-    by = f"by {angle} {about}"
+    by = f"by {angle} " + _about(vector, "the secondary's")
     if check.possible_causes:
         return f"one camera turned relative to the other {by}; which one, images cannot tell"
     return f"one camera turned and moved relative to the other, {by}"
@@ -168,14 +167,6 @@ def _refocused(check: Recheck) -> str:
     return " and ".join(parts) + doubt
 
 
-def _since(check: Recheck) -> str:
-    since = check.since
-    if since is None:
-        return ""
-    between = f" (between {since.low} and {since.high})" * (since.low != since.high)
-    return f"Since frame {since.frame}{between}."
-
-
 def _repair(check: Recheck) -> str:
     if check.images.own:
         return (
@@ -191,13 +182,11 @@ def _repair(check: Recheck) -> str:
             "again."
         )
     error = length_error(check.best, check.noise.sigma_px)
+    if error is None:
+        return ""
     return (
-        ""
-        if error is None
-        else (
-            "The repaired parameters measure similar bars with an expected error of "
-            f"{digits(100 * error, 2)} %."
-        )
+        "The repaired parameters measure similar bars with an expected error of "
+        f"{digits(100 * error, 2)} %."
     )
 
 
@@ -214,11 +203,8 @@ def _limits(check: Recheck) -> str:
 def _unchanged(check: Recheck) -> str:
     if check.negligible:
         return f"Same: a change is seen, but smaller than matters: {_limits(check)}."
-    power = check.power
-    turn, baseline = (
-        f"{rounded(np.degrees(check.smallest.turn_rad))}°",
-        f"{rounded(100 * check.smallest.baseline)} %",
-    )
+    power, turn = check.power, f"{rounded(np.degrees(check.smallest.turn_rad))}°"
+    baseline = f"{rounded(100 * check.smallest.baseline)} %"
     if check.verdict == "same":
         whole = power.turn if power.baseline is None else min(power.turn, power.baseline)
         chance = f"{100 * whole:.0f} %" if whole < CERTAIN else f"more than {100 * CERTAIN:.0f} %"

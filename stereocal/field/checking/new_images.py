@@ -33,7 +33,6 @@ class NewImages:
     bars: int
     """How many bars there are; 0 for matched points alone, which do not determine lengths."""
     notes: tuple[str, ...] = ()
-    """Messages for the user."""
     stated_px: float = 0.0
     """Noise of the points, if they state it: they need not be as exact as targets."""
     own: bool = False
@@ -84,25 +83,25 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     rows = seen.correspondences
     if not len(rows.bars):
         return images_of_matches(rows.frame, rows.primary, rows.secondary, rig, dataset.name)
-    notes: tuple[str, ...] = ()
+    notes = []
     if rig.time_offset is not None:
         seen = seen.shifted(rig.time_offset)
-        motion = seen.correspondences.motion
-        left = int(np.isnan(motion[:, 0]).sum()) if rig.time_offset.is_shift else 0
-        rest = (
-            f" {left} of {len(rows)} points have no neighbours in time and are used as recorded: "
-            "the bar must have been at rest there."
-        )
-        notes = (
+        alone = np.isnan(seen.correspondences.motion[:, 0]) & rig.time_offset.is_shift
+        notes.append(
             "The secondary points were shifted by the time offset of the parameters, "
-            f"{rig.time_offset.frames:.3f} frames.{rest * (left > 0)}",
+            f"{rig.time_offset.frames:.3f} frames."
         )
+        if alone.any():
+            notes[0] += (
+                f" {alone.sum()} of {len(rows)} points have no neighbours in time and are used as "
+                "recorded: the bar must have been at rest there."
+            )
     if len(rows.frames) > LARGEST:
         kept = np.linspace(0, len(rows.frames) - 1, LARGEST).astype(np.int64)
-        notes += (f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.",)
+        notes.append(f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.")
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
-    return NewImages(seen, rows.frames, len(rows.bars), notes, own=own)
+    return NewImages(seen, rows.frames, len(rows.bars), tuple(notes), own=own)
 
 
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:

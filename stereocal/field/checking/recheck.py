@@ -80,19 +80,11 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
     pose = _Check(prior, after).pose_fit(noise.counted_px, outlying)
     both = Fit(prior, after, check.moved + focal, noise.counted_px)
     both.minimise(outlying, pose_of(pose.q))
+    p_pose = min((2 if len(blocks) > 1 else 1) * p_whole, 1.0)
+    p_focal = noise.probability(pose.cost - both.cost, len(focal))
+    found = power(pose, smallest)
     return Recheck(
-        prior=prior,
-        images=images,
-        after=after,
-        outlying=outlying,
-        noise=noise,
-        since=since,
-        pose=pose,
-        both=both,
-        power=power(pose, smallest),
-        smallest=smallest,
-        p_pose=min((2 if len(blocks) > 1 else 1) * p_whole, 1.0),
-        p_focal=noise.probability(pose.cost - both.cost, len(focal)),
+        prior, images, after, outlying, noise, since, pose, both, found, smallest, p_pose, p_focal
     )
 
 
@@ -123,11 +115,12 @@ class _Check:
         return [(index[: since.at], NOTHING), (index[since.at :], self.moved)]
 
     def noise(self, parts: list[Part]) -> Noise:
-        """The noise by fits with everything free that may have changed, part by part.
+        """The noise by fits with everything free that may have changed, part by part: a movement
+        between parts then neither counts as noise nor makes groups outlying.
 
-        A movement between parts then neither counts as noise nor makes groups outlying. The
-        residuals and the file's noise are pooled unless they differ. A few residuals that are small
-        by chance are no lower noise: taken for it, they gave 1.35 % false alarms instead of 1 %.
+        The residuals and the file's noise are pooled unless they differ. A few residuals that are
+        small by chance are no lower noise: taken for it, they gave 1.35 % false alarms instead of
+        1 %.
         """
         sigma, known = self.prior.sigma_px, self.prior.degrees
         total, degrees, outlying = self._robust(parts, sigma)
@@ -156,17 +149,14 @@ class _Check:
         total, degrees = 0.0, 0
         outlying = np.ones(len(self.images.numbers), dtype=np.bool_)
         for groups, change in parts:
-            images, found = self.images.of_groups(groups), []
-            for start in (None, robust_start):
+            images = self.images.of_groups(groups)
+            fit = Fit(self.prior, images, change, sigma_px)
+            found = [fit] * fit.run()
+            if not found or fit.outlying.any():
                 fit = Fit(self.prior, images, change, sigma_px)
-                if start is not None:
-                    pose = start(images.dataset, images.dataset.rays)
-                    if pose is None:
-                        break
+                if pose := robust_start(images.dataset, images.dataset.rays):
                     fit.start_at(pose)
-                found += [fit] * fit.run()
-                if found and not found[-1].outlying.any():
-                    break
+                    found += [fit] * fit.run()
             if found:
                 best = min(found, key=lambda each: each.outlying.sum())
                 total, degrees = total + best.cost, degrees + best.degrees
@@ -236,11 +226,8 @@ class _Check:
 
 
 def _design_effect(fit: Fit, runs: bool) -> tuple[float, int]:
-    """The design effect of the groups of a fit, and the number of clusters.
-
-    Args:
-        runs: count the groups in runs also where too few show that their errors are alike.
-    """
+    """The design effect of the groups of a fit, and the number of clusters; with `runs`, they count
+    in runs also where too few show that their errors are alike."""
     used = np.flatnonzero(~fit.outlying)
     if len(used) < 2 or not np.isfinite(fit.cost):
         return 1.0, len(used)

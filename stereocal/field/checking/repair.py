@@ -23,9 +23,7 @@ REPAIRED = "parameters_repaired.json"
 def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
     """The repaired parameter file: method `refined`, purpose `both`.
 
-    Args:
-        sha256: digest of the parameter file that is repaired, which the new file names; None for
-            parameters that are not in a file. Their own inputs are named in any case.
+    It names the file that is repaired by its digest, if it was a file, and its inputs in any case.
     """
     old, rig, fit = check.prior.rig, check.repaired, check.best
     images = check.after
@@ -88,29 +86,25 @@ def length_error(fit: Fit, sigma_px: float) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Errors of one parameter set; NaN behind a camera."""
+    """Errors of one parameter set, each (n,); NaN behind a camera."""
 
     reprojection_px: FloatArray
-    """(n,): mean of all points of a frame, of both cameras."""
+    """Mean of all points of a frame, of both cameras."""
     length: FloatArray | None
-    """(n,): |reconstructed - stated| / stated length of the bar, NaN without one; None if there
-    are no bars."""
+    """|reconstructed - stated| / stated length of the bar, NaN without one; None without bars."""
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """The errors of all frames."""
+    """The errors of all frames with the old parameters and, if they are offered, the repaired."""
 
     frames: IntArray
     """(n,): the frame numbers."""
     before: Errors
-    """With the old parameters."""
     after: Errors | None
-    """With the repaired ones; None if none are offered."""
 
 
 def residuals_of(check: Recheck) -> Residuals:
-    """The errors with the old and, if they are offered, the repaired parameters."""
     images = check.images
     numbers, at = np.unique(images.numbers, return_inverse=True)
 

@@ -79,11 +79,7 @@ class RigCheck:
 
 
 def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = None) -> RigCheck:
-    """Check whether cameras have moved since a rig was calibrated.
-
-    Args:
-        recording: new images, of cameras with the same names; at least two of them.
-    """
+    """Check whether cameras have moved since a rig was calibrated, by new images of two or more."""
     pairs: dict[Pair, Recheck] = {}
     unchecked: dict[Pair, str] = {}
     for pair in combinations([name for name in rig.names if name in recording.cameras], 2):

@@ -75,12 +75,8 @@ class ExpectedFit:
         return np.asarray(found.information / int(among.sum()))
 
     def precision_knowing(self, better: Mapping[str, float]) -> FloatArray:
-        """(k, k): the precision of the priors with smaller standard deviations.
-
-        Args:
-            better: factors of the standard deviations, by the first word of an unknown's name:
-                primary, secondary, baseline, bar.
-        """
+        """(k, k): the precision of the priors with standard deviations smaller by these factors, by
+        the first word of an unknown's name: primary, secondary, baseline, bar."""
         unknowns = self.result.unknowns
         factors = np.array([better.get(name.split()[0], 1.0) for name in unknowns.names])
         return np.asarray(unknowns.precision / np.outer(factors, factors))
@@ -168,11 +164,7 @@ def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:
 
 
 def planned_dataset(plan: Plan, pixels: FloatArray) -> Dataset:
-    """The data set of a recording, calibrated as stated.
-
-    Args:
-        pixels: (2 frames, 4): u, v of the primary and the secondary, of A and B in turn.
-    """
+    """The data set of a recording as stated; pixels (2 frames, 4) of A and B in turn."""
     frames = len(pixels) // 2
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, pixels[:, :2], pixels[:, 2:]

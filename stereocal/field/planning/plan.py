@@ -34,11 +34,8 @@ FOLD_MARGIN = 1.05
 class SensorLens:
     """A camera without a lens calibration yet: no distortion, principal point in the middle.
 
-    A fisheye without coefficients has as many pixels per radian everywhere.
-
-    Args:
-        sensor_mm: (width, height) of the part of the sensor that the image shows.
-        image_size: (width, height) in pixels.
+    Sizes are (width, height), that of the sensor of the part that the image shows. A fisheye
+    without coefficients has as many pixels per radian everywhere.
     """
 
     focal_mm: float

@@ -133,12 +133,15 @@ def footer_height(texts: Sequence[str], width_mm: float) -> float:
 
 
 def footer(texts: Sequence[str], width_mm: float) -> Group:
-    """The ruler, and above it or, on wide paper, beside it the texts, the first in bold.
-
-    Args:
-        width_mm: of the paper.
-    """
-    shapes = _ruler()
+    """The ruler, and above it or, on paper that is wide, beside it the texts, the first in bold."""
+    # 100 mm with a tick each 10 mm: the outer ticks' centre lines are exactly 100 mm apart.
+    up = MARGIN_MM + RULER_HEIGHT_MM - 1.5
+    shapes = Group(stroke(MARGIN_MM, up, MARGIN_MM + RULER_MM, up))
+    for at in range(0, int(RULER_MM) + 1, 10):
+        length = 4.0 if at % 50 == 0 else 2.0
+        shapes.add(stroke(MARGIN_MM + at, up - length, MARGIN_MM + at, up))
+    for at, label in ((0, "0"), (50, "50"), (100, "100 mm")):
+        shapes.add(text(MARGIN_MM + at + 1.0, MARGIN_MM, label, size=2.6))
     left = MARGIN_MM + (BESIDE_MM if width_mm >= WIDE_MM else 0.0)
     top = footer_height(texts, width_mm)
     for row, (line, font) in enumerate(_lines(texts, width_mm)):
@@ -152,18 +155,6 @@ def text(left: float, base: float, line: str, font: str = FONT, size: float = TE
     width = f"{stringWidth(line, font, size):.4f}"
     shape._svgAttrs = {"textLength": width, "lengthAdjust": "spacingAndGlyphs"}  # type: ignore[attr-defined]
     return shape
-
-
-def _ruler() -> Group:
-    """100 mm with a tick each 10 mm: the outer ticks' centre lines are exactly 100 mm apart."""
-    top = MARGIN_MM + RULER_HEIGHT_MM - 1.5
-    shapes = Group(stroke(MARGIN_MM, top, MARGIN_MM + RULER_MM, top))
-    for at in range(0, int(RULER_MM) + 1, 10):
-        length = 4.0 if at % 50 == 0 else 2.0
-        shapes.add(stroke(MARGIN_MM + at, top - length, MARGIN_MM + at, top))
-    for at, label in ((0, "0"), (50, "50"), (100, "100 mm")):
-        shapes.add(text(MARGIN_MM + at + 1.0, MARGIN_MM, label, size=2.6))
-    return shapes
 
 
 def _lines(texts: Sequence[str], width_mm: float) -> list[tuple[str, str]]:

@@ -23,13 +23,8 @@ hides the other."""
 
 @dataclass(frozen=True)
 class TargetSize:
-    """A target, and how large it appears.
-
-    Args:
-        side_m: side of the whole target, of 2x2 squares.
-        focal_px: focal length; of two cameras, the smaller one.
-        near_m, far_m: least and largest distance of the bar from the cameras.
-        bar_m: distance between the two targets; None if it is not known.
+    """A target of 2x2 squares, and how large it appears at the least and the largest distance of
+    the bar; `focal_px` is the smaller one of two cameras.
     """
 
     side_m: float
@@ -37,9 +32,9 @@ class TargetSize:
     near_m: float
     far_m: float
     bar_m: float | None = None
+    """Distance between the two targets, if it is known."""
 
     def _px_at(self, distance_m: float) -> float:
-        """Width seen frontally."""
         return self.focal_px * self.side_m / distance_m
 
     @property
@@ -79,11 +74,7 @@ class TargetSize:
 def target_size(
     focal_px: float, near_m: float, far_m: float, least_px: float = GOOD_PX
 ) -> TargetSize:
-    """The smallest target that is `least_px` wide at the far end.
-
-    Args:
-        focal_px: the smaller focal length of the two cameras.
-    """
+    """The smallest target that is `least_px` wide at the far end."""
     for name, value in (
         ("focal length in px", focal_px),
         ("near distance", near_m),

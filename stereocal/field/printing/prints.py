@@ -36,6 +36,7 @@ TAG_MARK_MM = 4.0
 SMALLEST_M, LARGEST_M = 0.002, 10.0
 """Sides of a target."""
 STEP_MM = 5.0
+PRINT_TWO = "Two targets, one for each end of the bar"
 PRINT_TWICE = "Print this sheet twice: one target for each end of the bar"
 GAP_MM = 3.0
 """White paper between a board and the text below it."""
@@ -58,8 +59,7 @@ def _sheet(
         size_mm: width and height of one drawing.
         counts: columns and rows that are tried.
         draw: its number and centre give a drawing.
-        around_mm: free on all sides of a drawing.
-        gap_mm: free above the texts.
+        around_mm, gap_mm: free on all sides of a drawing, and above the texts.
     """
     for (columns, rows), turned in itertools.product(counts, paper.both_ways):
         width, height = _room(turned, texts, gap_mm)
@@ -67,10 +67,8 @@ def _sheet(
         across = _spread(width, size_mm[0], columns, around_mm)
         down = _spread(height, size_mm[1], rows, around_mm)
         if across and down:
-            drawn = [
-                draw(number, MARGIN_MM + x, top - y)
-                for number, (y, x) in enumerate(itertools.product(down, across))
-            ]
+            places = enumerate(itertools.product(down, across))
+            drawn = [draw(number, MARGIN_MM + x, top - y) for number, (y, x) in places]
             return Sheet(title, turned, Group(footer(texts, turned.width_mm), *drawn))
     return None
 
@@ -96,10 +94,8 @@ def _fitting(make: Callable[[Paper], object]) -> str:
 def print_targets(side_m: float, paper: Paper) -> Sheet:
     """A sheet with both targets if they fit, else with one, which is printed twice.
 
-    Both targets are alike: detection calls one A and the other B by where they are.
-
-    Args:
-        side_m: side of the whole target, of 2x2 squares.
+    Both are alike: detection calls one A and the other B by where they are. `side_m` is that of the
+    whole target, of 2x2 squares.
     """
     if not SMALLEST_M <= side_m <= LARGEST_M:
         raise StereocalError(
@@ -118,12 +114,8 @@ def print_targets(side_m: float, paper: Paper) -> Sheet:
         return shapes
 
     def sheet(on: Paper) -> Sheet | None:
-        title = f"Target of {rounded(side, 4)} mm"
-        for counts, often in (
-            (((2, 1), (1, 2)), "Two targets, one for each end of the bar"),
-            (((1, 1),), PRINT_TWICE),
-        ):
-            texts = _target_texts(side, often)
+        for counts, often in (([(2, 1), (1, 2)], PRINT_TWO), ([(1, 1)], PRINT_TWICE)):
+            texts, title = _target_texts(side, often), f"Target of {rounded(side, 4)} mm"
             if found := _sheet(title, on, texts, (side, side), counts, draw, AROUND_MM):
                 return found
         return None
@@ -153,11 +145,7 @@ def _target_texts(side: float, often: str) -> list[str]:
 
 
 def print_tags(tags: Tags, side_m: float, paper: Paper) -> Sheet:
-    """A sheet with both tags, each with a white border of one cell.
-
-    Args:
-        side_m: side of the black square.
-    """
+    """A sheet with both tags; `side_m` is that of the black square, inside a border of a cell."""
     if not (np.isfinite(side_m) and side_m > 0):
         raise StereocalError(f"The side of a tag must be above 0, not {side_m:g} m.")
     side, (a, b) = 1e3 * side_m, tags.ids
@@ -248,10 +236,7 @@ def _board_texts(pattern: BoardPattern) -> list[str]:
 
 
 def largest_square(pattern: BoardPattern, paper: Paper) -> float:
-    """Side in metres of the largest squares, in whole mm, with which the board fits on a paper.
-
-    0 if there are none.
-    """
+    """Side in metres of the largest squares, in whole mm, with which a board fits; 0: none."""
     squares = np.array([pattern.columns + 1, pattern.rows + 1])
     rooms = (_room(turned, _board_texts(pattern), GAP_MM) for turned in paper.both_ways)
     return 1e-3 * max(math.floor(max(float(np.min(room / squares)) for room in rooms)), 0)

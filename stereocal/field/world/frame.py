@@ -133,11 +133,10 @@ def frame_of_up(
     directions: Mapping[str, FloatArray],
     usual: tuple[str, str],
 ) -> Pose:
-    """`world_from_primary` with the z axis along a unit vector.
+    """`world_from_primary` with the z axis along a unit vector (3,) in the primary's frame.
 
     Args:
-        up: (3,) in the primary's frame, as all vectors here.
-        origins, directions: what `axes` may name besides the camera's.
+        origins, directions: what `axes` may name besides the camera's, in that frame too.
         usual: origin and x axis where `axes` names none.
     """
     origins = {**origins, CAMERA: np.zeros(3)}
@@ -166,8 +165,7 @@ def frame_of_up(
 
 def uprightness(rig: Rig, up: FloatArray) -> float:
     """Mean over the cameras of the part of the image's up direction along `up`: 1 for upright
-    cameras, -1 upside down, 0 if they look straight up or down or lie on their side.
-    """
+    cameras, -1 upside down, 0 if they look straight up or down or lie on their side."""
     return -0.5 * float(up[1] + (rig.pose.R @ up)[1])
 
 

@@ -165,12 +165,13 @@ def flights_of(throw: frame.Throw) -> list[Flight]:
                 f"{where} has {len(frames)} frames with a point in both cameras; at least "
                 f"{FEWEST_FRAMES} are needed, 30 are a good start."
             )
-        if not frames[-1] - frames[0] <= LONGEST_S * throw.frame_rate:
+        times = (frames - frames[0]) / throw.frame_rate
+        if not times[-1] <= LONGEST_S:
             raise StereocalError(
-                f"{where} lasts {(frames[-1] - frames[0]) / throw.frame_rate:.0f} s; is the frame "
-                "rate right, and are these frames of one throw?"
+                f"{where} lasts {times[-1]:.0f} s; is the frame rate right, and are these frames "
+                "of one throw?"
             )
-        flights.append(Flight(rows, (frames - frames[0]) / throw.frame_rate))
+        flights.append(Flight(rows, times))
     return flights
 
 
