@@ -13,18 +13,20 @@ from stereocal.rig.compile_cache import use_writable_cache
 from stereocal.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from stereocal.calibration.methods import CalibrationSettings
-    from stereocal.errors import StereocalError
-    from stereocal.formats.camera_file import read_camera
-    from stereocal.formats.dataset_files import read_dataset
-    from stereocal.formats.exchange.exchange import export, import_parameters
-    from stereocal.matching.pairs import match
-    from stereocal.matching.reconstruction_files import reconstruct
-    from stereocal.rig.camera import Camera
-    from stereocal.rig.dataset import Correspondences, Dataset
-    from stereocal.rig.geometry import Pose
-    from stereocal.rig.parameters import RigParameters
-    from stereocal.workflow import calibrate
+    from stereocal.calibration.methods import CalibrationSettings as CalibrationSettings
+    from stereocal.errors import StereocalError as StereocalError
+    from stereocal.formats.camera_file import read_camera as read_camera
+    from stereocal.formats.dataset_files import read_dataset as read_dataset
+    from stereocal.formats.exchange.exchange import export as export
+    from stereocal.formats.exchange.exchange import import_parameters as import_parameters
+    from stereocal.matching.pairs import match as match
+    from stereocal.matching.reconstruction_files import reconstruct as reconstruct
+    from stereocal.rig.camera import Camera as Camera
+    from stereocal.rig.dataset import Correspondences as Correspondences
+    from stereocal.rig.dataset import Dataset as Dataset
+    from stereocal.rig.geometry import Pose as Pose
+    from stereocal.rig.parameters import RigParameters as RigParameters
+    from stereocal.workflow import calibrate as calibrate
 
 _MODULES = {
     "CalibrationSettings": "calibration.methods",
@@ -42,22 +44,7 @@ _MODULES = {
     "read_dataset": "formats.dataset_files",
     "reconstruct": "matching.reconstruction_files",
 }
-__all__ = [
-    "CalibrationSettings",
-    "Camera",
-    "Correspondences",
-    "Dataset",
-    "Pose",
-    "RigParameters",
-    "StereocalError",
-    "calibrate",
-    "export",
-    "import_parameters",
-    "match",
-    "read_camera",
-    "read_dataset",
-    "reconstruct",
-]
+__all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:

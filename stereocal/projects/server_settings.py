@@ -6,12 +6,11 @@ import math
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from stereocal.errors import StereocalError
-from stereocal.system.environment import from_environment
-from stereocal.system.limits import MB
+from stereocal.system.limits import MB, from_environment
 
 MOST_WORKERS = 1000
 
@@ -37,8 +36,7 @@ class ServerSettings:
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
         """The settings of this server; missing ones have defaults."""
-        variables = {each.name: f"STEREOCAL_{each.name.upper()}" for each in fields(cls)}
-        found = from_environment(cls, variables, environment)
+        found = from_environment(cls, "STEREOCAL_", environment)
         workers = int(min(max(found.workers, 1), MOST_WORKERS))
         return replace(found, shared=found.shared > 0, workers=workers)
 

@@ -46,16 +46,6 @@ def flush_folder(path: Path) -> None:
         os.close(handle)
 
 
-def flush_file(path: Path) -> None:
-    """Flush a file's content to disk.
-
-    Raises:
-        OSError: the flush fails.
-    """
-    with path.open("r+b") as file:  # Windows flushes writable files only
-        os.fsync(file.fileno())
-
-
 def read_whole(path: str | Path, most: float = np.inf) -> bytes:
     """The content of a file of at most `most` bytes."""
     with disk_errors(f"{path} cannot be read"):
@@ -65,7 +55,6 @@ def read_whole(path: str | Path, most: float = np.inf) -> bytes:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to `path` atomically."""
     write_all({path: content})
 
 
@@ -107,7 +96,8 @@ def _replaced(paths: Sequence[Path]) -> Iterator[list[Path]]:
             part.touch(exist_ok=False)
         yield parts
         for part in parts:
-            flush_file(part)
+            with part.open("r+b") as file:  # Windows flushes writable files only
+                os.fsync(file.fileno())
             part.chmod(0o644)
         for folder in dict.fromkeys(path.parent for path in paths):
             for path, part in zip(paths, parts, strict=True):

@@ -90,7 +90,7 @@ class Cluster(Executor):
 
     @property
     def tasks_at_once(self) -> int:
-        """Current number of threads of all workers, at least 1."""
+        """Threads of all workers, at least 1."""
         return max(1, int(sum(self._client.ncores().values())))
 
     @property
@@ -101,7 +101,6 @@ class Cluster(Executor):
     def submit(
         self, function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs
     ) -> Future[T]:
-        """Submit a task."""
         return self._executor.submit(function, *arguments, **named)
 
     def shutdown(self, *_: Any, **__: Any) -> None:
@@ -131,11 +130,11 @@ def cluster(address: str) -> Cluster:
         raise StereocalError(
             f"The workers of {address} cannot import stereocal ({error}): install it on them."
         ) from error
-    if versions != {_version()}:
+    if versions != {__version__}:
         client.close()
         there = ", ".join(sorted(versions)) or "no workers"
         raise StereocalError(
-            f"The cluster at {address} has {there}, and this is stereocal {_version()}: start "
+            f"The cluster at {address} has {there}, and this is stereocal {__version__}: start "
             "workers with the same version."
         )
     return Cluster(client)

@@ -66,10 +66,9 @@ class Guard:
             seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
         call = (read, path.resolve(), seconds, arguments)
         try:
-            try:
+            with suppress(BrokenProcessPool):  # all children were killed, for example by the system
                 return self._tried(call, seconds)
-            except BrokenProcessPool:  # all children were killed, for example by the system
-                return self._tried(call, seconds)
+            return self._tried(call, seconds)
         except StereocalError:
             raise
         except (BrokenProcessPool, RuntimeError) as error:

@@ -48,11 +48,8 @@ def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
 def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:
     """The photographs in a folder, or in a zip, unpacked into `store`."""
     if source.is_dir():
-        found: dict[str, Path] = {}
-        for path in sorted(source.rglob("*")):
-            name = path.relative_to(source).as_posix()
-            if is_photograph(name) and path.is_file():
-                found[name] = path
+        paths = {each.relative_to(source).as_posix(): each for each in sorted(source.rglob("*"))}
+        found = {n: path for n, path in paths.items() if is_photograph(n) and path.is_file()}
         Limits.from_environment().check_count(len(found), str(source))
     elif source.is_file():
         found = unpack_photographs(source, source.name, store, progress)
@@ -69,10 +66,15 @@ def unpack_photographs(
     source: Path | bytes, name: str, store: Path, progress: Progress | None = None
 ) -> dict[str, Path]:
     """Unpack the photographs of a zip into the folder `store`, one at a time."""
-    return {
-        member: _keep(content, member, store)
-        for member, content in zipped_photographs(source, name, progress)
-    }
+    found = {}
+    for member, content in zipped_photographs(source, name, progress):
+        suffix = PurePosixPath(member).suffix.lower()
+        path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
+        with disk_errors(f"{member} cannot be stored"):
+            store.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        found[member] = path
+    return found
 
 
 def zipped_photographs(
@@ -85,16 +87,6 @@ def zipped_photographs(
             yield member, opened.read(member)
             if progress:
                 progress(done + 1, len(names))
-
-
-def _keep(content: bytes, name: str, store: Path) -> Path:
-    """Write a photograph's file, named by a digest of its content."""
-    suffix = PurePosixPath(name).suffix.lower()
-    path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
-    with disk_errors(f"{name} cannot be stored"):
-        store.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    return path
 
 
 def for_worker(path: FileContent, executor: Executor) -> PhotographFile:

@@ -22,17 +22,8 @@ LISTED_BYTES = 3_300
 _LISTED = b"PK\x01\x02"
 
 DAMAGED_ZIP = (
-    zipfile.BadZipFile,
-    NotImplementedError,
-    RuntimeError,
-    EOFError,
-    ValueError,
-    OSError,
-    OverflowError,
-    IndexError,
-    struct.error,
-    zlib.error,
-    lzma.LZMAError,
+    *(EOFError, ValueError, OSError, OverflowError, IndexError, RuntimeError),
+    *(zipfile.BadZipFile, struct.error, zlib.error, lzma.LZMAError),
 )
 """Exceptions of `zipfile` and its decompressors on damaged content."""
 
@@ -55,7 +46,7 @@ class OpenZip:
 
     @property
     def names(self) -> list[str]:
-        """The names of the files, with their folders."""
+        """With their folders."""
         return list(self._members)
 
     def size(self, name: str) -> int:
