@@ -46,6 +46,12 @@ class Chessboard:
     do not. When asked for one row too many, the finder returns points on the board's edge."""
 
 
+def halved(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """The photograph at half the size."""
+    half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return np.asarray(half, dtype=np.uint8)
+
+
 def find_chessboard(
     grey: npt.NDArray[np.uint8], columns: int, rows: int, thorough: bool = True
 ) -> Chessboard | None:
@@ -62,8 +68,7 @@ def find_chessboard(
     if thorough:
         tries.append((grey, 1.0, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE))
     if max(grey.shape) > LARGE_PX:
-        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        tries.insert(0, (np.asarray(half, dtype=np.uint8), 2.0, 0))
+        tries.insert(0, (halved(grey), 2.0, 0))
     best = None
     for image, scale, flags in tries:
         found, corners = cv2.findChessboardCornersSB(image, (columns, rows), flags=flags)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import LARGE_PX, are_crossings, outer_squares
+from stereocal.intrinsics.board_corners import LARGE_PX, are_crossings, halved, outer_squares
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
@@ -75,8 +75,7 @@ def _chessboard(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
     most 2 of its 12 corners were crossings of squares, of a board all are.
     """
     if max(grey.shape) > LARGE_PX:
-        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        grey = np.asarray(half, dtype=np.uint8)
+        grey = halved(grey)
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
     if not found:
