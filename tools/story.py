@@ -27,8 +27,7 @@ def tell_story() -> Story:
     """Fitted to the even frames with the default settings, tested on the odd ones."""
     recording = read_dataset(RECORDING)
     frames = recording.correspondences.frames
-    fitted = recording.of_frames(frames[frames % 2 == 0])
-    tested = recording.of_frames(frames[frames % 2 == 1])
+    fitted, tested = (recording.of_frames(frames[frames % 2 == odd]) for odd in (0, 1))
     found = calibrate(fitted, refined=RefineSettings())
     assert found.refined is not None
     seen: dict[Method, tuple[Dataset, Pose]] = {
@@ -36,7 +35,10 @@ def tell_story() -> Story:
     }
     seen["refined"] = (found.refined.apply(tested), found.refined.pose)
     feet = {method: _feet(*each) for method, each in seen.items()}
-    row = _typical([np.hypot(*foot.T) for foot, _ in feet.values()])
+    # The row whose distances are nearest to the median of each set.
+    distances = np.array([np.hypot(*foot.T) for foot, _ in feet.values()])
+    away = np.abs(np.log(distances / np.median(distances, axis=1, keepdims=True)))
+    row = int(np.argmin(away.max(axis=0)))
     rows = tested.correspondences
     return Story(
         fitted=len(fitted.correspondences.frames),
@@ -53,11 +55,14 @@ def _held_out(
     tested: Dataset, pose: Pose, row: int, foot: FloatArray, along: FloatArray
 ) -> HeldOut:
     lengths = tested.reconstructed_lengths_m(pose) / tested.bar_distances_m - 1.0
+    x1, y1, x2, y2 = tested.rays[:, row]
+    across = np.cross([x1, y1, 1.0], pose.R.T @ [x2, y2, 1.0])  # of both rays
+    gap_m = float(abs(pose.R.T @ pose.T @ across) / np.linalg.norm(across))
     return HeldOut(
         length_errors=tuple(lengths.round(6).tolist()),
         reprojection_px=round(best_mean(errors_of(tested, pose).reprojection_px), 4),
         line_px=(tuple(foot.round(4).tolist()), tuple(along.round(6).tolist())),
-        gap_m=round(_gap_m(tested, pose, row), 7),
+        gap_m=round(gap_m, 7),
     )
 
 
@@ -73,19 +78,6 @@ def _feet(tested: Dataset, pose: Pose) -> tuple[FloatArray, FloatArray]:
     lines /= np.hypot(lines[:, 0], lines[:, 1])[:, None]
     distances = (lines * np.column_stack([points, np.ones(n)])).sum(axis=1)
     return -distances[:, None] * lines[:, :2], np.column_stack([-lines[:, 1], lines[:, 0]])
-
-
-def _typical(distances: list[FloatArray]) -> int:
-    """The row whose distances are nearest to the median of each set."""
-    away = [np.abs(np.log(each / np.median(each))) for each in distances]
-    return int(np.argmin(np.max(away, axis=0)))
-
-
-def _gap_m(tested: Dataset, pose: Pose, row: int) -> float:
-    """Shortest distance between the two rays of a pair."""
-    x1, y1, x2, y2 = tested.rays[:, row]
-    across = np.cross([x1, y1, 1.0], pose.R.T @ [x2, y2, 1.0])
-    return float(abs(pose.R.T @ pose.T @ across) / np.linalg.norm(across))
 
 
 def main() -> None:

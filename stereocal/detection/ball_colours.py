@@ -64,17 +64,17 @@ def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]
     Args:
         image: (h, w, 3), 8 bits.
     """
-    found: list[npt.NDArray[np.uint8]] = []
+    found = []
     for own in dict.fromkeys(target.colours):
         rule = _rule(image[::8, ::8].astype(np.float64), own, target)
         if rule is None:
             grey: npt.NDArray[np.uint8] = np.asarray(image.max(axis=2), np.uint8)
             dark = own != BRIGHT and _bgr(own).mean() < 127
-            found.append(_brighter(np.asarray(~grey if dark else grey, np.uint8)))
+            mask = _brighter(np.asarray(~grey if dark else grey, np.uint8))
         else:
-            mask: npt.NDArray[np.uint8] = np.zeros(image.shape[:2], np.uint8)
+            mask = np.zeros(image.shape[:2], np.uint8)
             _fill_mask(image, *rule, mask)
-            found.append(mask)
+        found.append(mask)
     return found
 
 
@@ -83,9 +83,8 @@ def _rule(
 ) -> tuple[FloatArray, float, float, float] | None:
     """When a pixel of a photograph, of which `few` are given, has a colour; None for a grey.
 
-    Returns:
-        (2, 3): unit vectors, blue, green, red, along the colour's chroma and across it; the least
-        chroma along; the most across, over that; the least over the length of the pixel's colour.
+    (2, 3): unit vectors, blue, green, red, along the colour's chroma and across it; the least
+    chroma along; the most across, over that; the least over the length of the pixel's colour.
     """
     if own == BRIGHT or (chroma := _chroma(own)) is None:
         return None

@@ -167,11 +167,8 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
 
 @compiled
 def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> None:
-    """Fit each start in a small window, in place.
-
-    Args:
-        scores: (n, 2), written: score and number of flips. The score remains 0 for starts after the
-            first `MAXIMUM_FITS`, not counting corners of larger chessboards.
+    """Fit each start in a small window, in place, and write its score and its number of flips to
+    `scores` (n, 2): 0 for those after the first `MAXIMUM_FITS`, not counting larger chessboards.
     """
     along, half = np.empty((2, 2)), np.full(2, HALF_WINDOW)
     penalty, before = np.zeros(ALL), np.empty(ALL)
@@ -232,5 +229,5 @@ def candidates(image: GreyImage) -> FloatArray:
         found.append(rows)
         half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         level = np.asarray(half, dtype=np.float32)
-    together = np.concatenate(found) if found else np.empty((0, COLUMNS))
+    together = np.concatenate(found or [np.empty((0, COLUMNS))])
     return together[np.argsort(-together[:, SCORE], kind="stable")]

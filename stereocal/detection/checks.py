@@ -39,25 +39,20 @@ def explain_missing(intensity: Intensity, corners: list[Corner], chess: int) -> 
         chess: number of corners of larger chessboards.
     """
     lowest, highest = float(intensity.image.min()), float(intensity.image.max())
-    if intensity.saturated > SATURATED_SHARE and highest > lowest:
-        return "saturated", (
-            f"{100 * intensity.saturated:.0f} % of the pixels are saturated; reduce the exposure."
-        )
     if lowest == highest:
         what = "white" if intensity.saturated else ("black" if highest == 0 else "of one grey")
         return ("saturated" if intensity.saturated else "too few candidates"), f"It is all {what}."
-    if len(corners) == 1:
-        found = corners[0]
+    if intensity.saturated > SATURATED_SHARE:
+        share = 100 * intensity.saturated
+        return "saturated", f"{share:.0f} % of the pixels are saturated; reduce the exposure."
+    for found in corners[:1]:
         if found.blur > BLUR_DOUBTFUL * found.board_px:
             return "blurred", _blurred(found)
-        return "too few candidates", (
-            f"Only one target was found, at {_where(found)}; the other is hidden, out of view or "
-            "too different."
-        )
+        one = f"Only one target was found, at {_where(found)}; the other is hidden, out of view or"
+        return "too few candidates", f"{one} too different."
     if chess:
-        return "too few candidates", (
-            "There is a chessboard, but no separate board of 2x2 squares."
-        )
+        only = "There is a chessboard, but no separate board of 2x2 squares."
+        return "too few candidates", only
     if min(intensity.image.shape) >= 64 and _steepness(intensity.image) < BLURRED_STEEPNESS:
         return "blurred", "The photograph is blurred, or shows nothing with edges."
     return "too few candidates", "No board of 2x2 squares was found."
@@ -104,15 +99,14 @@ def doubts_of(
     doubts = []
     for corner in pair:
         at = f"The target at {_where(corner)}"
+        sigma = corner.sigma_px
         asked = {
             f"{at} does not look quite like a target.": corner.quality < CERTAIN_QUALITY,
             f"{at} may belong to a larger chessboard.": corner.flips > 0,
             f"{at} is cut by the border.": corner.cut > 0,
             _blurred(corner): corner.blur > BLUR_DOUBTFUL * corner.board_px,
             f"{at} has saturated white squares.": corner.white >= 0.995 * intensity.full,
-            f"{at} is located to {corner.sigma_px:.2f} px only.": (
-                corner.sigma_px > SIGMA_DOUBTFUL_PX
-            ),
+            f"{at} is located to {sigma:.2f} px only.": sigma > SIGMA_DOUBTFUL_PX,
         }
         doubts += [sentence for sentence, true in asked.items() if true]
     if runner_up > RUNNER_UP_DOUBTFUL:

@@ -1,7 +1,4 @@
-"""Follow the edges of an X-corner: where its board ends, and whether another square follows.
-
-An arm is one of the four half edges that start at the corner.
-"""
+"""Follow the four half edges of an X-corner, its arms, to where its board ends."""
 
 from __future__ import annotations
 
@@ -66,13 +63,8 @@ def _profile(
     seen: FloatArray,
     expected: FloatArray,
 ) -> int:
-    """Difference of the grey levels on both sides of an arm, relative to the contrast.
-
-    Writes the observed values and those expected for infinite edges, at intervals of `step`; both
-    arrays start half a running mean before the first distance.
-
-    Returns:
-        The number of values inside the image.
+    """Write the difference of the grey levels on both sides of an arm, relative to the contrast,
+    and that expected for infinite edges, at intervals of `step`; return how many are in the image.
     """
     aside = math.hypot(side[0], side[1])
     for i in range(seen.size):
@@ -94,8 +86,6 @@ def _profile(
 @internal
 def _is_inverted(seen: FloatArray) -> bool:
     """Whether the difference is uniformly inverted, as along the next square of a chessboard."""
-    if not seen.size:
-        return False
     mean, square = 0.0, 0.0
     for value in seen:
         mean += value / seen.size
@@ -107,18 +97,15 @@ def _is_inverted(seen: FloatArray) -> bool:
 def _arm(
     image: GreyImage, start: FloatArray, along: FloatArray, side: FloatArray, length: float
 ) -> tuple[float, bool, bool]:
-    """Follow one arm.
+    """The distance at which the difference on both sides of an arm falls below half of the expected
+    one, or infinity; whether it is inverted between 1.2 and 1.8 times that distance; whether the
+    image ends.
 
     Args:
         start: (5,): u, v, the difference of the grey levels on both sides far from the crossing,
             the first distance, and the blur along the edge, px.
-        along: (2,): direction of the arm.
-        side: (2,): step from the edge into a square.
+        along, side: (2,): direction of the arm, and step from the edge into a square.
         length: maximum distance, px.
-
-    Returns:
-        The distance at which the difference falls below half of the expected one, or infinity;
-        whether it is inverted between 1.2 and 1.8 times that distance; whether the image ends.
     """
     step = max(0.5, length / 120.0)
     smooth = max(1, int(2.0 / step), int(0.08 * start[3] / step))
@@ -150,10 +137,9 @@ def _arm(
 def follow(
     image: GreyImage, p: FloatArray, half: FloatArray, reach: float
 ) -> tuple[FloatArray, int, int]:
-    """Find where the board of an X-corner ends.
+    """Find where the board of an X-corner ends, and whether another square follows.
 
     Args:
-        image: (h, w).
         p: (13,), the parameters of `corner_model`.
         half: (2,): half size of the fitted window along the two edges, px.
         reach: maximum length of an arm, in half sizes of the window.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +24,7 @@ a parallelogram, and its border is blurred."""
 SMALLEST_HALF_WINDOW = 2.5
 GROWTH = 3.0
 PIXELS_WHILE_GROWING = 1500
+"""About so many are used of a window that still grows."""
 SMALLEST_SINE = 0.35
 """Sine of 20 degrees, the least angle between the edges: a board tilted by 70 degrees."""
 BORDER_REACH = 30.0
@@ -99,8 +101,8 @@ class Corner:
 
 
 def _directions(p: FloatArray) -> FloatArray:
-    """(2, 2): unit vectors along the edges; the normals are p[2] and p[3]."""
-    return np.array([[-math.sin(p[2]), math.cos(p[2])], [-math.sin(p[3]), math.cos(p[3])]])
+    """(2, 2): unit vectors along the edges, whose normals have the angles p[2] and p[3]."""
+    return np.array([[-math.sin(angle), math.cos(angle)] for angle in p[2:4]])
 
 
 def _fit(
@@ -128,7 +130,6 @@ def _fit(
 
 
 def _stride(half: FloatArray) -> int:
-    """The stride with which a window has about `PIXELS_WHILE_GROWING` pixels."""
     return max(1, round(math.sqrt(4.0 * half[0] * half[1] / PIXELS_WHILE_GROWING)))
 
 
@@ -136,16 +137,12 @@ def _stride(half: FloatArray) -> int:
 def window(
     image: GreyImage, u: float, v: float, along: FloatArray, half: FloatArray, stride: int
 ) -> FloatArray:
-    """The pixels of a parallelogram around (u, v).
+    """(n, 3): u, v and grey level of the pixels of a parallelogram around (u, v).
 
     Args:
-        image: (h, w).
         along: (2, 2), unit vectors along the two edges.
         half: (2,), half size along each of them, px.
         stride: step of rows and columns.
-
-    Returns:
-        (n, 3): u, v, grey level.
     """
     height, width = image.shape
     reach_u = abs(along[0, 0]) * half[0] + abs(along[1, 0]) * half[1]
@@ -229,34 +226,25 @@ def fit_corner(
     arms = np.minimum(arms, GROWTH * np.repeat(reach, 2))
     if arm_quality(arms, cut, math.exp(p[4])) < WORST_ARMS:
         return None
-    scale, found = (quantum, gain), (arms, flips, cut)
-    corner = _final(image, p, reach, noise, scale, found)
+    final = partial(_final, image, p, noise, quantum, gain, (arms, flips, cut))
+    corner = final(reach)
     if corner is None or corner.misfit > PATTERN:
-        smaller = _final(image, p, SMALLER * reach, noise, scale, found)
+        smaller = final(SMALLER * reach)
         if smaller is not None and smaller.misfit < PATTERN:
             return replace(smaller, misfit=SUSPECT)
     return corner
 
 
-def shading_shift(p: FloatArray, radius: float, samples: int) -> float:
-    """Distance of the true centre from p[:2], in px for a relative gradient of the light of 1.
-
-    The blur of shaded light, of (1 + g x) F(x), is (1 + g x) F(x) + s^2 g F'(x) and not only the
-    first term, which is the model: all edges appear displaced by s^2 g towards the dark side.
-    """
-    return float(math.exp(2.0 * p[4]) + (PIXEL_VARIANCE if samples > 1 else 0.0)) / radius
-
-
 def _final(
     image: GreyImage,
     p: FloatArray,
-    half: FloatArray,
     noise: float,
-    scale: tuple[float, float],
+    quantum: float,
+    gain: float,
     ends: tuple[FloatArray, int, int],
+    half: FloatArray,
 ) -> Corner | None:
     """Fit all pixels of the final window."""
-    quantum, gain = scale
     smallest = max(quantum**2 / 12.0, (1e-5 * p[6]) ** 2)
     radius = float(half.max())
     # The first fit estimates the noise, which the weights of the priors need.
@@ -268,7 +256,11 @@ def _final(
         if not converged or not plausible(fitted, p, float(min(half))):
             return None
         p = fitted
-        shift = shading_shift(p, radius, samples)
+        # The blur of shaded light, of (1 + g x) F(x), is (1 + g x) F(x) + s^2 g F'(x) and not only
+        # the first term, which is the model: all edges appear displaced by s^2 g towards the dark
+        # side. This is by how much for a relative gradient of the light of 1, px.
+        variance = math.exp(2.0 * p[4]) + (PIXEL_VARIANCE if samples > 1 else 0.0)
+        shift = variance / radius
         found = covariance_and_noise(pixels, p, radius, samples, penalty, shift)
         noise = max(found[3], smallest)
     # Not the mean over all pixels: those at the border of a small board do not move the centre.
@@ -280,20 +272,10 @@ def _final(
     if not np.isfinite(found).all():
         return None
     covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
-    contrast = 2.0 * abs(p[6])
+    contrast = 2.0 * abs(float(p[6]))
     # The mean product of n residuals of pure noise has a standard deviation of 1 / sqrt(n).
     pattern = float(found[5] - 2.0 * found[3] / math.sqrt(len(pixels)))
-    return Corner(
-        centre=p[:2] + shift * p[11:13],
-        covariance=covariance,
-        directions=_directions(p),
-        arms=ends[0],
-        flips=ends[1],
-        cut=ends[2],
-        blur=math.exp(p[4]),
-        contrast=contrast / gain,
-        black=float(p[5] - contrast / 2) / gain,
-        white=float(p[5] + contrast / 2) / gain,
-        residual=math.sqrt(found[3]) / gain,
-        misfit=math.sqrt(max(0.0, pattern)) / float(contrast),
-    )
+    centre, blur, grey = p[:2] + shift * p[11:13], math.exp(p[4]), float(p[5])
+    levels = contrast / gain, (grey - contrast / 2) / gain, (grey + contrast / 2) / gain
+    residual, misfit = math.sqrt(found[3]) / gain, math.sqrt(max(0.0, pattern)) / contrast
+    return Corner(centre, covariance, _directions(p), *ends, blur, *levels, residual, misfit)

@@ -139,9 +139,8 @@ def _circle(
         coded: (m,): how far the edges may lie farther outside, or inside, px.
         n: the number of profiles.
     """
-    if camera is None:
-        flat = edges - centre
-    else:
+    flat = edges - centre
+    if camera is not None:
         axes = _axes(camera, centre)
         rays = np.column_stack([camera.undistort(edges), np.ones(len(edges))]) @ axes.T
         scale = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
@@ -165,9 +164,8 @@ def _circle(
         middle = middle + step[:2]
         radius += float(step[2])
         limit = max(4.0 * MAD_TO_SIGMA * float(np.median(np.abs(off))), 0.8)
-    if camera is None:
-        centre = centre + middle
-    else:
+    centre = centre + middle
+    if camera is not None:
         ray = np.append(middle / scale, 1.0) @ axes
         centre = camera.distort((ray[:2] / ray[2])[None])[0]
     used = robust > 0

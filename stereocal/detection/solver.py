@@ -140,7 +140,7 @@ def covariance_and_noise(
     """Covariance of the centre and measures of the residuals.
 
     Args:
-        shift: from `shading_shift`; the centre is p[:2] + shift * p[11:13].
+        shift: the centre is p[:2] + shift * p[11:13], where shading has not moved it.
 
     Returns:
         (7,): uu, uv, vv of the covariance for unit noise variance; the variance of the residuals;

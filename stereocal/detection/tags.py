@@ -51,14 +51,9 @@ def find_tags(image: npt.NDArray[Any], target: Tags, camera: Camera | None = Non
         grey = cv2.convertScaleAbs(image, alpha=255.0 / bright)
     corners, found, _ = _detector(target.dictionary).detectMarkers(grey)
     numbers = [] if found is None else np.asarray(found).ravel().tolist()
-    exact = image.astype(np.float32)
-    spots = []
+    exact, spots = image.astype(np.float32), []
     for wanted in target.ids:
-        own = [
-            np.asarray(c[0], np.float64)
-            for c, n in zip(corners, numbers, strict=True)
-            if n == wanted
-        ]
+        own = [c[0].astype(float) for c, n in zip(corners, numbers, strict=True) if n == wanted]
         spot = _fitted(exact, own[0], camera) if own else None
         if spot is not None and len(own) > 1:
             also = f"Tag {wanted} is in the photograph {len(own)} times."
@@ -112,11 +107,8 @@ def _fitted(image: GreyImage, corners: FloatArray, camera: Camera | None) -> Spo
 def _sides(
     image: GreyImage, corners: FloatArray, camera: Camera | None
 ) -> tuple[FloatArray, float, FloatArray]:
-    """Lines (4, 3) with n.x = c through the sides, in undistorted px, their scatter, and errors.
-
-    The errors (4, 2, 3) are the changes of a line by one standard error of its offset and of its
-    direction.
-    """
+    """Lines (4, 3) with n.x = c through the sides, in undistorted px, their scatter, and errors
+    (4, 2, 3): changes by one standard error of the offset and of the direction."""
     lines, scatters, errors = np.full((4, 3), np.nan), [], np.zeros((4, 2, 3))
     middle = corners.mean(axis=0)
     for k in range(4):
@@ -166,16 +158,14 @@ def _line(points: FloatArray) -> tuple[FloatArray, float, FloatArray]:
 def _corners(lines: FloatArray) -> FloatArray:
     """(4, 2): corner k is where side k - 1 meets side k."""
     met = np.cross(np.roll(lines * [1, 1, -1], 1, axis=0), lines * [1, 1, -1])
-    corners: FloatArray = met[:, :2] / met[:, 2:]
-    return corners
+    return np.asarray(met[:, :2] / met[:, 2:])
 
 
 def _centre(corners: FloatArray) -> FloatArray:
     """(2,): where the diagonals intersect."""
     q = np.column_stack([corners, np.ones(4)])
     met = np.cross(np.cross(q[0], q[2]), np.cross(q[1], q[3]))
-    centre: FloatArray = met[:2] / met[2]
-    return centre
+    return np.asarray(met[:2] / met[2])
 
 
 def _distorted(camera: Camera, ideal: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import cv2
 from PIL import ImageColor
@@ -25,6 +26,8 @@ has its dictionary and the side of its markers too."""
 @dataclass(frozen=True)
 class Bar2x2:
     """Two 2x2 checkerboards, which look alike."""
+
+    named: ClassVar = False
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class Tags:
     """As OpenCV names it, without `DICT_`."""
     ids: tuple[int, int]
     """Of A and B."""
+    named: ClassVar = True
 
 
 @dataclass(frozen=True)

@@ -62,10 +62,11 @@ def choose_boards(
 
     Returns, by frame number, the chosen detections; the original ones if undecided.
     """
-    of_sure = [_undistorted(cameras[i], sure[:, :, i]) for i in range(2)]
-    focal = float(np.median(frame_focal_px(cameras, of_sure))) if len(sure) else 1.0
-    rays = np.concatenate(of_sure, axis=-1)
-    expected = None if len(sure) < MINIMUM_SURE else _expect(rays, focal)
+    expected = None
+    if len(sure) >= MINIMUM_SURE:
+        of_sure = [_undistorted(cameras[i], sure[:, :, i]) for i in range(2)]
+        focal = float(np.median(frame_focal_px(cameras, of_sure)))
+        expected = _expect(np.concatenate(of_sure, axis=-1), focal)
     seen = {frame: [_all_centres(one) for one in both] for frame, both in open_frames.items()}
     chosen = {}
     for frame, both in open_frames.items():
@@ -113,9 +114,8 @@ class _Expected:
         return off, np.column_stack([limits[:, :2].max(axis=1) * self.focal_px, limits[:, 2]])
 
     def leaves_an_end(self, rays: FloatArray, left: list[FloatArray], limit_px: float) -> bool:
-        """Whether a board outside the choice (2, 4) may be a target hidden from one camera.
-
-        Such a board is seen by one camera only, within one bar length of a chosen board.
+        """Whether a board outside the choice (2, 4) may be a target hidden from one camera: seen by
+        the other alone, within one bar length of a chosen board.
 
         Args:
             left: for each camera, normalised points (m, 2) of the moving boards not chosen.
@@ -173,16 +173,16 @@ def _choose(
         _undistorted(camera, np.array([_centres(pair) for pair in own]))
         for camera, own in zip(cameras, pairs, strict=True)
     ]
-    choices = [
-        (i, j, way)
-        for i, j in itertools.product(range(len(pairs[0])), range(len(pairs[1])))
-        for way in (1, -1)
-    ]
+    choices = [*itertools.product(range(len(pairs[0])), range(len(pairs[1])), (1, -1))]
     rays = np.array([np.hstack([ends[0][i], ends[1][j][::way]]) for i, j, way in choices])
     off, limits = expected.off(rays)
     best = int(np.argmin(off))
     i, j, way = choices[best]
     chosen = pairs[0][i], pairs[1][j]
+    # Both boards of a resting bar are still. A background board is in every frame, and may by
+    # chance be at the bar's length from a visible target while the other target is hidden.
+    places = _centres(chosen[0]), _centres(chosen[1])[::way]
+    still = np.logical_and(*map(_is_still, places, elsewhere))
     objections = {
         "No choice of boards fits the other frames.": off[best] > 1.0,
         "More than one choice of boards fits the other frames.": (
@@ -191,29 +191,22 @@ def _choose(
         "The sure frames are too similar to determine which boards are the targets.": (
             limits[best] > [LARGEST_PX, LARGEST_LENGTH]
         ).any(),
-        "Of the two boards that fit, one is stationary and the other moves.": (
-            _one_stands_still(_centres(chosen[0]), _centres(chosen[1])[::way], elsewhere)
-        ),
+        "Of the two boards that fit, one is stationary and the other moves.": still[0] != still[1],
         "A target may be hidden: only one camera sees a board near those that fit.": (
             expected.leaves_an_end(
                 rays[best], _left_over(both, chosen, elsewhere, cameras), limits[best, 0]
             )
         ),
     }
-    why = next((message for message, applies in objections.items() if applies), None)
-    if why is not None:
-        return Chosen(*both, why)
-    return Chosen(*chosen, f"Chosen among {_boards(both)} by comparison with the other frames.")
-
-
-def _one_stands_still(first: FloatArray, second: FloatArray, elsewhere: list[FloatArray]) -> bool:
-    """Whether exactly one of two boards is at the same position in another frame.
-
-    Both boards of a resting bar are. A background board is in every frame, and may by chance be at
-    the bar's length from a visible target while the other target is hidden.
-    """
-    still = _is_still(first, elsewhere[0]) & _is_still(second, elsewhere[1])
-    return bool(still[0] != still[1])
+    for why, applies in objections.items():
+        if applies:
+            return Chosen(*both, why)
+    among = " and ".join(
+        f"{len(_all_centres(one))} boards in the {name}"
+        for name, one in zip(CAMERAS, both, strict=True)
+        if one.alternatives
+    )
+    return Chosen(*chosen, f"Chosen among {among} by comparison with the other frames.")
 
 
 def _left_over(
@@ -224,9 +217,8 @@ def _left_over(
 ) -> list[FloatArray]:
     """For each camera, the moving boards (m, 2) that were not chosen, normalised."""
     left = []
-    for i, camera in enumerate(cameras):
-        centres = _all_centres(both[i])
-        known = np.vstack([_centres(chosen[i]), elsewhere[i]])
+    for found, kept, others, camera in zip(both, chosen, elsewhere, cameras, strict=True):
+        centres, known = _all_centres(found), np.vstack([_centres(kept), others])
         left.append(_undistorted(camera, centres[~_is_still(centres, known)]))
     return left
 
@@ -246,15 +238,6 @@ def _all_centres(detection: Detection) -> FloatArray:
 def _centres(pair: Detection) -> FloatArray:
     """(2, 2): raw pixels of the two boards; (0, 2) if none were found."""
     return np.array([corner.centre for corner in pair.targets or ()]).reshape(-1, 2)
-
-
-def _boards(both: tuple[Detection, Detection]) -> str:
-    """How many boards each photograph with alternatives shows, in words."""
-    return " and ".join(
-        f"{len(_all_centres(one))} boards in the {name}"
-        for name, one in zip(CAMERAS, both, strict=True)
-        if one.alternatives
-    )
 
 
 def _undistorted(camera: Camera, pixels: FloatArray) -> FloatArray:

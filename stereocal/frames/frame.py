@@ -94,14 +94,15 @@ def correspondences_of(frames: Iterable[Frame]) -> Correspondences:
     if not seen:
         why = next((f" The first: {report_line(frame)}" for frame in frames if frame.reason), "")
         raise StereocalError(f"No target is seen by both cameras in any frame that is used.{why}")
+    numbers, targets, primary, secondary, sources = zip(*seen, strict=True)
     return Correspondences.from_arrays(
-        frame=[number for number, *_ in seen],
-        target=[TARGETS[target] for _, target, *_ in seen],
-        primary=[(first.u, first.v) for _, _, first, _, _ in seen],
-        secondary=[(second.u, second.v) for _, _, _, second, _ in seen],
-        sigma_primary_px=np.array([first.sigma_px for _, _, first, _, _ in seen], np.float64),
-        sigma_secondary_px=np.array([second.sigma_px for _, _, _, second, _ in seen], np.float64),
-        source=[source for *_, source in seen],
+        frame=numbers,
+        target=[TARGETS[target] for target in targets],
+        primary=[(one.u, one.v) for one in primary],
+        secondary=[(one.u, one.v) for one in secondary],
+        sigma_primary_px=np.array([one.sigma_px for one in primary], np.float64),
+        sigma_secondary_px=np.array([one.sigma_px for one in secondary], np.float64),
+        source=sources,
     )
 
 

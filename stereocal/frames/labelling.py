@@ -155,7 +155,6 @@ def frames_of(
     Args:
         seen: by the name of the photograph.
     """
-    named = isinstance(target, Tags) or target.named
     sides = [
         without_still([seen[name] for name in names])
         for names in ([p.primary for p in pairs], [p.secondary for p in pairs])
@@ -167,7 +166,7 @@ def frames_of(
         if all(all(one.spots) for one in found)
     }
     decided = decide_labels(centres, cameras, seed)
-    return [_named(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]
+    return [_named(pair, both[pair.frame], target.named, decided.get(pair.frame)) for pair in pairs]
 
 
 def _named(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -106,8 +106,8 @@ def _spot_at(
     else:
         what, found = "ball", find_balls(image, target, camera)
     every = [spot for own in (found.spots, *found.candidates) for spot in own if spot]
-    near = min(every, key=lambda spot: math.dist((spot.u, spot.v), point), default=None)
-    if near is None or math.dist((near.u, near.v), point) > max(SPOT_REACH_PX, near.radius_px):
+    near = min(every, key=lambda spot: math.dist(spot.centre, point), default=None)
+    if near is None or math.dist(near.centre, point) > max(SPOT_REACH_PX, near.radius_px):
         raise StereocalError(
             f"There is no {what} near ({point[0]:.1f}, {point[1]:.1f}). Click on one, or keep the "
             "raw click."
@@ -126,11 +126,9 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
             "click again."
         )
     distances = [_distance(found, centre) for found in frame.centres[camera]]
-    nearest = 0 if distances[0] <= distances[1] else 1
-    missing = [target for target in (0, 1) if frame.centres[camera][target] is None]
-    if missing and distances[nearest] > SAME_TARGET_PX:
-        return missing[0]
-    return nearest
+    # The missing one is infinitely far.
+    far = min(distances) > SAME_TARGET_PX and math.inf in distances
+    return distances.index(math.inf if far else min(distances))
 
 
 def place(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
@@ -148,9 +146,7 @@ def swap(review: Review, number: int, camera: int) -> Review:
     """Exchange A and B in one camera."""
     frame = review.frame(number)
     swapped = frame.swapped(camera)
-    if swapped == frame:
-        return review
-    return _corrected(review, frame, swapped)
+    return review if swapped == frame else _corrected(review, frame, swapped)
 
 
 def choose(review: Review, number: int, use: bool) -> Review:
@@ -171,11 +167,8 @@ def undo(review: Review) -> Review:
     if not review.edits:
         return review
     *earlier, last = review.edits
-    changed = {
-        field.name: getattr(last.before, field.name)
-        for field in fields(Frame)
-        if getattr(last.before, field.name) != getattr(last.after, field.name)
-    }
+    before, after = vars(last.before), vars(last.after)
+    changed = {name: value for name, value in before.items() if value != after[name]}
     frames = [
         replace(frame, **changed) if frame.frame == last.after.frame else frame
         for frame in review.frames

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.detection.target import Balls, Sighting, Tags, Target
+from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
@@ -122,8 +122,7 @@ def find_everywhere(
         pairs = pairs_of(moments, one, other)
         both = label_frames(pairs, seen, (cameras[one], cameras[other]), target)
         found[one, other] = {frame.frame: _points(frame) for frame in both if frame.use}
-    named = isinstance(target, Tags) or (isinstance(target, Balls) and target.named)
-    ways = EITHER_WAY[:1] if named else EITHER_WAY
+    ways = EITHER_WAY[:1] if target.named else EITHER_WAY
     why = {
         name: one.missing if isinstance(one, Sighting) else one.sentence
         for name, one in seen.items()

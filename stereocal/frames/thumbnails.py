@@ -34,15 +34,12 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
     for letter, colour, centre in zip("AB", COLOURS, centres, strict=True):
         if centre:
             # Pixel centres are at integers.
-            at = (
-                round((centre.u - left + 0.5) * scale - 0.5),
-                round((centre.v - top + 0.5) * scale - 0.5),
-            )
-            beside = at[0] + 9, at[1] - 7
+            corner = ((centre.u, left), (centre.v, top))
+            x, y = (round((at - first + 0.5) * scale - 0.5) for at, first in corner)
             for ink, width in (((0, 0, 0), 4), (colour, 2)):  # an outline, visible on white too
-                cv2.drawMarker(drawn, at, ink, cv2.MARKER_CROSS, 15, width)
+                cv2.drawMarker(drawn, (x, y), ink, cv2.MARKER_CROSS, 15, width)
                 font = cv2.FONT_HERSHEY_SIMPLEX
-                cv2.putText(drawn, letter, beside, font, 0.55, ink, width, cv2.LINE_AA)
+                cv2.putText(drawn, letter, (x + 9, y - 7), font, 0.55, ink, width, cv2.LINE_AA)
     whole = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     y, x = (HEIGHT - drawn.shape[0]) // 2, (WIDTH - drawn.shape[1]) // 2
     whole[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn

@@ -242,12 +242,8 @@ def calibrate_lens(
     """
     views = search.views
     size = _draw_size(search, settings)
-    drawn = np.array(
-        [
-            np.sort(np.random.default_rng([settings.seed, repeat]).choice(len(views), size, False))
-            for repeat in range(settings.repeats)
-        ]
-    )
+    draws = (np.random.default_rng([settings.seed, each]) for each in range(settings.repeats))
+    drawn = np.array([np.sort(rng.choice(len(views), size, False)) for rng in draws])
     every, total = np.arange(len(views))[None], settings.repeats
     chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, total, CHUNK))]
     if without_each:
@@ -356,8 +352,8 @@ def _draw_size(search: BoardSearch, settings: LensSettings) -> int:
     if views >= FEWEST_VIEWS:
         return 2 * views // 3
     photographs = views + len(search.refused)
-    there = f"{views} of {photographs} photographs" if search.refused else f"{views} photographs"
-    there = "1 photograph" if photographs == 1 else there
+    of_all = f"{views} of {photographs}" if search.refused else str(views)
+    there = "1 photograph" if photographs == 1 else f"{of_all} photographs"
     few = f" Or draw fewer than {views} each time." if views > MINIMUM_VIEWS else ""
     raise StereocalError(
         f"The board was found in {there}: at least {FEWEST_VIEWS} are needed; about "
@@ -405,8 +401,9 @@ def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatA
 
         pose = np.asarray(least_squares(residuals, pose, method="lm").x)
     else:
+        turn, shift = np.split(pose[:, None], 2)
         refined = cv2.solvePnPRefineLM(
-            points, view.corners, camera.K, camera.distortion, pose[:3], pose[3:]
+            points, view.corners, camera.K, camera.distortion, turn, shift
         )
         pose = np.concatenate(refined, dtype=np.float64).ravel()
     return residuals(pose).reshape(-1, 2)

@@ -7,6 +7,7 @@ is a discrete Gaussian on that fine grid.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -97,7 +98,7 @@ def paint(light: FloatArray, board: Board, origin: tuple[float, float], fine: in
 
 
 def picture(
-    board: Board,
+    boards: Board | Sequence[Board],
     size: tuple[int, int],
     noise: float = 0.0,
     seed: int = 0,
@@ -105,10 +106,13 @@ def picture(
     fine: int = 8,
     bits: int = 8,
 ) -> Photograph:
-    """A photograph (h, w) of one board on a plain background; `size` is (width, height)."""
+    """A photograph (h, w) of boards of one blur before a plain grey; `size` is (width, height)."""
     light = np.full((size[1] * fine, size[0] * fine), background)
-    paint(light, board, (0.0, 0.0), fine)
-    light = cv2.GaussianBlur(light, (0, 0), board.blur * fine, borderType=cv2.BORDER_REPLICATE)
+    boards = [boards] if isinstance(boards, Board) else boards
+    for board in boards:
+        paint(light, board, (0.0, 0.0), fine)
+    blur = boards[0].blur * fine
+    light = cv2.GaussianBlur(light, (0, 0), blur, borderType=cv2.BORDER_REPLICATE)
     image = light.reshape(size[1], fine, size[0], fine).mean(axis=(1, 3))
     image = image + noise * np.random.default_rng(seed).normal(size=image.shape)
     scale = (2**bits - 1) / 255.0

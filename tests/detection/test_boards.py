@@ -157,10 +157,9 @@ def checkered(grid: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8
     """An image with a spot of the right colour in the middle of each square between the corners."""
     image = np.full((480, 640), 128, dtype=np.uint8)
     middles = 0.25 * (grid[:-1, :-1] + grid[:-1, 1:] + grid[1:, :-1] + grid[1:, 1:])
-    for row in range(middles.shape[0]):
-        for column in range(middles.shape[1]):
-            u, v = np.rint(middles[row, column]).astype(int)
-            image[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2] = 255 * ((row + column) % 2)
+    for row, column in np.ndindex(middles.shape[:2]):
+        u, v = np.rint(middles[row, column]).astype(int)
+        image[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2] = 255 * ((row + column) % 2)
     return image
 
 
@@ -228,13 +227,8 @@ def photographs(folder: Path) -> dict[str, Path]:
 class TestManyPhotographs:
     def test_progress_and_cancel(self, folder: Path) -> None:
         seen: list[tuple[int, int]] = []
-        found = find_boards(
-            photographs(folder),
-            CHARUCO,
-            AtOnce(),
-            lambda *at: seen.append(at),
-            lambda: len(seen) >= 2,
-        )
+        control = (lambda *at: seen.append(at)), (lambda: len(seen) >= 2)
+        found = find_boards(photographs(folder), CHARUCO, AtOnce(), *control)
         assert found is None and seen[:2] == [(1, 5), (2, 5)]
 
     @pytest.mark.parametrize("size", ["9x7", "7x6", "8x5"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from stereocal.detection.detect import Detection, detect_targets
 from stereocal.simulation.simulate import field_rig
-from tests.detection.boards import Board, paint
+from tests.detection.boards import Board, picture
 from tools.photographs.backgrounds import outdoors
 from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
 from tools.photographs.rendering import Photograph, PhotographSettings
@@ -22,15 +23,8 @@ RIGHT = Board((520.3, 170.2), 90.0, 1.0, 0.3, 2.0)
 
 
 def scene(boards: Sequence[Board], noise: float = 2.0, blur: float = 1.0) -> Photograph:
-    fine = 4 if blur < 5.0 else 1
-    light = np.full((SIZE[1] * fine, SIZE[0] * fine), 120.0)
-    for board in boards:
-        paint(light, board, (0.0, 0.0), fine)
-    light = cv2.GaussianBlur(light, (0, 0), blur * fine)
-    image = light.reshape(SIZE[1], fine, SIZE[0], fine).mean(axis=(1, 3))
-    image = image + noise * np.random.default_rng(1).normal(size=image.shape)
-    levels: npt.NDArray[np.float64] = np.clip(np.rint(image), 0, 255)
-    return levels.astype(np.uint8)
+    blurred = [replace(board, blur=blur) for board in boards]
+    return picture(blurred, SIZE, noise, seed=1, fine=4 if blur < 5.0 else 1)
 
 
 @pytest.fixture(scope="module")

@@ -55,19 +55,11 @@ def test_a_missing_tag_is_named() -> None:
     assert "3" in found.missing and "7" in found.missing
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "tag",
-        "bar2x2:4",
-        "tags:",
-        "tags:9X9_50:1,2",
-        "tags:4X4_50:3",
-        "tags:4X4_50:3,3",
-        "tags:4X4_50:3,50",
-    ],
-)
+NO_TARGETS = """tag bar2x2:4 tags: tags:9X9_50:1,2 tags:4X4_50:3 tags:4X4_50:3,3 tags:4X4_50:3,50
+balls balls:red balls:red,blurple balls:bright,red balls:red,blue,red"""
+
+
+@pytest.mark.parametrize("text", ["", *NO_TARGETS.split()])
 def test_what_is_no_target_is_refused(text: str) -> None:
     with pytest.raises(StereocalError):
         parse_target(text)

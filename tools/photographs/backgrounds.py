@@ -50,17 +50,14 @@ def outdoors(
     Args:
         softness_px: standard deviation of the defocus blur.
     """
-    cameras = (rig.primary, rig.secondary)
-    poses = (HERE, rig.pose)
-    canvas = _canvas_for(cameras, poses)
+    views = ((rig.primary, HERE), (rig.secondary, rig.pose))
+    canvas = _canvas_for(views)
     paint_scenery(canvas, rng)
     lying = lying_chessboard(rig.primary, rng)
-    pictures = []
-    for camera, pose in zip(cameras, poses, strict=True):
-        picture = blurred(seen_wall(canvas, camera, pose), softness_px)
+    first, second = (blurred(seen_wall(canvas, *view), softness_px) for view in views)
+    for picture, (camera, pose) in zip((first, second), views, strict=True):
         paint(picture, camera, lying.seen_from(pose), max(0.5 * softness_px, 0.3))
-        pictures.append(picture)
-    return pictures[0], pictures[1]
+    return first, second
 
 
 def indoors(camera: Camera, rng: np.random.Generator) -> Picture:
@@ -78,12 +75,10 @@ def seen_wall(canvas: Canvas, camera: Camera, camera_from_primary: Pose) -> Pict
     """The painted plane as a camera sees it, (height, width); mirrored beyond its edges."""
     width, height = camera.image_size
     x, y = _wall_points(
-        camera, camera_from_primary, np.arange(float(width)), np.arange(float(height))
+        camera, camera_from_primary, np.arange(1.0 * width), np.arange(1.0 * height)
     )
-    columns, rows = (
-        ((at - first) * canvas.pixels_per_m).astype(np.float32)
-        for at, first in ((x, canvas.left_m), (y, canvas.top_m))
-    )
+    columns = ((x - canvas.left_m) * canvas.pixels_per_m).astype(np.float32)
+    rows = ((y - canvas.top_m) * canvas.pixels_per_m).astype(np.float32)
     edges = cv2.BORDER_REFLECT_101
     seen = cv2.remap(canvas.grey, columns, rows, cv2.INTER_LINEAR, borderMode=edges)
     return np.asarray(seen, dtype=np.float32)
@@ -106,10 +101,8 @@ def _wall_points(
     camera: Camera, camera_from_primary: Pose, columns: FloatArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Intersections of the rays of a pixel grid with the plane: x, y in the primary's frame, m."""
-    splines = ray_splines(camera, columns, rows)
-    rays = np.stack(
-        [spline(rows, columns) for spline in splines] + [np.ones((len(rows), len(columns)))], -1
-    )
+    x, y = (spline(rows, columns) for spline in ray_splines(camera, columns, rows))
+    rays = np.stack([x, y, np.ones_like(x)], -1)
     back = camera_from_primary.inverse()
     directions = rays @ back.R.T
     depth = np.maximum(directions[..., 2], 1e-3)
@@ -120,16 +113,15 @@ def _wall_points(
     return x, y
 
 
-def _canvas_for(cameras: Sequence[Camera], poses: Sequence[Pose]) -> Canvas:
+def _canvas_for(views: Sequence[tuple[Camera, Pose]]) -> Canvas:
     """An empty canvas that covers both views, with the resolution of the cameras if possible."""
     seen = []
-    for camera, pose in zip(cameras, poses, strict=True):
-        width, height = camera.image_size
-        grid = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)
+    for camera, pose in views:
+        grid = (np.linspace(0, n - 1, 33) for n in camera.image_size)
         seen.append(np.stack(_wall_points(camera, pose, *grid), axis=-1).reshape(-1, 2))
     points = np.concatenate(seen)
     low, high = points.min(axis=0), points.max(axis=0)
-    finest = max(camera.K[0, 0] for camera in cameras) / WALL_M
+    finest = max(camera.K[0, 0] for camera, _ in views) / WALL_M
     pixels_per_m = min(finest, LARGEST_CANVAS_PX / float((high - low).max()))
     width, height = (int(side) for side in np.ceil((high - low) * pixels_per_m) + 1)
     grey = np.zeros((height, width), dtype=np.uint8)

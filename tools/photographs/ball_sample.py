@@ -49,18 +49,16 @@ def write_ball_sample(out: Path, frames: int = FRAMES) -> None:
     scene = place_visible_bars(rig, rng, frames, BAR_M, 2 * BALL_M, DEPTHS_M, margin_px=40.0)
     light = side_light(rng, 50.0, 70.0)
     behind = [clutter(SIZE, rng, SHAPES, grain=0.06) for _ in CAMERAS]
-    truth = []
+    truth, quality = [], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     for frame, ends in enumerate(scene.ends_m, start=1):
         row: dict[str, object] = {"frame": frame}
-        for k, (which, pose) in enumerate(zip(CAMERAS, (HERE, rig.pose), strict=True)):
-            camera, there = (rig.primary, rig.secondary)[k], pose.apply(ends)
+        for which, pose, wall in zip(CAMERAS, (HERE, rig.pose), behind, strict=True):
+            camera, there = getattr(rig, which), pose.apply(ends)
             settings = BallSettings(seen_by(light, pose), ambient=0.2, gloss=0.3, blur_px=0.9)
-            image = photograph_balls(
-                camera, behind[k], there, BALL_M, (RED, YELLOW), settings, rng, rod_m=0.012
-            )
-            quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-            name = f"{which}/{frame:04}.jpg"
-            write_atomically(out / name, cv2.imencode(".jpg", image, quality)[1].tobytes())
+            scene_of = camera, wall, there, BALL_M, (RED, YELLOW), settings
+            image = photograph_balls(*scene_of, rng, rod_m=0.012)
+            coded = cv2.imencode(".jpg", image, quality)[1].tobytes()
+            write_atomically(out / which / f"{frame:04}.jpg", coded)
             row[which] = np.round(camera.project(there), 4).tolist()
         truth.append(row)
     description = {

@@ -99,9 +99,8 @@ def _paint(
     height, width = picture.shape[:2]
     middle = camera.project(centre[None])[0]
     reach = 1.3 * radius / centre[2] * float(camera.K[0, 0]) + 3.0
-    left, top = (int(max(v, 0)) for v in np.floor(middle - reach))
-    right = int(min(np.ceil(middle[0] + reach) + 1, width))
-    bottom = int(min(np.ceil(middle[1] + reach) + 1, height))
+    left, top = np.maximum(np.floor(middle - reach), 0).astype(int).tolist()
+    right, bottom = np.minimum(np.ceil(middle + reach) + 1, [width, height]).astype(int).tolist()
     if left >= right or top >= bottom:
         return
     at = (np.arange(PARTS) + 0.5) / PARTS - 0.5
@@ -164,9 +163,7 @@ def clutter(
         else:
             spread = rng.normal(0.0, 0.4 * long, (int(rng.integers(4, 7)), 2))
             cv2.fillPoly(picture, [np.asarray(middle + spread, np.int32)], colour, cv2.LINE_AA)
-    noise = np.asarray(
-        cv2.GaussianBlur(rng.standard_normal((height, width), np.float32), (0, 0), 1.5), np.float32
-    )
+    noise = cv2.GaussianBlur(rng.standard_normal((height, width), np.float32), (0, 0), 1.5)
     return np.clip(picture * (1.0 + grain * noise[..., None]), 0.0, 1.0).astype(np.float32)
 
 
@@ -191,5 +188,4 @@ def side_light(
 
 def seen_by(light: FloatArray, camera_from_here: Pose) -> FloatArray:
     """The direction (3,) in a camera's frame."""
-    turned: FloatArray = camera_from_here.R @ light
-    return turned
+    return np.asarray(camera_from_here.R @ light)

@@ -93,7 +93,7 @@ class Flaw:
             board_m: side of a board.
             secondary: the rig's pose, `secondary_from_primary`.
         """
-        leaves = []
+        leaves: list[Placed] = []
         if self.leaf:
             eye = np.zeros(3) if self.camera == "primary" else secondary.inverse().T
             scale, offset = LEAF_AT * board_m, np.array([*self.leaf_offset, 0.0])
@@ -204,14 +204,8 @@ def place_boards(
 def facing(
     centre: FloatArray, viewpoint: FloatArray, tilt: float, azimuth: float, spin: float
 ) -> Pose:
-    """The pose of a board that faces a viewpoint, except for a tilt; angles in radians.
-
-    Args:
-        centre: (3,) position of its origin.
-        tilt: angle between its normal and the line to the viewpoint.
-        azimuth: direction of the tilt.
-        spin: rotation in its own plane.
-    """
+    """The pose of a board at `centre` (3,) that faces a viewpoint (3,), except for a tilt towards
+    an azimuth, and is turned by `spin` in its own plane; angles in radians."""
     away = (centre - viewpoint) / np.linalg.norm(centre - viewpoint)
     across = np.cross([0.0, 1.0, 0.0], away)
     across /= np.linalg.norm(across)

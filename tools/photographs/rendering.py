@@ -93,12 +93,7 @@ class PhotographSettings:
 def x_corner_board(
     size_m: float, black: float = 35.0, white: float = 205.0, black_first: bool = True
 ) -> Board:
-    """A 2x2 checkerboard: one X-corner, at its origin.
-
-    Args:
-        size_m: length of a side.
-        black_first: whether the top left square is black.
-    """
+    """A 2x2 checkerboard with this side: one X-corner, at its origin; black top left, or white."""
     first, second = (black, white) if black_first else (white, black)
     return Board(np.array([[first, second], [second, first]]), (size_m, size_m))
 
@@ -120,11 +115,8 @@ def chessboard(
 
 def chessboard_corners(squares: tuple[int, int], square_m: float) -> FloatArray:
     """Inner corners, (n, 3) in the board's frame, row by row from the top left."""
-    columns, rows = squares
-    x = (np.arange(1, columns) - 0.5 * columns) * square_m
-    y = (np.arange(1, rows) - 0.5 * rows) * square_m
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    return np.column_stack([grid, np.zeros(len(grid))])
+    x, y = np.meshgrid(*((np.arange(1, n) - 0.5 * n) * square_m for n in squares))
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
 
 def turned(rotation_vector: npt.ArrayLike) -> FloatArray:
@@ -213,8 +205,7 @@ def expose(picture: Picture, settings: PhotographSettings, rng: np.random.Genera
     at a grey level of 5 (200 of 10,000 electrons).
     """
     height, width = picture.shape
-    x2 = np.linspace(-1.0, 1.0, width, dtype=np.float32) ** 2 * width**2
-    y2 = np.linspace(-1.0, 1.0, height, dtype=np.float32) ** 2 * height**2
+    x2, y2 = (np.linspace(-1.0, 1.0, n, dtype=np.float32) ** 2 * n**2 for n in (width, height))
     lost = np.float32(settings.vignetting / (width**2 + height**2))
     intensity = picture * (1.0 - lost * (x2 + y2[:, None]))
     variance = intensity * np.float32(WHITE_LEVEL / settings.full_well_e)
@@ -239,7 +230,7 @@ def blurred(picture: Picture, blur_px: float) -> Picture:
 
 
 def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, int] | None:
-    """Box (left, top, right, bottom) of the blurred board in the image; None if outside."""
+    """Left, top, right and bottom of the blurred board in the image; None if outside."""
     width, height = camera.image_size
     points = placed.camera_from_board.apply(outline_of(np.array(placed.board.size_m), 17))
     if (points[:, 2] <= 0).any():
@@ -285,7 +276,6 @@ def ray_splines(
     """
 
     def rays(of: npt.NDArray[np.floating], at: npt.NDArray[np.floating]) -> FloatArray:
-        """(rows, columns, 2)."""
         grid = np.stack(np.meshgrid(at, of), axis=-1)
         return camera.undistort(grid.reshape(-1, 2)).reshape(grid.shape)
 
@@ -309,10 +299,6 @@ def on_plane(
         x, y: normalised image coordinates, of any equal shape.
         plane_from_ray: (3, 3), the inverse of `[r1 r2 T]` of the plane's pose.
     """
-    H = plane_from_ray
-    scale = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+    across, down, scale = (h[0] * x + h[1] * y + h[2] for h in plane_from_ray)
     scale[scale <= 0] = np.nan
-    return (
-        (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / scale,
-        (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / scale,
-    )
+    return across / scale, down / scale

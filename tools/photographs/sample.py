@@ -81,10 +81,6 @@ class PhotographedField:
         """The two cameras by name."""
         return {which: getattr(self.scene.rig, which) for which in CAMERAS}
 
-    def is_hidden(self, frame: int) -> bool:
-        """Whether a leaf hides a target of a frame."""
-        return self.flaws.get(frame, NO_FLAW).leaf > 0
-
     def pairs(self) -> Iterator[PhotographPair]:
         """Render the photographs of the bar, one pair at a time."""
         rng = np.random.default_rng([self.seed, 1])
@@ -104,18 +100,12 @@ class PhotographedField:
 def prepare_photographs(
     seed: int, frames: int = FIELD_FRAMES, boards: int = LENS_PHOTOGRAPHS
 ) -> PhotographedField:
-    """Draw the rig, the positions of the bar, and the poses of the chessboards.
-
-    Args:
-        frames: number of photographs of the bar for each camera.
-        boards: number of photographs of the chessboard for each camera.
-    """
+    """Draw the rig, and the poses of the bar and of the chessboards for each camera."""
     rng = np.random.default_rng([seed, 0])
-    rig = drawn_rig(rng)
-    bar, settings = BarSettings(), PhotographSettings()
+    rig, bar = drawn_rig(rng), BarSettings()
     scene = place_visible_bars(rig, rng, frames, FIELD_BAR_M, bar.board_m)
     poses = {which: draw_board_poses(getattr(rig, which), rng, boards) for which in CAMERAS}
-    return PhotographedField(scene, poses, bar, settings, seed)
+    return PhotographedField(scene, poses, bar, PhotographSettings(), seed)
 
 
 def drawn_rig(rng: np.random.Generator) -> Rig:
@@ -152,7 +142,7 @@ def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
             truth["frames"][number - 1]["flaw"] = flaw.what
     truth["bar"] = asdict(field.bar)
     truth["photographs"] = asdict(field.settings)
-    poses = {
+    boards = {
         which: [
             {"photograph": f"{number:04d}.jpg", "R": pose.R.tolist(), "T": pose.T.tolist()}
             for number, pose in enumerate(own, start=1)
@@ -164,7 +154,7 @@ def true_of_photographs(field: PhotographedField) -> dict[str, Any]:
         "square_m": LENS_SQUARE_M,
         "convention": "x_camera = R @ x_board + T; origin in the middle, x along the columns, "
         "y down along the rows",
-        **poses,
+        **boards,
     }
     return truth
 
@@ -189,7 +179,8 @@ def write_photographs(
     total = 2 * (frames + boards)
     done = 0
     for pair in field.pairs():
-        quality = JPEG_QUALITY_HIDDEN if field.is_hidden(pair.frame) else JPEG_QUALITY
+        hidden = field.flaws.get(pair.frame, NO_FLAW).leaf > 0
+        quality = JPEG_QUALITY_HIDDEN if hidden else JPEG_QUALITY
         for which in CAMERAS:
             content = jpeg(getattr(pair, which), quality)
             write_atomically(folder / which / f"{pair.frame:04d}.jpg", content)

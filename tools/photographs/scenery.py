@@ -45,12 +45,9 @@ class Canvas:
 
     def fill(self, outline_m: npt.ArrayLike, grey: float) -> None:
         """Draw a polygon (n, 2), antialiased."""
-        pixels = (np.asarray(outline_m) - [self.left_m, self.top_m]) * (
-            self.pixels_per_m * 2**SHIFT
-        )
-        cv2.fillPoly(
-            self.grey, [np.round(pixels).astype(np.int32)], float(grey), cv2.LINE_AA, SHIFT
-        )
+        scale = self.pixels_per_m * 2**SHIFT
+        pixels = np.round((np.asarray(outline_m) - [self.left_m, self.top_m]) * scale)
+        cv2.fillPoly(self.grey, [pixels.astype(np.int32)], float(grey), cv2.LINE_AA, SHIFT)
 
     def rectangle(self, left: float, top: float, right: float, bottom: float, grey: float) -> None:
         """Draw an upright rectangle."""
@@ -63,12 +60,7 @@ class Canvas:
         greys: FloatArray,
         rng: np.random.Generator,
     ) -> None:
-        """Draw n leaves of random directions.
-
-        Args:
-            centres_m: (n, 2).
-            sizes_m, greys: (n,).
-        """
+        """Draw n leaves of random directions; centres (n, 2), sizes and grey levels (n,)."""
         shape = [(1.0, 0.0), (0.3, 0.35), (-0.5, 0.3), (-1.0, 0.0), (-0.5, -0.3), (0.3, -0.35)]
         angles = rng.uniform(0.0, 2.0 * np.pi, len(centres_m))
         cos, sin = np.cos(angles), np.sin(angles)
@@ -117,14 +109,12 @@ def clouded(
 
 def _treeline(canvas: Canvas, rng: np.random.Generator) -> None:
     """Distant woods: a dark ragged band above the ground."""
-    height, width = canvas.grey.shape
-    scale = canvas.pixels_per_m
+    (height, width), scale = canvas.grey.shape, canvas.pixels_per_m
     ragged = clouded((2, width), rng, 4.0 * scale, 0.05 * scale)[0]
     crowns = (-0.6 + 0.5 * ragged - canvas.top_m) * scale
     texture = clouded((height, width), rng, 0.8 * scale, 0.04 * scale)
     woods = np.clip(92.0 + 13.0 * texture, 0, 255).astype(np.uint8)
-    mask = np.arange(height)[:, None] > crowns
-    np.copyto(canvas.grey, woods, where=mask)
+    np.copyto(canvas.grey, woods, where=np.arange(height)[:, None] > crowns)
 
 
 def _house(canvas: Canvas, rng: np.random.Generator, left: float, right: float) -> None:

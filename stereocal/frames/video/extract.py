@@ -199,7 +199,7 @@ def _at(scores: FloatArray, seconds: FloatArray) -> FloatArray:
     return found
 
 
-def period_of(seconds: FloatArray) -> float:
+def _period(seconds: FloatArray) -> float:
     """The usual time from frame to frame, in seconds."""
     return float(np.median(np.diff(seconds)))
 
@@ -245,7 +245,7 @@ def pair_times(
     after = np.clip(np.searchsorted(theirs, primary), 1, len(theirs) - 1)
     nearest = after - (primary - theirs[after - 1] < theirs[after] - primary)
     apart = theirs[nearest] - primary
-    limit = NEAREST * max(period_of(primary), period_of(secondary))
+    limit = NEAREST * max(_period(primary), _period(secondary))
     ours = np.flatnonzero(np.abs(apart) <= limit)
     # A frame of the secondary belongs to the nearest of the primary's frames.
     ours = ours[np.argsort(np.abs(apart[ours]), kind="stable")]
@@ -255,7 +255,7 @@ def pair_times(
             "The two videos have no frames of the same moment: check that they are of the same "
             "recording, and by how much the secondary's clock is ahead."
         )
-    numbers = 1 + np.round((primary[ours] - primary[0]) / period_of(primary)).astype(np.int64)
+    numbers = 1 + np.round((primary[ours] - primary[0]) / _period(primary)).astype(np.int64)
     for k in range(1, len(numbers)):  # a variable rate
         numbers[k] = max(numbers[k], numbers[k - 1] + 1)
     return VideoPairs(np.column_stack([ours, nearest[ours]]), apart[ours], numbers)
@@ -300,7 +300,7 @@ def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs
     """The rates, the gaps and the agreement of two videos, in words."""
     sentences = []
     for which, seconds in zip(CAMERAS, (primary, secondary), strict=True):
-        period, steps = period_of(seconds), np.diff(seconds)
+        period, steps = _period(seconds), np.diff(seconds)
         low, high = np.percentile(steps, [5, 95])
         rate = f"{rounded(1 / period, 4)} frames a second"
         if high > 1.1 * low:
