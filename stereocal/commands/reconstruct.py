@@ -10,9 +10,10 @@ import numpy as np
 from stereocal.commands.console import ONE_OF, Options, report, with_bar
 from stereocal.commands.options import WORKERS, WORLD, workers_from, world_from
 from stereocal.matching.matching import refuse_different_rigs
+from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
-from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
+from stereocal.matching.reconstruction_files import reconstruct_table
 from stereocal.matching.several_files import reconstruct_rig
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters

@@ -10,8 +10,8 @@ from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
+from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PARQUET, PointTable
-from stereocal.matching.reconstruction_files import PIXELS
 from stereocal.rig.camera import LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters

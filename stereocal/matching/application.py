@@ -19,10 +19,10 @@ import pandas as pd
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import POINT
+from stereocal.matching.pairs import PIXELS, POINT
 from stereocal.matching.point_table import SIGMA, PointTable
 from stereocal.matching.reconstruction import name_of_world
-from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
+from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, reconstruct_table
 from stereocal.matching.threshold import FramePixels, sample_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences

@@ -153,10 +153,8 @@ class NearestErrors:
 
     def within(self, threshold_px: float) -> tuple[int, int]:
         """The numbers of points with one and with two partners within the threshold."""
-        return (
-            int((self.best_px <= threshold_px).sum()),
-            int((self.runner_up_px <= threshold_px).sum()),
-        )
+        one, two = (int((own <= threshold_px).sum()) for own in (self.best_px, self.runner_up_px))
+        return one, two
 
 
 def nearest_errors(

@@ -19,16 +19,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 
 POINT = ("u", "v")
-PAIR_COLUMNS = (
-    "frame",
-    "u_primary",
-    "v_primary",
-    "u_secondary",
-    "v_secondary",
-    "error_px",
-    "runner_up_px",
-    "ambiguous",
-)
+PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
+PAIR_COLUMNS = ("frame", *PIXELS, "error_px", "runner_up_px", "ambiguous")
 ERROR_DECIMALS = 6
 
 
@@ -62,11 +54,9 @@ def match(
         for table in (primary, secondary)
     ]
     frames = sorted(both[0].keys() & both[1].keys())
-    first, second = (
-        [str(c) for c in table.columns if c not in ("frame", *POINT, *SIGMAS)]
-        for table in (primary, secondary)
-    )
-    names = further_names(first, second)
+    own = ("frame", *POINT, *SIGMAS)
+    further = ([str(c) for c in table if c not in own] for table in (primary, secondary))
+    names = further_names(*further)
     wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
     sample = [sample_pixels(both[0][f], both[1][f]) for f in sorted(wanted)]
     given_px = None if threshold_px == "auto" else threshold_px
@@ -110,10 +100,7 @@ def match_frame(
     i, j = found.primary, found.secondary
     columns: dict[str, Any] = {
         "frame": np.full(len(found), frame),
-        "u_primary": primary[i, 0],
-        "v_primary": primary[i, 1],
-        "u_secondary": secondary[j, 0],
-        "v_secondary": secondary[j, 1],
+        **dict(zip(PIXELS, np.column_stack([primary[i], secondary[j]]).T, strict=True)),
         "error_px": found.error_px.round(ERROR_DECIMALS),
         "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
         "ambiguous": found.ambiguous,

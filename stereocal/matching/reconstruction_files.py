@@ -16,7 +16,7 @@ import pandas as pd
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.in_step import bring_into_step, shift_pixels
 from stereocal.matching.matching import purpose_warning
-from stereocal.matching.pairs import ERROR_DECIMALS
+from stereocal.matching.pairs import ERROR_DECIMALS, PIXELS
 from stereocal.matching.point_noise import (
     FEWEST_PAIRS,
     PointNoise,
@@ -34,7 +34,6 @@ from stereocal.rig.volume import Volume
 from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
-PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
 OUTSIDE_VOLUME = "outside_volume"

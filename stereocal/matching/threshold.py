@@ -242,23 +242,21 @@ def _fits(
     rig: RigParameters, sample: _Sample, sigma_px: float | None
 ) -> tuple[Mixture | None, PointNoise | None]:
     """Correct and wrong pairs, if they can be separated, and the noise, if it is known."""
-    errors = (
-        sample.errors
-        if sigma_px is None
-        else replace(sample.errors, stated=np.full(len(sample.errors), sigma_px))
-    )
+    errors = sample.errors
+    if sigma_px is not None:
+        errors = replace(errors, stated=np.full(len(errors), sigma_px))
     found = fit_pairs(errors, sample.limit_px)
-    is_clear = found is not None and found.is_clear
-    limit = found.limit_px if found is not None and is_clear else sample.limit_px
+    found = found if found is not None and found.is_clear else None
+    limit = sample.limit_px if found is None else found.limit_px
     if sigma_px is not None or sample.has_sigmas:
         known = fit_noise(errors, limit, 1.0)
         typical = sigma_px or float(np.sqrt(np.mean(errors.stated**2)))
-        noise = stated_noise(typical, sigma_px is None, found if is_clear else None)
+        noise = stated_noise(typical, sigma_px is None, found)
         return (known if known is not None and known.stands_out else None), noise
-    own = fit_noise(errors, limit) if is_clear else None
+    own = None if found is None else fit_noise(errors, limit)
     if own is not None and own.is_clear:
         return found, PointNoise(own.deviation, "estimated", own.relative_error)
-    return (found if is_clear else None), noise_of_calibration(rig)
+    return found, noise_of_calibration(rig)
 
 
 def _choose(found: Mixture, sample: _Sample, threshold: float | None) -> tuple[float, Shares]:

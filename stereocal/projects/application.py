@@ -72,7 +72,6 @@ class ProjectApplication(ProjectPart):
     # Points
 
     def point_file(self, side: CameraName) -> PointFile | None:
-        """The file in use."""
         found = self.database.file(TABLES, side)
         try:
             return None if found is None else of_plain(found.about, PointFile)
@@ -80,7 +79,6 @@ class ProjectApplication(ProjectPart):
             raise DamagedError("The list of point files is damaged; give them again.") from error
 
     def points(self, side: CameraName) -> Points | None:
-        """The points in use."""
         file, stored = self.point_file(side), self.database.file(TABLES, side)
         if file is None or stored is None:
             return None
@@ -163,7 +161,6 @@ class ProjectApplication(ProjectPart):
                 self.database.name_files(ASKING, {side: given})
 
     def forget_question(self, side: Asked) -> None:
-        """Delete the file with open questions."""
         with self.database.freeing():
             self.database.forget_files(ASKING, [side])
 
@@ -195,7 +192,6 @@ class ProjectApplication(ProjectPart):
         self.ask(use, ", ".join([label, *(name for name, _ in more)]), pack_zip(files))
 
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
-        """Name and content of a parameter file."""
         found = self.database.file(SETS, use)
         if found is None:
             return None

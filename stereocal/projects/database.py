@@ -148,7 +148,6 @@ class Database:
                 _OPEN.reading.pop(self.path, None)
 
     def rows(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
-        """The rows of a query."""
         with self.reading() as db:
             return db.execute(query, values).fetchall()
 

@@ -126,14 +126,12 @@ class Store(Database):
         return stored
 
     def files(self, part: str) -> dict[str, StoredFile]:
-        """The files of a part by name, in the order in which they were added."""
         found = self.rows(
             "SELECT name, sha256, about FROM named WHERE part = ? ORDER BY rowid", self.scope + part
         )
         return {name: StoredFile(sha256, self, loaded(about)) for name, sha256, about in found}
 
     def file(self, part: str, name: str) -> StoredFile | None:
-        """The file of a name; None if there is none."""
         return self.files(part).get(name)
 
     def name_files(self, part: str, files: Mapping[str, StoredFile]) -> None:
@@ -153,7 +151,6 @@ class Store(Database):
                 db.executemany(FREE, replaced)
 
     def give(self, part: str, name: str, label: str, content: bytes) -> StoredFile:
-        """Store a content and name it."""
         with self.transaction():
             file = self.keep_file(content, label)
             self.name_files(part, {name: file})
@@ -175,7 +172,6 @@ class Store(Database):
                     db.execute(FREE, [file.sha256])
 
     def of_pair(self, name: str) -> Store:
-        """The store of a pair of this project's rig."""
         return replace(self, scope=f"{PAIR}{name}/")
 
     def forget_pairs(self) -> None:

@@ -77,7 +77,6 @@ def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed
 
 
 def listed(project: Project) -> Listed:
-    """A project's entry in the list."""
     changed = changed_at(project.database.path)
     try:
         return Listed(project.id, title_of(project), changed, bool(interrupted(project.database)))
@@ -144,7 +143,6 @@ def remove(home: Path, project_id: str) -> None:
 
 
 def bring_back(home: Path, project_id: str) -> Project:
-    """Undo `remove`."""
     if removed_at(home, project_id) is None:
         raise StereocalError(AGAIN)
     store = store_of(home, project_id)
@@ -223,7 +221,6 @@ class Card:
 
 
 def card_of(project: Project) -> Card:
-    """The summary of a project."""
     recording = ProjectRecording(project)
     if recording.is_given:
         return Card(f"{recording.camera_count} cameras", _rig_of(recording))

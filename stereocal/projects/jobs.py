@@ -127,7 +127,6 @@ class RunningJob:
         return Checkpoints(self, stage, pack, unpack)
 
     def add(self, stage: str, key: str, content: bytes) -> None:
-        """Store a checkpoint."""
         self._waiting.append((self.record.kind, stage, key, content))
         self._write_at_times(sum(len(one[-1]) for one in self._waiting) > WRITE_BYTES)
 
@@ -177,7 +176,6 @@ class RunningJob:
         self.leave()
 
     def leave(self) -> None:
-        """Release its lock."""
         _release(_home(self.database), self._held)
 
 

@@ -258,7 +258,6 @@ def _table(rows: Correspondences, label: str) -> Given:
 
 
 def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
-    """Check a table of pairs."""
     frames, taken = set[int](), set[str]()
     for pair in (row.pair for row in rows):
         if pair.frame in frames:

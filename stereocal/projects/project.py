@@ -73,7 +73,6 @@ class Project:
 
     @classmethod
     def open(cls, home: Path, project_id: str) -> Project:
-        """The project of this id."""
         project = cls(store_of(home, project_id))
         if project.database.marker.exists():
             raise StereocalError(NOT_THERE)
@@ -152,7 +151,6 @@ class Project:
         self._keep_frames(put_back=frames)
 
     def leave_out(self, frame: int) -> None:
-        """Leave a frame out."""
         with self.database.transaction():
             back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
             self._keep_frames(put_back=back - {frame}, left_out=out | {frame})
@@ -167,7 +165,6 @@ class Project:
         self.database.keep_values(INPUT, {name: sorted(own) for name, own in frames.items()})
 
     def take_planned(self) -> None:
-        """Take the planned lengths as measured."""
         self.database.keep_values(INPUT, {"planned": []})
 
     def rename(self, name: str) -> None:
@@ -219,11 +216,9 @@ class Project:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Values of forms by name."""
         return self.database.values(SETTING)
 
     def keep_settings(self, values: Mapping[str, Any]) -> None:
-        """Store values of forms."""
         self.database.keep_values(SETTING, values)
 
     def keep_calibration(self, calibration: Calibration, inputs: Inputs) -> None:
@@ -291,7 +286,6 @@ class Project:
 
     @property
     def evaluation(self) -> Evaluation | None:
-        """The last finished evaluation; None before the first."""
         return self._result(Evaluation, "evaluation", unpack_evaluation)
 
     @property
@@ -316,13 +310,11 @@ class Project:
         _keep(file, dataset)
 
     def drop_datasets(self) -> None:
-        """Delete the further data sets."""
         with self.database.freeing():
             self.database.forget_files(FURTHER)
 
     @property
     def more_datasets(self) -> list[Dataset]:
-        """The further data sets."""
         files = self.database.files(FURTHER).values()
         return [_read_once(Dataset, file, partial(parse_zip, lens_model="brown")) for file in files]
 

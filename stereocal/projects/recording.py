@@ -110,13 +110,11 @@ class ProjectRecording(ProjectPart):
 
     @property
     def rig(self) -> RigFile | None:
-        """The rig; None before it was found."""
         found = self.database.file(RIG_FILES, RIG)
         return None if found is None else RigFile.loads(found.read_bytes().decode())
 
     @property
     def pairs(self) -> bytes | None:
-        """The zip of the pairs' files."""
         found = self.database.file(RIG_FILES, PAIRS)
         return None if found is None else found.read_bytes()
 

@@ -11,9 +11,9 @@ import pytest
 
 from stereocal.matching.application import unlabelled
 from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import POINT, match
+from stereocal.matching.pairs import PIXELS, POINT, match
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction_files import PIXELS, reconstruct_table
+from stereocal.matching.reconstruction_files import reconstruct_table
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests import known_rig as rig

@@ -12,9 +12,9 @@ import pytest
 from stereocal.cli import main
 from stereocal.matching import point_table
 from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import PAIR_COLUMNS
+from stereocal.matching.pairs import PAIR_COLUMNS, PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, PIXELS, reconstruct_table
+from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, reconstruct_table
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images

@@ -12,7 +12,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.matching.reconstruction_files import PIXELS
+from stereocal.matching.pairs import PIXELS
 from stereocal.projects.application import IMAGES, PARAMETERS, ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.rig.rig import Rig
