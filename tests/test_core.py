@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.terminal import FIELD, ROOT
 
 WITHOUT = ("streamlit", "plotly", "pebble", "reportlab", "matplotlib", "sqlite3")
@@ -22,13 +20,17 @@ sys.path.insert(0, {str(ROOT)!r})
 """
 
 
-def run(folder: Path, *lines: str) -> subprocess.CompletedProcess[str]:
-    """Run each line as a command, in one process that has none of `WITHOUT`."""
-    script = f"{BLOCKED}from stereocal.cli import main\n"
-    script += "".join(f"if main({line.split()}): sys.exit(2)\n" for line in lines)
+def script(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
+    """Run a script with `main`, in a process that has none of `WITHOUT`."""
+    whole = f"{BLOCKED}from stereocal.cli import main\n{text}"
     return subprocess.run(
-        [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, "-c", whole], cwd=folder, capture_output=True, text=True, check=False
     )
+
+
+def run(folder: Path, *lines: str) -> subprocess.CompletedProcess[str]:
+    """Run each line as a command, in one process."""
+    return script(folder, "".join(f"if main({line.split()}): sys.exit(2)\n" for line in lines))
 
 
 def test_the_commands_of_the_core(tmp_path: Path) -> None:
@@ -48,21 +50,22 @@ def test_the_commands_of_the_core(tmp_path: Path) -> None:
     assert (tmp_path / "points.csv").is_file() and (tmp_path / "checked/check.json").is_file()
 
 
-@pytest.mark.parametrize(
-    ("line", "needed"),
-    [
-        ("evaluate field --out out", "plotly"),
-        ("plan plan.json --out out", "plotly"),
-        ("print target --side 0.1 --out a.pdf", "reportlab"),
-        ("calibrate field --out out --kit", "matplotlib"),
-        ("serve", "streamlit"),
-    ],
-)
-def test_a_command_of_the_extra_says_so(line: str, needed: str, tmp_path: Path) -> None:
+def test_commands_of_the_extra_say_so(tmp_path: Path) -> None:
     (tmp_path / "field").symlink_to(FIELD)
-    done = run(tmp_path, line)
-    assert done.returncode == 2 and "Traceback" not in done.stderr
-    assert needed in done.stderr and "stereocal[dashboard]" in done.stderr
+    needed = {
+        "evaluate field --out out": "plotly",
+        "plan plan.json --out out": "plotly",
+        "print target --side 0.1 --out a.pdf": "reportlab",
+        "calibrate field --out out --kit": "matplotlib",
+        "serve": "streamlit",
+    }
+    calls = (f"print('=', main({line.split()}), file=sys.stderr)\n" for line in needed)
+    done = script(tmp_path, "".join(calls))
+    assert done.returncode == 0, done.stderr
+    *told, rest = done.stderr.split("= 2\n")
+    assert len(told) == len(needed) and not rest
+    for one, package in zip(told, needed.values(), strict=True):
+        assert package in one and "stereocal[dashboard]" in one
     assert [path.name for path in tmp_path.iterdir()] == ["field"]
 
 

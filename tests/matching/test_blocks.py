@@ -33,20 +33,20 @@ class StopAt:
 
 
 def scattered(folder: Path) -> Application:
-    """160 frames of 6 points each, in an order of their own in either camera, with a further column
+    """60 frames of 6 points each, in an order of their own in either camera, with a further column
     that needs quotes."""
     rng = np.random.default_rng(5)
-    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (960, 3))
+    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (360, 3))
     primary, secondary = rig.images(points)
-    frames = np.repeat(np.arange(160), 6)
+    frames = np.repeat(np.arange(60), 6)
     tables: list[Points] = []
     for which, pixels in (("p", primary), ("s", secondary)):
         table = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
-        table["note"] = [f'"{i}", the {which}\n' for i in range(960)]
+        table["note"] = [f'"{i}", the {which}\n' for i in range(360)]
         table = table.sample(frac=1, random_state=len(tables)).sort_values("frame", kind="stable")
         path = folder / f"{which}.csv"
         table.to_csv(path, index=False)
-        tables.append(Points(path.name, path.name, 960, 160))
+        tables.append(Points(path.name, path.name, 360, 60))
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     volume = Volume((-0.2, 0.2), (-0.2, 0.2), (6.5, 9.0))
     measuring = replace(params, method="3d", volume=volume)
@@ -61,7 +61,7 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         folder.mkdir()
     tables = tmp_path / "p.csv", tmp_path / "s.csv"
     plain = apply_sets(work, tables, folders[0])
-    stop = StopAt(240)  # all 160 frames are matched, and some of the pairs measured
+    stop = StopAt(90)  # all 60 frames are matched, and some of the pairs measured
 
     def begin(_: str) -> None:
         stop.done = 0
@@ -75,7 +75,7 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert list(folders[2].iterdir()) == [folders[2] / PAIRS]
     assert plain is not None and plain == whole
     outside = pd.read_csv(folders[0] / POINTS)["outside_volume"]
-    assert f"{outside.sum()} of 960 points lie outside the volume" in " ".join(plain.sentences)
+    assert f"{outside.sum()} of 360 points lie outside the volume" in " ".join(plain.sentences)
     for name in (PAIRS, POINTS):
         assert len({(folder / name).read_bytes() for folder in folders[:2]}) == 1
     assert matching_files.BLOCK_FRAMES == 25

@@ -1,7 +1,8 @@
-"""The size of a project has a limit where the server sets one, and what is removed makes room."""
+"""Settings of the server, and its limit of the size of a project; what is removed makes room."""
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from stereocal.projects.home import duplicate
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.projects.server_settings import ServerSettings
 from tests.pages.stored_projects import FULL, placed
 
 LARGE = random.Random(1).randbytes(300_000)
@@ -75,3 +77,15 @@ def test_removed_photographs_make_room_at_once_and_nothing_else_goes(tmp_path: P
     with project.database.reading():
         assert {PAIRS, POINTS} <= project.database.files(APPLIED).keys()
     assert len(ProjectPhotographs(twin).photographs) == 12
+
+
+def test_what_is_given_holds_and_the_rest_is_as_on_a_persons_own_computer() -> None:
+    read = ServerSettings.from_environment
+    assert read({"STEREOCAL_SHARED": " "}) == ServerSettings(False, math.inf, 30.0)
+    given = {"STEREOCAL_SHARED": "1", "STEREOCAL_KEEP_DAYS": "90", "STEREOCAL_UNDO_DAYS": "0"}
+    assert read(given) == ServerSettings(True, 90.0, 0.0)
+
+
+@pytest.mark.parametrize(("value", "workers"), [("1", 1), ("3.9", 3), ("inf", 1000)])
+def test_workers(value: str, workers: int) -> None:
+    assert ServerSettings.from_environment({"STEREOCAL_WORKERS": value}).workers == workers
