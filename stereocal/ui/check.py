@@ -30,7 +30,6 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import show_refusal, take_one
-from stereocal.ui.messages import readable
 from stereocal.ui.parameter_files import Source
 from stereocal.ui.texts import escape_markdown
 
@@ -64,8 +63,7 @@ def choose_inputs(project: Project) -> Chosen | None:
     with left:
         found = _choose_parameters(source, store)
     with middle:
-        kind = _images_kind(project, store)
-        given = _choose_images(project, store, kind)
+        kind, given = _choose_images(project, store)
         noise = st.container()
     smallest = _smallest(project, *sizes)
     rig = None if found is None else found[0]
@@ -104,21 +102,17 @@ def choose_inputs(project: Project) -> Chosen | None:
     return Chosen(rig, parameters, images, digest, smallest)
 
 
-def _images_kind(project: Project, store: ProjectCheck) -> Field:
-    matched = readable(lambda: ProjectApplication(project).result) is not None
-    kinds = [*([MATCHED] if matched else []), FILE]
-    usual = FILE if store.file(IMAGES) else kinds[0]
-    return setting(project, "check_images", usual, one_of(kinds))
-
-
-def _choose_images(project: Project, store: ProjectCheck, kind: Field) -> tuple[str, bytes] | None:
-    """Name and content of the new images; None if there are none."""
+def _choose_images(project: Project, store: ProjectCheck) -> tuple[Field, tuple[str, bytes] | None]:
+    """The choice, and name and content of the new images; None if there are none."""
     result = ProjectApplication(project).result
+    kinds = [MATCHED, FILE] if result else [FILE]
+    usual = FILE if store.file(IMAGES) else kinds[0]
+    kind = setting(project, "check_images", usual, one_of(kinds))
     if result is not None:
-        st.selectbox(TITLE, [MATCHED, FILE], **kind.widget())
+        st.selectbox(TITLE, kinds, **kind.widget())
     if result is not None and kind.value() == MATCHED:
-        return f"{PAIRS} of Apply", result[1][PAIRS].read_bytes()
-    return _file_in_use("" if result else TITLE, store, IMAGES)
+        return kind, (f"{PAIRS} of Apply", result[1][PAIRS].read_bytes())
+    return kind, _file_in_use("" if result else TITLE, store, IMAGES)
 
 
 def _file_in_use(title: str, store: ProjectCheck, name: str) -> tuple[str, bytes] | None:

@@ -58,8 +58,8 @@ def test_points_in_the_frame_of_plumb_lines(
     np.testing.assert_allclose(after[["x", "y", "z"]], moved, atol=1e-9)
     assert (after["coordinates"] == name_of_world(world)).all()
     assert any("--world world.json" in str(code.value) for code in app.code)
-    app.segmented_control(key="apply_view").set_value("Tables").run()
-    app.segmented_control(key="apply_view").set_value("A known length").run()
+    for view in ("Tables", "A known length"):
+        app.segmented_control(key="apply_view").set_value(view).run()
     assert "coordinates" not in app.selectbox(key="apply_way").options
     app.selectbox(key="world_x_axis").set_value("baseline").run()
     turned = points(app, home)[1]

@@ -96,8 +96,7 @@ def test_a_table_of_bars_and_the_archive(
     store = ProjectCheck(unpack_project(tmp_path / "packed.zip", "packed.zip", home))
     for name, content in ((PARAMETERS, files.parameters), (IMAGES, files.table)):
         found = store.file(name)
-        assert found is not None
-        assert found.read_bytes() == content
+        assert found is not None and found.read_bytes() == content
 
 
 def test_the_results_of_the_project_are_checked(pressed: AppTest, home: Path) -> None:

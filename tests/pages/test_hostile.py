@@ -14,13 +14,10 @@ from stereocal.projects.project import Project
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.menu import TITLES
 from tests.hostile_projects import dataset
-from tests.pages.stored_projects import go, messages, session
+from tests.pages.stored_projects import ROOT, SLOW, go, messages, session
 from tests.soak import repeats
 from tests.soak.damage import damaged
 from tests.soak.readers import readers
-
-APP = str(Path(__file__).parents[2] / "app.py")
-SLOW_S = 120
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,7 @@ def test_no_door_shows_a_traceback(door: Door, home: Path) -> None:
 @pytest.mark.parametrize("address", ["", "../../etc/passwd", "0" * 31, "<b>", "\x00", "0" * 5000])
 def test_an_address_that_is_none(address: str, home: Path) -> None:
     assert home.is_dir()
-    app = AppTest.from_file(APP, default_timeout=SLOW_S)
+    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
     app.query_params["project"] = address
     app.run()
     assert not tracebacks(app)
@@ -146,8 +143,8 @@ def test_limits_hold_on_the_pages(
         widget.upload(f"{name}.{suffix}", bytes(1_200_000))
     app.run()
     assert not tracebacks(app)
-    assert sentence in messages(app).replace("\\", "")
-    assert f"STEREOCAL_{variable}" in messages(app).replace("\\", "")
+    assert sentence in messages(app)
+    assert f"STEREOCAL_{variable}" in messages(app)
 
 
 def test_a_setting_that_is_none_is_said_on_every_page(
@@ -155,7 +152,7 @@ def test_a_setting_that_is_none_is_said_on_every_page(
 ) -> None:
     assert home.is_dir()
     monkeypatch.setenv("STEREOCAL_MOST_RATIO", "plenty")
-    app = AppTest.from_file(APP, default_timeout=SLOW_S).run()
+    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
     assert not tracebacks(app)
     assert 'STEREOCAL_MOST_RATIO is "plenty": it must be a number' in messages(app).replace(
         "\\", ""

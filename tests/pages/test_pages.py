@@ -13,11 +13,9 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects.application import ProjectApplication
 from stereocal.rig.camera import CAMERAS
-from tests.pages.stored_projects import again, go, messages, project_of
+from tests.pages.stored_projects import ROOT, again, go, messages, project_of
 
-ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
-SLOW = 120
 
 
 def open_sample(app: AppTest) -> AppTest:

@@ -41,9 +41,6 @@ def titles(app: AppTest) -> list[str]:
     return [str(title.value) for title in app.title]
 
 
-OUTSIDE = b"frame,camera,target,u,v\n1,1,A,9999,5\n1,2,B,9,5\n1,3,B,9,5\n"
-
-
 def opened(project: Project, pair: str) -> AppTest:
     """The Calibrate page at the address of a pair."""
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
