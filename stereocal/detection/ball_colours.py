@@ -29,12 +29,7 @@ GREY_CHROMA = 0.12
 
 
 def colour_at(image: npt.NDArray[Any], point: tuple[float, float]) -> str:
-    """The colour of a ball where a person clicked, as `Balls` has it; `white` for a grey.
-
-    Args:
-        image: as for `find_balls`.
-        point: (u, v), px.
-    """
+    """The colour of a ball where a person clicked, as `Balls` has it; `white` for a grey."""
     colours = eight_bits(image)
     u, v = (round(each) for each in point)
     around = colours[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3].reshape(-1, 3)
@@ -59,11 +54,8 @@ def _bgr(colour: str) -> FloatArray:
 
 
 def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]:
-    """For each target, one for balls of one colour, (h, w): 1 where the photograph has its colour.
-
-    Args:
-        image: (h, w, 3), 8 bits.
-    """
+    """For each target, one for balls of one colour, (h, w): 1 where the photograph (h, w, 3) of
+    8 bits has its colour."""
     found = []
     for own in dict.fromkeys(target.colours):
         rule = _rule(image[::8, ::8].astype(np.float64), own, target)

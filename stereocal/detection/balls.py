@@ -48,12 +48,8 @@ AGREEING = 0.6
 
 
 def find_balls(image: npt.NDArray[Any], target: Balls, camera: Camera | None = None) -> Sighting:
-    """Find both balls.
-
-    Args:
-        image: (h, w, 3), blue, green, red, 8 or 16 bits.
-        camera: its lens shapes the outline; None: circles.
-    """
+    """Find both balls in a photograph (h, w, 3), blue, green, red, of 8 or 16 bits; the camera's
+    lens shapes their outlines, which are circles without one."""
     colours = eight_bits(image)
     few = colours[::8, ::8]
     if target.named and not np.ptp(few, axis=2).any():

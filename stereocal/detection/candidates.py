@@ -201,10 +201,7 @@ def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> Non
 
 
 def candidates(image: GreyImage) -> FloatArray:
-    """Find possible X-corners in a photograph.
-
-    Args:
-        image: (h, w), grey levels from 0 to about 255.
+    """Find possible X-corners in a photograph (h, w) with grey levels from 0 to about 255.
 
     Returns:
         (n, 16), best first: the parameters of `corner_model` in px of the photograph, the score,

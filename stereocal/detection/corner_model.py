@@ -63,10 +63,7 @@ def fill_frame(p: FloatArray, radius: float, samples: int, frame: FloatArray) ->
 
 @inlined
 def _quick_erf(h: float, bell: float) -> float:
-    """erf(h / sqrt 2) to 1.5e-7, from `bell` = exp(-h^2 / 2).
-
-    Abramowitz and Stegun (1964), 7.1.26.
-    """
+    """erf(h / sqrt 2) to 1.5e-7, from exp(-h^2 / 2): Abramowitz and Stegun (1964), 7.1.26."""
     t = 1.0 / (1.0 + 0.3275911 * ROOT_HALF * abs(h))
     tail = t * (-1.453152027 + t * 1.061405429)
     tail = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + tail)))

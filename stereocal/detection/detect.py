@@ -112,15 +112,11 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
 def corner_near(
     image: npt.NDArray[Any], point: tuple[float, float], reach: float = 12.0
 ) -> Corner | None:
-    """The X-corner nearest to a point that the user clicked; also one of a larger chessboard.
+    """The X-corner nearest to a click (u, v) px, also one of a larger chessboard; None without one.
 
     Args:
         image: as for `detect_targets`.
-        point: (u, v), px.
         reach: maximum distance, px; 0.3 times the size of the board if that is more.
-
-    Returns:
-        None if there is no corner within the distance.
     """
     intensity = normalise_intensity(image)
     height, width = image.shape

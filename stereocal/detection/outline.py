@@ -133,12 +133,8 @@ def _circle(
     camera: Camera | None,
     n: int,
 ) -> Outline | None:
-    """The outline of a sphere through edges (m, 2) px, robustly.
-
-    Args:
-        coded: (m,): how far the edges may lie farther outside, or inside, px.
-        n: the number of profiles.
-    """
+    """The outline of a sphere through edges (m, 2) px, found in n profiles, robustly; `coded` (m,)
+    is how far the edges may lie farther outside, or inside, px."""
     flat = edges - centre
     if camera is not None:
         axes = _axes(camera, centre)

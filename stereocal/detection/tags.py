@@ -39,12 +39,8 @@ the side: with it stated errors hold in renderings from 20 to 120 px (rms z 0.7 
 
 
 def find_tags(image: npt.NDArray[Any], target: Tags, camera: Camera | None = None) -> Sighting:
-    """Find both tags.
-
-    Args:
-        image: (h, w), 8 or 16 bits.
-        camera: its lens straightens the sides; None: no distortion.
-    """
+    """Find both tags in a photograph (h, w) of 8 or 16 bits; the camera's lens straightens their
+    sides."""
     grey = image
     if image.dtype != np.uint8:
         bright = max(float(np.percentile(image[::8, ::8], 99.9)), 1.0)

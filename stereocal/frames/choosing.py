@@ -54,13 +54,11 @@ def choose_boards(
     open_frames: Mapping[int, tuple[Detection, Detection]],
     cameras: tuple[Camera, Camera],
 ) -> dict[int, Chosen]:
-    """Choose the targets in frames with alternatives.
+    """The chosen detections of frames with alternatives; the original ones if undecided.
 
     Args:
         sure: (n, 2, 2, 2): raw pixels in n sure frames, by frame, target, camera, (u, v).
         open_frames: by frame number, the primary and secondary detection to choose from.
-
-    Returns, by frame number, the chosen detections; the original ones if undecided.
     """
     expected = None
     if len(sure) >= MINIMUM_SURE:
@@ -96,11 +94,8 @@ class _Expected:
     focal_px: float
 
     def off(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Deviation of k choices (k, 2, 4) relative to the limits, and the limits.
-
-        Returns (k,), infinite behind a camera, and (k, 2): distance from the epipolar line in
-        pixels, and length error as a fraction.
-        """
+        """Deviation (k,) of choices (k, 2, 4) over the limits, infinite behind a camera, and the
+        limits (k, 2): distance from the epipolar line in px, length error as a fraction."""
         values = _values(self.angles, rays)
         values[:, 2] -= self.log_length
         by_angles = _derivatives(lambda d: _values(self.angles + d, rays), 5)

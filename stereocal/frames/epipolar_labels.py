@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.calibration.essential import calibrate_essential, linear_essential
 from stereocal.detection.fit import Corner
@@ -143,10 +142,7 @@ def _by_length(length: FloatArray, usual: float) -> bool | None:
 
 @dataclass(frozen=True, eq=False)
 class _Compared:
-    """Residuals and lengths of f frames under both labellings.
-
-    Columns of the arrays (f, 2): original labels, and labels exchanged in the secondary.
-    """
+    """Residuals and lengths (f, 2) of frames with the original labels, and with exchanged ones."""
 
     residual_px: FloatArray
     """Sampson distance, root mean square over both targets."""
@@ -157,22 +153,18 @@ class _Compared:
 
 
 def _compare(
-    primary: FloatArray,
-    secondary: FloatArray,
-    focal_px: float | FloatArray,
-    rng: np.random.Generator,
+    primary: FloatArray, secondary: FloatArray, focal_px: FloatArray, rng: np.random.Generator
 ) -> _Compared | None:
-    """Compare both labellings of each frame.
+    """Compare both labellings of each frame; None if too few frames, or no geometry fits.
 
     Args:
         primary, secondary: (f, 2, 2): normalised points by frame, target, (x, y).
-        focal_px: converts residuals to pixels; one number, or (f,).
-
-    Returns None if there are too few frames or they determine no geometry.
+        focal_px: (f,), converts residuals to pixels.
     """
     frames = len(primary)
     if frames < MINIMUM_FRAMES:
         return None
+    # (2, f, 2, 4): labelling, frame, target, x and y of both cameras.
     rays = np.stack([np.concatenate([primary, s], axis=2) for s in (secondary, secondary[:, ::-1])])
     poses = []
     for E in _samples(rays, rng):
@@ -207,11 +199,7 @@ def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> Flo
 
 
 def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
-    """Essential matrices of the samples with the least median residual, best first.
-
-    Args:
-        rays: (2, f, 2, 4): labelling, frame, target, x and y of both cameras.
-    """
+    """Essential matrices of the samples with the least median residual, best first."""
     frames = rays.shape[1]
     scored = rays[:, rng.permutation(frames)[:MAXIMUM_SCORED]]
     found = []
@@ -227,10 +215,8 @@ def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
 
 
 def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
-    """The pose fitted to the best-fitting frames and labels; None if undetermined.
-
-    Iterates as in least trimmed squares until the selection no longer changes.
-    """
+    """The pose fitted to the best-fitting frames and labels, as in least trimmed squares until the
+    selection no longer changes; None if undetermined."""
     frames = rays.shape[1]
     most = max(MINIMUM_FRAMES - 1, round(KEPT * frames))
     pose: Pose | None = None
@@ -254,8 +240,7 @@ def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
 
 def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
     """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units."""
-    distances: npt.NDArray[np.float64] = np.sqrt((sampson(E, rays) ** 2).mean(axis=-1))
-    return distances
+    return np.asarray(np.sqrt((sampson(E, rays) ** 2).mean(axis=-1)))
 
 
 def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
@@ -268,5 +253,4 @@ def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
     q = np.concatenate([rays[..., 2:], one], axis=-1)
     lines, back = p @ E.T, q @ E
     squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    distances: npt.NDArray[np.float64] = (q * lines).sum(axis=-1) / np.sqrt(squared)
-    return distances
+    return np.asarray((q * lines).sum(axis=-1) / np.sqrt(squared))

@@ -90,10 +90,7 @@ def search_photographs(
     pieces: Pieces[Any] | None,
     target: Target,
 ) -> dict[str, Any] | None:
-    """Check the photographs and find the targets in each, as `detect_frames`.
-
-    Args:
-        names: of the photographs of each camera.
+    """As `detect_frames`, in the photographs (`names`) of each camera, without the labels.
 
     Returns:
         By photograph a `Detection` of a bar with 2x2 targets, a `Sighting` of others.
@@ -156,11 +153,8 @@ def _unreadable(target: Target, why: str) -> Detection | Sighting:
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
-    """The new frames, with the user's decisions about the old ones.
-
-    A frame that the user reviewed or corrected, or in which the user placed a target, stays as it
-    was. Of the others, `use` is kept if the state is unchanged.
-    """
+    """The new frames, but as they were where the user reviewed, corrected or placed something; of
+    the others, `use` is kept if the state is unchanged."""
     old = {(frame.frame, frame.files): frame for frame in before}
     kept = []
     for frame in found:

@@ -59,14 +59,8 @@ def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[st
 
 
 def match_names(folders: Mapping[str, Sequence[str]]) -> Moments:
-    """The photographs of one moment: of the same name, else of the same number in it.
-
-    Args:
-        folders: by camera.
-
-    Raises:
-        StereocalError: the names do not tell.
-    """
+    """The photographs of one moment, from those by camera: of the same name, else of the same
+    number in it."""
     by_stem: dict[str, dict[str, str]] = {}
     by_number: dict[int, dict[str, str]] = {}
     for camera, names in folders.items():
@@ -103,14 +97,8 @@ def find_everywhere(
     cancelled: Callable[[], bool] = lambda: False,
     pieces: Pieces[Any] | None = None,
 ) -> Everywhere | None:
-    """Find the bar in the photographs of all cameras, and name its ends alike in all.
-
-    Args:
-        photographs, begin, progress, cancelled, pieces: as for `detect_frames`.
-
-    Returns:
-        The recording, of a bar of 1 m; None if cancelled.
-    """
+    """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
+    in all: the recording of a bar of 1 m; None if cancelled."""
     names = names_by_camera(moments, cameras)
     seen = search_photographs(
         names, photographs, cameras, executor, begin, progress, cancelled, pieces, target
@@ -196,9 +184,7 @@ def in_one_order(
     pairs: Mapping[tuple[str, str], tuple[FloatArray, FloatArray]], ways: Sequence[IntArray]
 ) -> tuple[dict[str, FloatArray], bool]:
     """The points (n, 3) of one frame by camera, in one order, and whether all pairs agree on it.
-
-    The pairs are joined by the cameras they share, from the first; those that share none with
-    these are not used.
+    Pairs are joined by the cameras they share, from the first; those that share none are not used.
     """
     left, points = dict(pairs), dict[str, FloatArray]()
     while joined := next((pair for pair in left if not points or {*pair} & {*points}), None):

@@ -128,10 +128,7 @@ def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray,
     not affected, since every board has its own pose, but the numbering must agree between
     photographs. The order is right-handed seen from the front; of the candidates, the one with a
     black square behind the first corner, or, if the colours are symmetric, the one whose first row
-    runs most to the right.
-
-    Returns:
-        The corners, and whether the order was changed.
+    runs most to the right. Returns whether the order was changed too.
     """
     candidates = [grid, grid[::-1, ::-1]]
     if grid.shape[0] == grid.shape[1]:
@@ -177,10 +174,7 @@ def find_charuco(
 
 
 def refine(image: GreyImage, corners: FloatArray, reach_px: float) -> FloatArray:
-    """The corners (n, 2) to a few hundredths of a pixel.
-
-    Args:
-        reach_px: distance around a corner within which nothing else is printed.
+    """The corners (n, 2) to a few hundredths of a pixel; nothing else is printed within `reach_px`.
 
     The finder alone has a common shift of up to 0.2 px on tilted boards. Larger windows are
     better: with corners 22 to 61 px apart the error was 0.050 to 0.067 px with a half window of 3,

@@ -1,8 +1,6 @@
 """Find the inner corners of a chessboard or ChArUco board in photographs.
 
-pattern = BoardPattern.parse("18x12", square_m=0.03)
-search = find_boards(photographs_in(folder, store), pattern, executor)
-search.views, search.refused
+search = find_boards(photographs, BoardPattern.parse("18x12", square_m=0.03), executor)
 """
 
 from __future__ import annotations
@@ -136,9 +134,7 @@ def find_boards(
     cancelled: Callable[[], bool] | None = None,
     pieces: Pieces[BoardView | Refused] | None = None,
 ) -> BoardSearch | None:
-    """Find the boards in one camera's photographs, on any `concurrent.futures` executor.
-
-    Each worker holds one photograph at a time.
+    """Find the boards in one camera's photographs; each worker holds one photograph at a time.
 
     Args:
         photographs: files by name.

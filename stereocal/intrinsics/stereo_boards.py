@@ -158,11 +158,7 @@ def find_stereo_boards(
 
 
 def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, ...]) -> StereoBoards:
-    """The boards that were found by camera, without repeated ones.
-
-    Raises:
-        StereocalError: no board is in both photographs of a frame.
-    """
+    """The boards that were found by camera, without repeated ones."""
     boards = StereoBoards(pairing, both, {})
     common = boards.common
     if not common:
@@ -195,11 +191,8 @@ def lenses_of_boards(
 
 
 def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str) -> Recording:
-    """The recording of the boards that both cameras see.
-
-    Raises:
-        StereocalError: the images of one camera are mirrored, or of another size than its lens.
-    """
+    """The recording of the boards that both cameras see; an error if the images of one are
+    mirrored, or of another size than its lens."""
     frames = {view.name: str(seen.frame) for seen in boards.common for view in seen.views}
     named: dict[str, Camera] = {}
     for which, camera, search in zip(CAMERAS, cameras, boards.searches, strict=True):
@@ -316,11 +309,8 @@ def orders_of(pattern: BoardPattern) -> list[IntArray]:
 def in_one_order(
     common: Sequence[Seen], cameras: tuple[Camera, Camera], pattern: BoardPattern
 ) -> list[Seen]:
-    """The boards with the corners of the secondary's in the order of the primary's.
-
-    Raises:
-        StereocalError: the images of one camera are mirrored.
-    """
+    """The boards with the corners of the secondary's in the order of the primary's; an error if the
+    images of one camera are mirrored."""
     orders = orders_of(pattern)
     errors, chosen = _best_orders(common, cameras, pattern, orders)
     if np.median(errors) > FITTING_PX and len(common) > 2:

@@ -103,11 +103,7 @@ def cell_at(cells: FloatArray, row: float, column: float) -> tuple[float, float]
 def part_average(
     s: Corners, t: Corners, cells: FloatArray, offsets: FloatArray, p: int, q: int, parts: int
 ) -> tuple[float, float]:
-    """Average grey level (times coverage) and coverage of the part (row p, column q) of a pixel.
-
-    Args:
-        s, t: board coordinates of the pixel's corners, interpolated bilinearly.
-    """
+    """Average grey level (times coverage) and coverage of the part (row p, column q) of a pixel."""
     left, right, top, bottom = q / parts, (q + 1) / parts, p / parts, (p + 1) / parts
     across = at(s, left, top), at(s, right, top), at(s, left, bottom), at(s, right, bottom)
     down = at(t, left, top), at(t, right, top), at(t, left, bottom), at(t, right, bottom)
@@ -127,15 +123,8 @@ def part_average(
 def sum_parts(
     fine: npt.NDArray[np.float32], weights: npt.NDArray[np.float32], parts: int
 ) -> npt.NDArray[np.float32]:
-    """Weighted sums of the parts around each pixel, along rows and columns.
-
-    Args:
-        fine: (h parts, w parts).
-        weights: of the parts of an odd number of pixels, for both axes.
-
-    Returns:
-        (h - r, w - r): r pixels smaller, by half of r on each side.
-    """
+    """Weighted sums of the parts (h parts, w parts) around each pixel: (h - r, w - r), smaller by
+    half of r on each side. The weights are those of r + 1 pixels, for both axes."""
     reach = len(weights) // parts - 1
     height, width = fine.shape[0] // parts - reach, fine.shape[1] // parts - reach
     down = np.zeros((height, fine.shape[1]), dtype=np.float32)

@@ -45,10 +45,7 @@ def outdoors(
     """Backgrounds of the two cameras, (height, width) grey levels before the optics.
 
     A chessboard of 6x4 squares lies on the grass, in view of the primary: its corners look like
-    targets.
-
-    Args:
-        softness_px: standard deviation of the defocus blur.
+    targets. The softness is the standard deviation of the defocus blur.
     """
     views = ((rig.primary, HERE), (rig.secondary, rig.pose))
     canvas = _canvas_for(views)

@@ -139,12 +139,8 @@ def _rod(picture: ColourPicture, camera: Camera, ends: FloatArray, thickness_m: 
 def clutter(
     size: tuple[int, int], rng: np.random.Generator, shapes: int = 90, grain: float = 0.25
 ) -> ColourPicture:
-    """A background of blotches, plates, poles and leaves of all colours.
-
-    Args:
-        size: (width, height).
-        grain: strength of the fine texture.
-    """
+    """A background (width, height) of blotches, plates, poles and leaves of all colours; the grain
+    is the strength of its fine texture."""
     width, height = size
     small = rng.uniform(0.05, 0.45, (6, 8, 1)) + rng.normal(0.0, 0.02, (6, 8, 3))
     picture = cv2.resize(small.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)

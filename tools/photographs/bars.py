@@ -178,12 +178,8 @@ def _add_glare(picture: Picture, centre: FloatArray, width_px: float, grey: floa
 def place_boards(
     ends_m: FloatArray, viewpoint: FloatArray, bar: BarSettings, rng: np.random.Generator
 ) -> list[Placed]:
-    """Pole, rod and the boards of one frame, from the farthest to the nearest.
-
-    Args:
-        ends_m: (2, 3) targets A and B.
-        viewpoint: (3,) the point that the boards face, between the cameras.
-    """
+    """Pole, rod and the boards of one frame, at the targets (2, 3) A and B, from the farthest to
+    the nearest; the boards face the viewpoint (3,), between the cameras."""
     objects = []
     if bar.rod_m:
         middle = ends_m.mean(axis=0)

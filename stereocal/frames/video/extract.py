@@ -143,11 +143,7 @@ class _Work:
         return stillest(self.pairs, self.times[0].seconds, sharpness, motion)
 
     def take(self, chosen: IntArray, keep: Callable[[str, bytes], object]) -> int | None:
-        """Decode and keep the chosen pairs.
-
-        Returns:
-            The number of pairs that cannot be decoded; None if cancelled.
-        """
+        """Decode and keep the chosen pairs: how many cannot be decoded; None if cancelled."""
         self.begin(STAGES[1])
         pixels = sum(each.width * each.height for each in self.times) * len(chosen)
         pixels *= 3 if self.coloured else 1
@@ -271,9 +267,7 @@ def stillest(
     pairs: VideoPairs, seconds: FloatArray, sharpness: FloatArray, motion: FloatArray
 ) -> IntArray:
     """In each second, the sharpest pair of the still half; of short videos in each
-    `FEWEST`-th part.
-
-    Motion and sharpness are relative to the median of each camera, and added over the cameras.
+    `FEWEST`-th part. Both are relative to the median of each camera, and added over the cameras.
 
     Args:
         seconds: time stamps of the primary.
