@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
+
+import pandas as pd
 
 from stereocal.calibration.methods import ALL_METHODS, METHODS
 from stereocal.figures import journal
@@ -69,12 +69,10 @@ def table_csv(answer: Answer) -> bytes:
         held_out = _flat(answer.validation.get(method, {}))
         if row := {**held_out, **_flat(forecast.figures if forecast else {}, "predicted_")}:
             rows.append({"method": method, **row})
-    text = io.StringIO()
-    columns = dict.fromkeys(name for row in rows for name in row)
-    writer = csv.DictWriter(text, list(columns) or ["method"], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue().encode()
+    columns = list(dict.fromkeys(name for row in rows for name in row)) or ["method"]
+    # As objects: a column of whole numbers stays one where some are unknown.
+    table = pd.DataFrame(rows, columns=columns, dtype=object)
+    return table.to_csv(index=False, lineterminator="\n").encode()
 
 
 def _flat(figures: Mapping[str, Any], prefix: str = "") -> dict[str, float]:

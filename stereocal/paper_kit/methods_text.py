@@ -18,7 +18,7 @@ from stereocal.refined.unknowns import (
     DEFAULT_DISTANCE,
     DEFAULT_FOCAL,
 )
-from stereocal.rig.dataset import SOURCES, Correspondences, Dataset
+from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, percent
@@ -44,28 +44,26 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     caution = answer.recommendation.caution
     warning = [f"**Do not rely on this result: {caution}**"] if caution else []
     use = partial(_applied, applied) if applied is not None and applied.used else _recommended
-    parts = (_recording, _left_out, _sets, _validation, _held_out, use, _verdict, _again)
+    parts = (_recording, _left_out, _sets, _validation, _held_out, use, _verdict)
     paragraphs = (" ".join(filter(None, part(answer))) for part in parts)
-    return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs)]) + "\n"
-
-
-def _object(rows: Correspondences) -> str:
-    """What was moved, up to the distance of its targets."""
-    own = rows.rigid_object
-    if own is None:
-        return "A bar with two targets"
-    if own.board is not None:
-        kind = "chessboard" if own.board.dictionary is None else "ChArUco board"
-        return f"A {kind} of {own.board} inner corners, the farthest"
-    return f"A rigid object with {len(own.names)} targets, the farthest"
+    again = (
+        "Data, settings, parameter files and their digests are in `archive.zip`; `python -m "
+        "stereocal reproduce archive.zip --out DIR` computes the parameter files again (Python "
+        f"{platform.python_version()}, NumPy {np.__version__})."
+    )
+    return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs), again]) + "\n"
 
 
 def _recording(answer: Answer) -> Iterator[str]:
     dataset = answer.calibration.dataset
     rows = dataset.correspondences
-    distances = f"{count(len(rows.bars), 'bar')} with both targets"
-    if rows.rigid_object is not None:
+    what, distances = "A bar with two targets", f"{count(len(rows.bars), 'bar')} with both targets"
+    if (own := rows.rigid_object) is not None:
         distances = count(len(rows.bars), "known distance")
+        what = f"A rigid object with {len(own.names)} targets, the farthest"
+        if own.board is not None:
+            kind = "chessboard" if own.board.dictionary is None else "ChArUco board"
+            what = f"A {kind} of {own.board} inner corners, the farthest"
     primary, secondary = (
         f"{width} × {height} px and a focal length of {digits(float(camera.K[0, 0]), 4)} px"
         for camera in (dataset.primary, dataset.secondary)
@@ -77,7 +75,7 @@ def _recording(answer: Answer) -> Iterator[str]:
     )
     yield f"The primary camera had {primary}, the secondary {secondary}."
     yield (
-        f"{_object(rows)} {rounded(dataset.target_distance_m, 6)} m apart"
+        f"{what} {rounded(dataset.target_distance_m, 6)} m apart"
         f"{_known(dataset.target_distance_sigma_m)} was recorded in "
         f"{count(len(rows.frames), 'frame')}, which gave {count(len(rows), 'pair')} of image "
         f"points and {distances}."
@@ -264,14 +262,6 @@ def _verdict(answer: Answer) -> Iterator[str]:
         yield f"One set serves both purposes here ({sure(verdict.chance_of_one)} sure)."
     elif verdict.kind == "two":
         yield f"Two sets are worth it here ({sure(1 - verdict.chance_of_one)} sure)."
-
-
-def _again(_: Answer) -> Iterator[str]:
-    yield (
-        "Data, settings, parameter files and their digests are in `archive.zip`; `python -m "
-        "stereocal reproduce archive.zip --out DIR` computes the parameter files again (Python "
-        f"{platform.python_version()}, NumPy {np.__version__})."
-    )
 
 
 def captions_md(answer: Answer) -> str:

@@ -1,4 +1,5 @@
-"""Validation with refined fits from memory is the same validation."""
+"""Validation with refined fits from memory is the same validation, and whole runs of frames are left
+out whole."""
 
 from __future__ import annotations
 
@@ -9,15 +10,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
+from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import (
+    EvaluationSettings,
+    Run,
+    Splits,
+    clusters_to_split,
+    evaluate,
+    evaluate_run,
+    split,
+)
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from tests import known_rig as rig
 
-FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+FIELD = read_dataset(SAMPLES / "field")
+KINDS: tuple[Splits, ...] = ("runs", "frames")
 USUAL = EvaluationSettings(runs=12, refined=RefineSettings())
 
 
@@ -62,3 +77,35 @@ def test_other_steps_of_the_search_need_no_new_fits(monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr("stereocal.evaluation.evaluate.refine", None)  # cannot be called
         found = evaluate_with_kept_fits([FIELD], with_search(delta=5e-3), executor, kept)
     assert found[0][0].angles.shape == (4, 5)
+
+
+def test_runs_are_left_out_whole() -> None:
+    recording = screen(read_dataset(SAMPLES / "recording")).dataset
+    clusters = clusters_to_split(recording)
+    assert clusters is not None
+    rows = recording.correspondences
+    assert len(clusters) == len(rows.frames)
+    of_rows = clusters[np.searchsorted(rows.frames, rows.frame)]
+    for seed in range(5):
+        fit = split(recording, 300, np.random.SeedSequence(seed), clusters)
+        assert not set(of_rows[fit]) & set(of_rows[~fit])
+        fitted = len(np.unique(rows.frame[fit]))
+        assert 300 - np.bincount(clusters).max() < fitted <= 300
+
+
+def test_frames_taken_one_by_one_are_split_as_in_the_paper() -> None:
+    data = rig.dataset(25, 0.2)
+    assert clusters_to_split(data) is None
+    runs, frames = (evaluate_run(data, EvaluationSettings(splits=s), 0, 3) for s in KINDS)
+    assert_array_equal(runs.counts, frames.counts)
+    assert_array_equal(runs.angles, frames.angles)
+
+
+def test_settings_keep_the_splits_and_old_ones_were_frame_by_frame() -> None:
+    for kind in KINDS:
+        written = EvaluationSettings(splits=kind).to_json()
+        assert EvaluationSettings.from_json(written).splits == kind
+    del written["splits"]
+    assert EvaluationSettings.from_json(written).splits == "frames"
+    with pytest.raises(StereocalError, match="splits"):
+        EvaluationSettings.from_json({**written, "splits": "some"})
