@@ -13,15 +13,10 @@ from typing import Any
 import numpy as np
 
 from stereocal.calibration import checks
-from stereocal.calibration.essential import EssentialResult, calibrate_essential
-from stereocal.calibration.methods import (
-    POOR_LENGTH,
-    CalibrationSettings,
-    Method,
-    MethodResult,
-    errors_of,
-)
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.methods import POOR_LENGTH, CalibrationSettings, Method, errors_of
 from stereocal.calibration.montecarlo import (
+    MethodResult,
     Problem,
     minimise,
     reconstruction_problem,
@@ -102,11 +97,10 @@ def calibrate(
     # Points of a moving bar that are out of step fit exchanged or otherwise wrong cameras better.
     offer = offer_time_offset(screening)
     warnings += [] if offer else check_inputs(chosen)
-    results: dict[Method, MethodResult] = {"essential": MethodResult("essential", **vars(start))}
+    results: dict[Method, MethodResult] = {"essential": start}
     for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
         report(method)
-        found = minimise(problem, start.pose, settings.search, seed, trace)
-        results[method] = MethodResult(method, **vars(found))
+        results[method] = minimise(problem, start.pose, settings.search, seed, trace)
     poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
     warnings += warnings_about_fit(chosen, screening, poor, offer)
     refined_result = None
@@ -139,7 +133,7 @@ def _searches(
 
 def _essential(
     dataset: Dataset, settings: CalibrationSettings, reconstruction: Problem, screening: Screening
-) -> EssentialResult:
+) -> MethodResult:
     """The essential method, with a check of the scale against the stated lengths.
 
     If the 8-point estimate fails, as with all bars in one plane, the constrained solver is started

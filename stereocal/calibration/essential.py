@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import cv2
 import numpy as np
 
+from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
 from stereocal.rig.compilations import clock
 from stereocal.rig.compiled import FloatArray, compiled, internal
@@ -30,25 +30,13 @@ SMALLEST_STEP = 1e-7
 """rad. If a smaller step does not lower the cost, the difference is rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class EssentialResult:
-    """The pose computed from the essential matrix, and details of the computation."""
-
-    pose: Pose
-    cost: float
-    """Sum of squared residuals (no unit)."""
-    evaluations: int
-    stop_reason: str
-    seconds: float
-
-
 def calibrate_essential(
     rays: FloatArray,
     baseline: float,
     solver: Solver = "constrained",
     tie_breaker: Callable[[Pose], float] | None = None,
     start: Pose | None = None,
-) -> EssentialResult:
+) -> MethodResult:
     """The pose of the rig from pairs of normalised points.
 
     Args:
@@ -99,7 +87,7 @@ def calibrate_essential(
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of evaluations was reached"
     pose = Pose(pose.R, baseline * pose.T)
-    return EssentialResult(pose, cost, evaluations, stop_reason, clock() - started)
+    return MethodResult(pose, cost, evaluations, stop_reason, clock() - started)
 
 
 def _best(

@@ -1,5 +1,5 @@
-"""The names of the methods, the settings of a calibration, and the result of one method with its
-errors on a data set."""
+"""The names of the methods, the settings of a calibration, and the errors of a pose on a data
+set."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from stereocal.calibration.essential import Solver
-from stereocal.calibration.montecarlo import SearchSettings, Trace
+from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
@@ -103,20 +103,6 @@ class CalibrationSettings:
             tuple(sorted(frames)) for frames in (found.frames_put_back, found.frames_left_out)
         )
         return replace(found, frames_put_back=put_back, frames_left_out=left_out)
-
-
-@dataclass(frozen=True, eq=False)
-class MethodResult:
-    """The pose computed by one method, and details of the computation."""
-
-    method: Method
-    pose: Pose
-    cost: float
-    """Unit: `COST_UNITS[method]`."""
-    evaluations: int
-    stop_reason: str
-    seconds: float
-    trace: Trace | None = None
 
 
 @dataclass(frozen=True, eq=False)

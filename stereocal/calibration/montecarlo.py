@@ -106,17 +106,18 @@ class Trace:
 
 
 @dataclass(frozen=True, eq=False)
-class SearchResult:
-    """The pose that a search found, and the reason why it stopped."""
+class MethodResult:
+    """The pose that one method found, and the reason why it stopped."""
 
     pose: Pose
     cost: float
-    """In pixels for the 2D cost, in metres for the 3D costs."""
+    """Unit: `COST_UNITS` of the method."""
     evaluations: int
-    """Number of evaluations of the cost."""
+    """Of the cost."""
     stop_reason: str
     seconds: float
-    trace: Trace | None
+    trace: Trace | None = None
+    """Of a search."""
 
 
 class Problem(NamedTuple):
@@ -182,7 +183,7 @@ def minimise(
     settings: SearchSettings,
     seed: np.random.SeedSequence | None = None,
     trace: bool = False,
-) -> SearchResult:
+) -> MethodResult:
     """Minimise the cost over the five angles, starting at `start` and keeping its baseline.
 
     Args:
@@ -210,7 +211,7 @@ def minimise(
         record = Trace(*history)
     pose = Pose.from_angles(Angles(*angles.tolist()), start.baseline)
     reason = STEP_TOO_SMALL if stopped else OUT_OF_MOVES
-    return SearchResult(pose, cost, evaluations, reason, seconds, record)
+    return MethodResult(pose, cost, evaluations, reason, seconds, record)
 
 
 @compiled

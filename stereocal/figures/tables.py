@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.methods import COST_UNITS, METHOD_NAMES, METHODS, Method, MethodResult
+from stereocal.calibration.methods import COST_UNITS, METHOD_NAMES, METHODS, Method
+from stereocal.calibration.montecarlo import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast

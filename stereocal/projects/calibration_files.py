@@ -8,7 +8,8 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields, make_dataclass, replace
 from typing import Any, get_type_hints
 
-from stereocal.calibration.methods import METHODS, CalibrationSettings, Method, MethodResult
+from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
@@ -111,7 +112,11 @@ def unpack_calibration(
 def _method(data: Mapping[str, Any], name: Method) -> MethodResult:
     # Results of version 1.0 have the pose's two entries among their own.
     found = of_plain({"pose": {key: data.get(key) for key in "RT"}, **data}, MethodResult)
-    sound = found.method == name and math.isfinite(found.cost) and math.isfinite(found.seconds)
+    sound = (
+        data.get("method", name) == name
+        and math.isfinite(found.cost)
+        and math.isfinite(found.seconds)
+    )
     trace = found.trace
     if not sound or (trace and not len(trace.cost) == len(trace.delta) == len(trace.ratio)):
         raise ValueError(name)

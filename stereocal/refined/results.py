@@ -9,13 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import (
-    CalibrationSettings,
-    Errors,
-    Method,
-    MethodResult,
-    errors_of,
-)
+from stereocal.calibration.methods import CalibrationSettings, Errors, Method, errors_of
+from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.parameter_file import refined_parameters

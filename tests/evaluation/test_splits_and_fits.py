@@ -1,5 +1,4 @@
-"""Validation with refined fits from memory is the same validation, and whole runs of frames are left
-out whole."""
+"""Kept refined fits give the same validation, and runs of frames are left out whole."""
 
 from __future__ import annotations
 
