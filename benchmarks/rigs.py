@@ -32,9 +32,8 @@ from stereocal.matching.several_views import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import images_of, placings_of, rows_where
-from stereocal.network.result import RigCalibration
+from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
 from stereocal.refined.views import EACH

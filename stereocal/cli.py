@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from stereocal.commands.console import Parser, say, take
 from stereocal.errors import StereocalError
-from stereocal.rig.compilations import compilations
+from stereocal.rig.compiled import compilations
 from stereocal.version import __version__
 
 COMMANDS = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 LONGEST = 900
 """Maximum length of a message, in characters: four sentences of suspects with a remedy."""
@@ -51,6 +52,13 @@ class StereocalError(ValueError):
             begin = end.find(" ") + 1
             text = f"{start} ... {end[begin if begin <= LONGEST_WORD else 0 :]}"
         super().__init__(text)
+
+
+def refuse(*cases: tuple[Any, str]) -> None:
+    """Raise an error with the message of the first case that is true."""
+    for case, message in cases:
+        if case:
+            raise StereocalError(message)
 
 
 @contextmanager

@@ -17,8 +17,7 @@ import numpy as np
 
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
-from stereocal.rig.compilations import clock
-from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.compiled import FloatArray, clock, compiled, internal
 from stereocal.rig.decompositions import is_finite, solve_positive, triangle
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
 

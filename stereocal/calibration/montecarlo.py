@@ -14,8 +14,7 @@ import numpy as np
 
 from stereocal.calibration import costs
 from stereocal.errors import StereocalError
-from stereocal.rig.compilations import clock
-from stereocal.rig.compiled import BoolArray, FloatArray, compiled, contiguous
+from stereocal.rig.compiled import BoolArray, FloatArray, clock, compiled, contiguous
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose
 from stereocal.system.described import check_described, described

@@ -31,7 +31,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, calibrate_rays, validate_rays
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.undistortion import undistort_rays
+from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray

@@ -121,9 +121,9 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
             f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
         )
     stated = storage.get("uncertainty")
-    uncertainty = None if stated is None else LensUncertainty.from_json(stated, source)
     K = K.reshape(3, 3) if K.size == 9 else K
     try:
+        uncertainty = None if stated is None else LensUncertainty.from_json(stated)
         camera = Camera(K, distortion.ravel(), (int(size[0]), int(size[1])), uncertainty)
     except (ValueError, OverflowError) as error:  # of a StereocalError too
         raise StereocalError(f"{source}: {error}") from error

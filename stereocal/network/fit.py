@@ -10,7 +10,7 @@ from stereocal.network.placings import images_of, placings_of
 from stereocal.network.unknowns import RigSettings, baselines_of, unknowns_of
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.robust import ESTIMATED, RobustFit, limits_of
+from stereocal.refined.robust import ESTIMATED, RobustFit
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import RefineSettings
@@ -33,10 +33,10 @@ class RigFit(RobustFit):
         """From first poses; velocities (n, 2) of the points in pixels per frame, if known."""
         self.recording, self.rig_settings, self.settings = recording, settings, RefineSettings()
         self.placings = own = placings_of(recording)
-        cameras, bars = list(recording.cameras.values()), own.bars
+        cameras, bars = list(recording.cameras.values()), bool(np.isfinite(own.distances).any())
         self.frames, self.frame_of = own.frames, own.of_frame
         self.pixels, self.distances = own.pixels, own.distances
-        unknowns = unknowns_of(recording, poses, settings, bool(bars.any()))
+        unknowns = unknowns_of(recording, poses, settings, bars)
         self.baselines = baselines_of(recording, settings)
         self.R = np.array([pose.R for pose in poses])
         self.lenses = lenses_of_cameras(*cameras)
@@ -49,14 +49,8 @@ class RigFit(RobustFit):
             frames, every = images_of(recording, np.pad(velocities, [(0, 0), (0, 1)]))
             of_unit = np.searchsorted(frames, own.frames[own.of_frame])
             self.motion = np.nan_to_num(every[of_unit[:, None], own.targets])
-        self.pixel_freedom = own.pixel_freedom
-        self.degrees_of_freedom = self.pixel_freedom + bars
         self.pixel_variance = np.ones(len(self.frames))
-        self.limit = own.limits(len(unknowns.names))
-        of_units = limits_of(own.unit_freedom + np.isfinite(own.distances), len(unknowns.names))
-        self.share_of_limit = of_units / self.limit[self.frame_of]
-        longest = float(recording.object.distances.max())
-        self._begin(unknowns, int(own.seen.sum()) // 2, int(bars.sum()), longest)
+        self._begin(unknowns, float(recording.object.distances.max()))
         self.turns = self._within(3)
 
     def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, None]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.refined.robust import limits_of
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
@@ -30,34 +29,6 @@ class Placings:
     def seen(self) -> BoolArray:
         """(n, 2, c)."""
         return np.asarray(np.isfinite(self.pixels[..., 0]))
-
-    @property
-    def unit_freedom(self) -> IntArray:
-        """(n,): of the pixels: two for each image of a point, less three for the point."""
-        views = self.seen.sum(axis=2)
-        return np.asarray(np.where(views > 0, 2 * views - 3, 0).sum(axis=1))
-
-    @property
-    def pixel_freedom(self) -> IntArray:
-        """(f,)."""
-        return np.bincount(self.of_frame, self.unit_freedom, len(self.frames)).astype(np.int64)
-
-    def limits(self, unknowns: int) -> FloatArray:
-        """(f,): the chi-squares above which frames are outliers (`robust.limits_of`).
-
-        The points of one placing have errors that are alike: it is judged by their mean, as one
-        unit.
-        """
-        freedom, largest = self.pixel_freedom + self.bars, np.zeros(len(self.frames), np.int64)
-        np.maximum.at(largest, self.of_frame, self.unit_freedom + np.isfinite(self.distances))
-        with np.errstate(invalid="ignore"):
-            return limits_of(largest, unknowns) * (freedom / largest)
-
-    @property
-    def bars(self) -> IntArray:
-        """(f,): number of known lengths."""
-        known = np.isfinite(self.distances)
-        return np.bincount(self.of_frame, known, len(self.frames)).astype(np.int64)
 
 
 def rows_where(recording: Recording, kept: BoolArray) -> Recording:

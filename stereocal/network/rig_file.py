@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, naming
 from stereocal.network.fuse import Fused, PairFit, pair_covariance
 from stereocal.network.pairs import pair_name
-from stereocal.network.result import RigCalibration
-from stereocal.network.third_camera import third_cameras
+from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.unknowns import camera_at, lens_places
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
@@ -160,22 +159,23 @@ class RigFile:
         """As `load`, from text."""
         data = read_json(text, source)
         found = data.get("format") if isinstance(data, dict) else None
-        if found != RIG_FORMAT or data.get("convention") != CONVENTION:
-            raise StereocalError(
-                f'{source}: the format is {found!r}; this version reads "{RIG_FORMAT}" with the '
-                f'convention "{CONVENTION}".'
-            )
-        try:
-            return cls._of(data, source)
-        except StereocalError as error:
-            raise StereocalError(f"{source}: {error}") from error
-        except DAMAGED as error:
-            raise StereocalError(
-                f"{source}: the rig is damaged ({type(error).__name__}: {error})."
-            ) from error
+        with naming(source):
+            if found != RIG_FORMAT or data.get("convention") != CONVENTION:
+                raise StereocalError(
+                    f'the format is {found!r}; this version reads "{RIG_FORMAT}" with the '
+                    f'convention "{CONVENTION}".'
+                )
+            try:
+                return cls._of(data)
+            except StereocalError:
+                raise
+            except DAMAGED as error:
+                raise StereocalError(
+                    f"the rig is damaged ({type(error).__name__}: {error})."
+                ) from error
 
     @classmethod
-    def _of(cls, data: Mapping[str, Any], source: str) -> RigFile:
+    def _of(cls, data: Mapping[str, Any]) -> RigFile:
         cameras = {
             name: Camera.from_json(own, f"camera {name}") for name, own in data["cameras"].items()
         }
@@ -201,7 +201,7 @@ class RigFile:
             covariance,
             float(data["noise_px"]),
             {name: value for name, value in data.items() if name not in own},
-            None if volume is None else Volume.from_json(volume, source),
+            None if volume is None else Volume.from_json(volume),
         )
 
 

@@ -24,9 +24,11 @@ from stereocal.refined.screening import (
     wide_settings,
 )
 from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, bring_into_step
-from stereocal.refined.weak_geometry import geometry_warning
+from stereocal.refined.two_views import EPSILON
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.tracks import MeasuredOffset
+from stereocal.system.numbers import rounded
 
 MAXIMUM_NAMED = 10
 EXPLAINED = 0.05
@@ -36,6 +38,16 @@ SMALLEST_CLAIM = 0.01
 """In frames. A smaller offset is not offered: with frames that do not follow each other, other
 errors gave offsets of 0.001 frames with far smaller standard errors."""
 OUT_OF_STEP = "The cameras seem to be out of step"
+LARGEST_SIGMA = np.radians(3.0)
+"""An angle with a larger standard error counts as undetermined."""
+FLATNESS = 0.02
+"""Points whose RMS distance from a plane is a smaller fraction of their depth count as coplanar."""
+MAXIMUM_NOISE_PX = 5.0
+"""A fit with more noise explains nothing, and its 3D points are not used."""
+NARROW_FIELD = np.radians(6.0)
+"""In a smaller field of view all rays are nearly parallel: there is hardly any perspective."""
+PARALLEL = np.radians(8.0)
+"""Bars within this angle of a common direction count as parallel."""
 
 
 def explain_failure(dataset: Dataset, screening: Screening) -> str:
@@ -74,18 +86,11 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
         poor: whether the length errors of the 3D set are large.
         offer: the message of `offer_time_offset`; no input is blamed where it explains the fit.
     """
-    found = []
-    if screening.failure:
-        found.append(f"The frames could not be screened: {screening.failure}")
-    if offer:
-        found.append(offer)
-    if screening.together:
-        found.append(screening.together)
-    if screening.fit is not None and (warning := geometry_warning(screening.fit)):
-        found.append(warning)
-    elif poor and not offer:
-        found.append(find_wrong_input(dataset) or inconsistency_message(dataset))
-    return found
+    failure = screening.failure and f"The frames could not be screened: {screening.failure}"
+    geometry = geometry_warning(screening.fit) if screening.fit is not None else ""
+    if poor and not offer and not geometry:
+        geometry = find_wrong_input(dataset) or inconsistency_message(dataset)
+    return [message for message in (failure, offer, screening.together, geometry) if message]
 
 
 def offer_time_offset(screening: Screening) -> str:
@@ -96,9 +101,14 @@ def offer_time_offset(screening: Screening) -> str:
     """
     if screening.time_note:
         return ""
-    found = _seen_offset(screening) if screening.fit is None else _following(screening.fit)
+    fit = screening.fit
+    found = _seen_offset(screening.full_dataset) if fit is None else apparent_offset(fit)
     if found is None or not found.is_claimed(CLAIMED) or found.sigma > MAXIMUM_SIGMA:
         return ""
+    if fit is not None:
+        degrees = float(fit.degrees_of_freedom[~fit.outlying].sum())
+        if (found.frames / found.sigma) ** 2 < EXPLAINED * degrees:
+            return ""
     if abs(found.frames) < SMALLEST_CLAIM:
         return ""
     return (
@@ -109,18 +119,8 @@ def offer_time_offset(screening: Screening) -> str:
     )
 
 
-def _following(fit: RefinedResult) -> MeasuredOffset | None:
-    """The offset that the residuals of a fit show, if it explains enough of them."""
-    found = apparent_offset(fit)
-    degrees = float(fit.degrees_of_freedom[~fit.outlying].sum())
-    if found is None or (found.frames / found.sigma) ** 2 < EXPLAINED * degrees:
-        return None
-    return found
-
-
-def _seen_offset(screening: Screening) -> MeasuredOffset | None:
+def _seen_offset(dataset: Dataset) -> MeasuredOffset | None:
     """The offset with which most frames fit, where without one nothing does."""
-    dataset = screening.full_dataset
     if len(dataset.correspondences.frames) < MINIMUM_FRAMES:
         return None
     try:
@@ -128,3 +128,52 @@ def _seen_offset(screening: Screening) -> MeasuredOffset | None:
     except StereocalError:
         return None
     return fit.time_offset if fit and fit.outlying.mean() < MAXIMUM_LEFT_OUT else None
+
+
+def geometry_warning(fit: RefinedResult) -> str:
+    """Why the pose of the cameras is poorly determined, and what to record; empty if it is not.
+
+    Args:
+        fit: a fit with wide priors, such as that of the screening.
+    """
+    if not fit.sigma_px.value < MAXIMUM_NOISE_PX:
+        return ""
+    largest = float(np.max(np.sqrt(np.diag(fit.covariance)[: EPSILON + 1])))
+    ends = fit.used_points_m
+    points, flat = _finite(ends.reshape(-1, 3)), False
+    if len(points) > 3:  # the RMS distance from the best plane
+        smallest = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]
+        flat = smallest / np.sqrt(len(points)) < FLATNESS * np.median(points[:, 2])
+    if not (largest > LARGEST_SIGMA or flat):
+        return ""
+    known = f"the largest standard error of an angle is {np.degrees(largest):.1f} degrees"
+    rays = _unit(points)
+    # Twice the largest angle between the rays to the points and their mean.
+    cosines = rays @ _unit(rays.mean(axis=0)) if len(points) else np.array([-1.0])
+    view = float(2.0 * np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
+    if view < NARROW_FIELD:
+        return (
+            f"The bars cover only {np.degrees(view):.1f} degrees of the view, "
+            f"where perspective hardly shows: {known}. Use shorter lenses, or move the bar "
+            "through the whole view and the whole depth."
+        )
+    if flat:
+        return (
+            f"All bars lie close to one plane ({rounded(np.median(points[:, 2]), 3)} m away): "
+            f"{known}, because two poses of the cameras give the same images of a plane. Record "
+            "the bar at other depths too."
+        )
+    directions = _unit(_finite(ends[:, 1] - ends[:, 0]))
+    if len(directions) > 1:  # the RMS angle between the bars and their common axis
+        along = np.abs(directions @ np.linalg.svd(directions)[2][0])
+        if np.sqrt(np.mean(np.square(np.arccos(np.minimum(along, 1.0))))) < PARALLEL:
+            return f"All bars are parallel: {known}. Turn the bar between the photographs."
+    return f"These frames determine the pose of the cameras poorly: {known}. Record more bars."
+
+
+def _finite(points: FloatArray) -> FloatArray:
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -21,10 +21,15 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
-from stereocal.refined.design_effect import clusters_in, design_effect
+from stereocal.refined.design_effect import (
+    FEWEST,
+    clusters_in,
+    covariance_of_boards,
+    design_effect,
+    lenses_without,
+)
 from stereocal.refined.robust import Noise
-from stereocal.refined.same_boards import FEWEST, covariance_of_boards, lenses_without
-from stereocal.refined.solve import Solve, lenses_of
+from stereocal.refined.solve import Solve, lenses_of_cameras
 from stereocal.refined.two_views import BAR, DRIFT, TIME
 from stereocal.refined.unknowns import (
     RefineSettings,
@@ -37,8 +42,7 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters
-from stereocal.rig.compilations import clock
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, clock
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
 from stereocal.rig.rig import Rig
@@ -101,7 +105,7 @@ class RefinedResult:
     @cached_property
     def lenses(self) -> FloatArray:
         """(2, 23): skew and distortion of both lenses, for the compiled functions."""
-        return lenses_of(self.dataset)
+        return lenses_of_cameras(self.dataset.primary, self.dataset.secondary)
 
     @property
     def rig(self) -> Rig:
@@ -147,7 +151,7 @@ class RefinedResult:
         """(k, k): covariance of the free parameters, priors included.
 
         Frames that follow each other count for less: the information of the images is divided by
-        the `design_effect`. Where the same boards gave the lenses: `same_boards`.
+        the `design_effect`. Where the same boards gave the lenses: `covariance_of_boards`.
         """
         found = self.unknowns.covariance(self.information / self.design_effect)
         used = np.flatnonzero(~self.outlying)

@@ -78,48 +78,33 @@ class RobustFit(ABC):
     """(f,): the frame numbers."""
     frame_of: IntArray
     """(n,): index of the frame of each unit."""
-    degrees_of_freedom: IntArray
-    """(f,): of each frame's chi-square."""
-    pixel_freedom: IntArray
-    """(f,): the same of its pixels alone."""
     pixel_variance: FloatArray
     """(f, ...): variances of its pixels over those of recorded ones."""
-    limit: FloatArray
-    """(f,): the chi-square above which a frame is an outlier."""
-    share_of_limit: FloatArray
-    """(n,): that of each unit over that of its frame."""
     lenses: FloatArray
     """(c, 23), and the next ones (n, ...), as in `views.Units`."""
     pixels: FloatArray
     rays: FloatArray
     motion: FloatArray
     distances: FloatArray
-    points: FloatArray
-    of_units: FloatArray
-    """(n,): chi-squares of the units."""
-    chi_squares: FloatArray
-    """(f,)."""
-    H: FloatArray
-    """(Q, Q): normal equations of q, without priors."""
-    sigma_px: float
-    scatter: float
-    smallest_scatter: float
-    source_px: str
-    source_scatter: str
-
     R: FloatArray
     """(c, 3, 3): of the last step."""
     baselines: FloatArray
     """(m, 4): as in `adjustment.add_baselines`."""
 
-    def _begin(self, unknowns: Unknowns, pairs: int, bars: int, length_m: float) -> None:
+    def _begin(self, unknowns: Unknowns, length_m: float) -> None:
         """Set what every fit begins with, after the other attributes.
 
         Args:
-            pairs, bars: their numbers, by which it is judged whether noise can be estimated.
             length_m: of the bar, or the longest of the object.
         """
-        given, enough = self.settings, (pairs >= MINIMUM_PAIRS, bars >= MINIMUM_BARS)
+        known, of_pixels = np.isfinite(self.distances), unit_freedom(self.pixels)
+        self.unit_freedom = of_pixels + known
+        self.pixel_freedom = self.by_frame(of_pixels).astype(np.int64)
+        self.degrees_of_freedom = self.by_frame(self.unit_freedom).astype(np.int64)
+        self.set_limits(len(unknowns.names))
+        images = np.isfinite(self.pixels[..., 0]).sum()
+        enough = images // 2 >= MINIMUM_PAIRS, known.sum() >= MINIMUM_BARS
+        given = self.settings
         self.smallest_scatter = SMALLEST_SCATTER * length_m
         self.sigma_px = given.sigma_px or ASSUMED_PX
         self.scatter = max(given.scatter_m or 0.0, self.smallest_scatter)
@@ -128,6 +113,8 @@ class RobustFit(ABC):
             for value, known in zip((given.sigma_px, given.scatter_m), enough, strict=True)
         )
         self.start_with(unknowns, np.zeros(len(unknowns.names)))
+        # Points and chi-squares (n,) of the units, chi-squares (f,) of the frames, and the normal
+        # equations (Q, Q) of q without priors.
         self.points = np.full((len(self.pixels), OWN), np.nan)
         self.of_units = np.full(len(self.pixels), np.inf)
         self.chi_squares = np.full(len(self.frames), np.inf)
@@ -135,6 +122,13 @@ class RobustFit(ABC):
         self.outlying = np.zeros(len(self.frames), dtype=np.bool_)
         self.is_near = False
         self.cost, self.steps, self.converged = np.inf, 0, False
+
+    def set_limits(self, unknowns: int) -> None:
+        """Set the chi-squares above which frames (f,) are outliers, for a number of unknowns, and
+        the shares (n,) of their units in them."""
+        self.limit = frame_limits(self.unit_freedom, self.frame_of, unknowns)
+        of_units = limits_of(self.unit_freedom, unknowns)
+        self.share_of_limit = of_units / self.limit[self.frame_of]
 
     def start_with(self, unknowns: Unknowns, p: FloatArray) -> None:
         """Set the unknowns, and where their free parameters (k,) begin."""
@@ -247,7 +241,9 @@ class RobustFit(ABC):
 
     def run(self) -> bool:
         """Solve; return False if there is no solution with a frame that fits."""
-        if not self.is_near and not self._approach():
+        if not self.is_near and not (
+            self._anneal() if self.settings.loss == "robust" else self._estimate_noise(True)
+        ):
             return False
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
@@ -264,10 +260,6 @@ class RobustFit(ABC):
                 break
         self._solve(np.where(self.outlying, 0.0, np.inf))
         return bool(np.isfinite(self.cost)) and not self.outlying.all()
-
-    def _approach(self) -> bool:
-        """From the initial pose to where plain least squares can begin."""
-        return self._anneal() if self.settings.loss == "robust" else self._estimate_noise(True)
 
     def _anneal(self) -> bool:
         """Lower the limit of the biweight in steps; noise from robust scales."""
@@ -343,6 +335,28 @@ class RobustFit(ABC):
         A = A * np.outer(scale, scale)
         C = np.linalg.pinv(A, hermitian=True) * np.outer(scale, scale)
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)
+
+
+def unit_freedom(pixels: FloatArray) -> IntArray:
+    """(n,): degrees of freedom of the pixels (n, 2, c, 2) of units: two for each image of a point,
+    less three for the point."""
+    views = np.isfinite(pixels[..., 0]).sum(axis=2)
+    return np.asarray(np.where(views > 0, 2 * views - 3, 0).sum(axis=1))
+
+
+def frame_limits(freedom: IntArray, frame_of: IntArray, unknowns: int) -> FloatArray:
+    """(f,): the chi-square above which a frame is an outlier, by `limits_of`.
+
+    The points of one placing have errors that are alike: it is judged by their mean, as one unit.
+
+    Args:
+        freedom: (n,), of each unit; frame_of: (n,), the index of its frame.
+    """
+    of_frame = np.bincount(frame_of, freedom)
+    largest = np.zeros(len(of_frame), np.int64)
+    np.maximum.at(largest, frame_of, freedom)
+    with np.errstate(invalid="ignore"):
+        return limits_of(largest, unknowns) * (of_frame / largest)
 
 
 def limits_of(degrees_of_freedom: IntArray, unknowns: int) -> FloatArray:

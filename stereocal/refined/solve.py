@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereocal.refined.distortion import lens_terms
-from stereocal.refined.robust import ESTIMATED, RobustFit, limits_of
+from stereocal.refined.robust import ESTIMATED, RobustFit
 from stereocal.refined.two_views import views_of
 from stereocal.refined.unknowns import ANGLES, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.camera import Camera
@@ -13,9 +13,6 @@ from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.tracks import TimeOffset
-
-OF_BAR = 3
-"""Degrees of freedom of a bar."""
 
 
 class Solve(RobustFit):
@@ -49,28 +46,11 @@ class Solve(RobustFit):
         self.distances = np.full(n, np.nan)
         of_bars = at[np.searchsorted(np.flatnonzero(kept), table.bars[bars, 0])]
         self.distances[of_bars] = dataset.bar_distances_m[bars]
-        bar = np.isfinite(self.distances)
-        targets = np.isfinite(self.pixels[:, :, 0, 0]).sum(axis=1)
-        self.degrees_of_parts = targets + bar
-        self.pixel_freedom = self.by_frame(targets).astype(np.int64)
-        self.degrees_of_freedom = self.by_frame(self.degrees_of_parts).astype(np.int64)
-        self.set_limits(len(unknowns.names))
-        self.lenses = lenses_of(dataset)
+        self.lenses = lenses_of_cameras(dataset.primary, dataset.secondary)
         self.R, self.baselines = np.empty((2, 3, 3)), np.empty((0, 4))
-        self._begin(unknowns, len(place), int(bar.sum()), dataset.target_distance_m)
+        self._begin(unknowns, dataset.target_distance_m)
         if settings.rest is not None:
             self.p = settings.rest.start(unknowns)
-
-    def set_limits(self, unknowns: int) -> None:
-        """Set the limits of the chi-squares for a number of unknowns.
-
-        The points of one placing of an object have errors that are alike: it is judged by their
-        mean, as one bar.
-        """
-        of_bar = np.minimum(self.degrees_of_freedom, OF_BAR)
-        self.limit = limits_of(of_bar, unknowns) * (self.degrees_of_freedom / of_bar)
-        of_parts = limits_of(self.degrees_of_parts, unknowns)
-        self.share_of_limit = of_parts / self.limit[self.frame_of]
 
     def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         return views_of(q)
@@ -108,11 +88,6 @@ class Solve(RobustFit):
             for a in (self, other)
         )
         return own < its
-
-
-def lenses_of(dataset: Dataset) -> FloatArray:
-    """(2, 23): skew and `lens_terms` of both cameras, as stated."""
-    return lenses_of_cameras(dataset.primary, dataset.secondary)
 
 
 def lenses_of_cameras(*cameras: Camera) -> FloatArray:

@@ -17,9 +17,10 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.solve import Solve
 from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
 from stereocal.refined.views import EACH, Cameras, jacobians_of
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
 LENS = ("fx", "fy", "cx", "cy")
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
@@ -183,3 +184,40 @@ def point_jacobians(
     by_point, by_views = jacobians_of(Cameras(v, R, lenses), points_m)
     by_shared = np.einsum("nckv,qcv->nckq", by_views, B[:, :-1].reshape(SHARED, 2, EACH))
     return by_point.reshape(n, 4, 3), by_shared.reshape(n, 4, SHARED)
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Of each frame, or part of one; NaN without a bar."""
+
+    frames: IntArray
+    """(f,)."""
+    errors_m: FloatArray
+    """(f,): length from the pixels alone minus the stated length."""
+    variances_m2: FloatArray
+    """(f,): its variance from the noise of the pixels."""
+    points_m: FloatArray
+    """(f, 2, 3): the points, fitted to the pixels alone."""
+    of_pixels: FloatArray
+    """(25, 25): information matrix of the pixels alone."""
+
+
+def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
+    """The lengths of bars with a refined set.
+
+    Args:
+        rows: mask (n,) of the rows of the data set; they need not be those that were fitted.
+    """
+    solve = Solve(result.dataset, result.pose, result.settings, rows)
+    solve.sigma_px, n = result.sigma_px.value, len(solve.points)
+    _, H, _ = solve.sum_at(result.q, 0.0, np.full(n, np.inf), solve.points, np.empty(n))
+    found = solve.innovations(result.q, solve.points)
+    frames = solve.frames[solve.frame_of]
+    return Innovations(frames, found[:, 0], found[:, 1], solve.points.reshape(n, 2, 3), H)
+
+
+def length_freedom(result: RefinedResult, bars: Innovations) -> float:
+    """Degrees of freedom of the lengths that the fit has absorbed."""
+    M = result.unknowns.M
+    of_lengths = M.T @ (result.information - bars.of_pixels) @ M
+    return max(float(np.sum(result.p_covariance_by_model * of_lengths)), 0.0)

@@ -11,9 +11,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming, refuse
 from stereocal.rig.compiled import BoolArray, FloatArray, contiguous
 from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorted, largest_angle
+from stereocal.rig.geometry import homogeneous
+from stereocal.system.records import of_plain, plain
 
 LensModel = Literal["brown", "fisheye"]
 """OpenCV's usual lens (Brown), or the one of `fisheye`."""
@@ -56,67 +58,58 @@ class LensUncertainty:
     without: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        distortion = np.array(self.distortion, dtype=np.float64).ravel()
+        size = len(LENS_UNKNOWNS)
+        distortion = _kept(self, "distortion", np.ravel(self.distortion))
         sigmas = np.array([self.fx, self.fy, self.cx, self.cy, *distortion])
-        if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
-            raise StereocalError("An uncertainty of the lens is below 0 or not a finite number.")
-        distortion.setflags(write=False)
-        object.__setattr__(self, "distortion", distortion)
+        correlation = np.eye(size)
         if self.correlation is not None:
-            whole = np.array(self.correlation, dtype=np.float64)
-            if not is_correlation(whole, len(LENS_UNKNOWNS)):
-                raise StereocalError(
-                    "The correlation of the lens must be a symmetric 8x8 table of fx, fy, cx, cy, "
-                    "k1, k2, p1, p2, with 1 on its diagonal and positive eigenvalues."
+            correlation = _kept(self, "correlation", self.correlation)
+        refuse(
+            (
+                not (np.isfinite(sigmas).all() and (sigmas >= 0).all()),
+                "An uncertainty of the lens is below 0 or not a finite number.",
+            ),
+            (
+                correlation.shape != (size, size)
+                or not np.isfinite(correlation).all()
+                or not np.allclose(correlation, correlation.T, atol=1e-6)
+                or not np.allclose(np.diag(correlation), 1.0, atol=1e-6)
+                or not np.linalg.eigvalsh(correlation)[0] > SMALLEST_EIGENVALUE,
+                "The correlation of the lens must be a symmetric 8x8 table of fx, fy, cx, cy, "
+                "k1, k2, p1, p2, with 1 on its diagonal and positive eigenvalues.",
+            ),
+            *(
+                (
+                    change.shape != (size,) or not np.isfinite(change).all(),
+                    f'The change of the lens "without" {name} must be a list of 8 numbers.',
                 )
-            whole.setflags(write=False)
-            object.__setattr__(self, "correlation", whole)
-        for name, change in self.without.items():
-            if change.shape != (len(LENS_UNKNOWNS),) or not np.isfinite(change).all():
-                raise StereocalError(
-                    f'The change of the lens "without" {name} must be a list of 8 numbers.'
-                )
+                for name, change in self.without.items()
+            ),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The standard errors by name, as plain numbers."""
-        whole = self.correlation
-        without = {name: change.tolist() for name, change in self.without.items()}
-        return {
-            **{name: float(getattr(self, name)) for name in ("fx", "fy", "cx", "cy")},
-            "distortion": self.distortion.tolist(),
-            **({} if whole is None else {"correlation": whole.tolist()}),
-            **({"without": without} if without else {}),
-        }
+        return {name: value for name, value in plain(self).items() if value not in (None, {})}
 
     @classmethod
-    def from_json(cls, data: Any, source: str) -> LensUncertainty:
+    def from_json(cls, data: Any) -> LensUncertainty:
         """The uncertainty that `to_json` describes; other keys are ignored."""
         try:
-            fx, fy, cx, cy = (float(data[name]) for name in ("fx", "fy", "cx", "cy"))
-            distortion = np.array(data["distortion"], dtype=np.float64)
-            whole = data.get("correlation")
-            correlation = None if whole is None else np.array(whole, dtype=np.float64)
-            changes = dict(data.get("without", {})).items()
-            without = {name: np.array(change, dtype=np.float64) for name, change in changes}
-            return cls(fx, fy, cx, cy, distortion, correlation, without)
-        except StereocalError as error:
-            raise StereocalError(f"{source}: {error}") from error
-        except (TypeError, ValueError, KeyError, OverflowError) as error:
+            return of_plain(data, cls)
+        except StereocalError:
+            raise
+        except (TypeError, ValueError, OverflowError) as error:
             raise StereocalError(
-                f"{source}: the uncertainty must have the numbers fx, fy, cx, cy and a list "
-                "distortion."
+                "the uncertainty must have the numbers fx, fy, cx, cy and a list distortion."
             ) from error
 
 
-def is_correlation(table: FloatArray, size: int) -> bool:
-    """Whether a table is a correlation matrix of this size that can be inverted."""
-    return bool(
-        table.shape == (size, size)
-        and np.isfinite(table).all()
-        and np.allclose(table, table.T, atol=1e-6)
-        and np.allclose(np.diag(table), 1.0, atol=1e-6)
-        and np.linalg.eigvalsh(table)[0] > SMALLEST_EIGENVALUE
-    )
+def _kept(owner: object, name: str, values: npt.ArrayLike) -> FloatArray:
+    """Give a frozen dataclass an array of its own that cannot be written to."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    object.__setattr__(owner, name, array)
+    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,41 +135,57 @@ class Camera:
     model: LensModel = "brown"
 
     def __post_init__(self) -> None:
-        K = np.array(self.K, dtype=np.float64)
-        distortion = np.array(self.distortion, dtype=np.float64).ravel()
-        if K.shape != (3, 3):
-            raise StereocalError(f"The camera matrix K must be 3x3, not {K.shape}.")
-        if not (np.isfinite(K).all() and np.isfinite(distortion).all()):
-            raise StereocalError("The camera has a number that is not finite (NaN or infinite).")
-        if K[0, 0] <= 0 or K[1, 1] <= 0:
-            raise StereocalError(
-                f"The camera matrix K cannot be inverted: the focal lengths fx = {K[0, 0]:g} and "
-                f"fy = {K[1, 1]:g} must both be above 0."
-            )
-        if np.abs(K).max() > MAXIMUM_K or min(K[0, 0], K[1, 1]) < 1 / MAXIMUM_K:
-            raise StereocalError(
-                "The camera matrix K has impossible values: "
-                f"fx = {K[0, 0]:g}, fy = {K[1, 1]:g}; they must be in pixels."
-            )
-        if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
-            raise StereocalError(
-                "K is not a camera matrix: it must read [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]. "
-                "Is it transposed?"
-            )
-        distortion = _coefficients(distortion, self.model)
+        K, distortion = _kept(self, "K", self.K), np.ravel(self.distortion)
+        if self.is_fisheye and not distortion.size:
+            distortion = np.zeros(4)
+        distortion = _kept(self, "distortion", distortion)
         width, height = (int(side) for side in self.image_size)
-        if not (0 < width < LARGEST_SIDE and 0 < height < LARGEST_SIDE):
-            raise StereocalError(f"The image size {width}x{height} px is not possible.")
-        if self.uncertainty is not None and self.uncertainty.distortion.size != distortion.size:
-            raise StereocalError(
-                f"The lens has {distortion.size} distortion coefficients, but "
-                f"{self.uncertainty.distortion.size} uncertainties for them."
-            )
-        K.setflags(write=False)
-        distortion.setflags(write=False)
-        object.__setattr__(self, "K", K)
-        object.__setattr__(self, "distortion", distortion)
         object.__setattr__(self, "image_size", (width, height))
+        refuse((K.shape != (3, 3), f"The camera matrix K must be 3x3, not {K.shape}."))
+        (fx, fy), n = np.diag(K)[:2], distortion.size
+        sigmas = n if self.uncertainty is None else self.uncertainty.distortion.size
+        refuse(
+            (
+                not (np.isfinite(K).all() and np.isfinite(distortion).all()),
+                "The camera has a number that is not finite (NaN or infinite).",
+            ),
+            (
+                fx <= 0 or fy <= 0,
+                f"The camera matrix K cannot be inverted: the focal lengths fx = {fx:g} and "
+                f"fy = {fy:g} must both be above 0.",
+            ),
+            (
+                np.abs(K).max() > MAXIMUM_K or min(fx, fy) < 1 / MAXIMUM_K,
+                f"The camera matrix K has impossible values: fx = {fx:g}, fy = {fy:g}; they must "
+                "be in pixels.",
+            ),
+            (
+                K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]),
+                "K is not a camera matrix: it must read [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]. "
+                "Is it transposed?",
+            ),
+            (
+                self.model not in LENS_MODELS,
+                f'The lens model "{self.model}" is not known; use {" or ".join(LENS_MODELS)}.',
+            ),
+            (
+                self.is_fisheye and n != 4,
+                f"The lens has {n} distortion coefficients; a fisheye has 4, k1 k2 k3 k4.",
+            ),
+            (
+                n not in DISTORTION_LENGTHS,
+                f"The lens has {n} distortion coefficients; OpenCV's model has 4, 5, 8, 12 or 14 "
+                "(or none).",
+            ),
+            (
+                not (0 < width < LARGEST_SIDE and 0 < height < LARGEST_SIDE),
+                f"The image size {width}x{height} px is not possible.",
+            ),
+            (
+                sigmas != n,
+                f"The lens has {n} distortion coefficients, but {sigmas} uncertainties for them.",
+            ),
+        )
 
     @property
     def lens_values(self) -> FloatArray:
@@ -200,11 +209,6 @@ class Camera:
     def largest_angle(self) -> float:
         """From the axis, to which a fisheye can be inverted, in radians."""
         return largest_angle(self.distortion)
-
-    @property
-    def pixel_scale(self) -> FloatArray:
-        """(fx, skew, fy): the part of K that acts on differences of normalised points."""
-        return np.array([self.K[0, 0], self.K[0, 1], self.K[1, 1]])
 
     def pixel_jacobians(self, normalised: npt.ArrayLike) -> FloatArray:
         """(n, 2, 2): derivatives of the pixels in which errors are by points (n, 2) of z = 1."""
@@ -237,7 +241,7 @@ class Camera:
         """
         right, bottom = np.array(self.image_size) - 0.5
         pixels = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
-        rays = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(self.K)[:2].T
+        rays = homogeneous(pixels) @ np.linalg.inv(self.K)[:2].T
         if not self.is_fisheye:
             return np.asarray(rays)
         edge = min(self.largest_angle, LARGEST_ANGLE) * (1 - 1e-9)
@@ -284,7 +288,7 @@ class Camera:
         after 5 iterations: 0.02 px off at the corners of a 1280 px image with k1 = -0.22.
         """
         pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-        distorted = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.K).T
+        distorted = homogeneous(pixels) @ np.linalg.inv(self.K).T
         distorted = np.ascontiguousarray(distorted[:, :2])
         if self.is_fisheye:
             rays = np.empty(distorted.shape)
@@ -297,27 +301,17 @@ class Camera:
         with np.errstate(all="ignore"):
             for _ in range(20):
                 error = self._distort(points) - distorted
-                along_x, along_y = self._jacobian(points)
-                determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
-                points = (
-                    points
-                    - np.column_stack(
-                        [
-                            error[:, 0] * along_y[:, 1] - error[:, 1] * along_y[:, 0],
-                            error[:, 1] * along_x[:, 0] - error[:, 0] * along_x[:, 1],
-                        ]
-                    )
-                    / determinant[:, None]
-                )
+                (du, dv), (ux, vx, uy, vy) = error.T, self._jacobian(points)
+                step = np.column_stack([du * vy - dv * uy, dv * ux - du * vx])
+                points = points - step / (ux * vy - vx * uy)[:, None]
                 if np.nanmax(np.abs(error), initial=0.0) < 1e-13:
                     break
             found = np.abs(self._distort(points) - distorted).max(axis=1) < 1e-10
             # Far from the centre the polynomial folds back and has spurious solutions. A solution
             # counts if both eigenvalues of the Jacobian are positive all the way from the centre.
             for part in (0.25, 0.5, 0.75, 1.0):
-                along_x, along_y = self._jacobian(part * points)
-                found &= along_x[:, 0] * along_y[:, 1] > along_x[:, 1] * along_y[:, 0]
-                found &= along_x[:, 0] + along_y[:, 1] > 0
+                ux, vx, uy, vy = self._jacobian(part * points)
+                found &= (ux * vy > vx * uy) & (ux + vy > 0)
         return np.where(found[:, None], points, np.nan)
 
     def undistort_to_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
@@ -337,23 +331,18 @@ class Camera:
     def from_json(cls, data: Mapping[str, Any], source: str) -> Camera:
         """The camera that `to_json` describes, with its `uncertainty` if there is one."""
         missing = [key for key in ("K", "distortion", "image_size") if key not in data]
-        if missing:
-            raise StereocalError(f"{source}: the camera has no {', '.join(missing)}.")
-        try:
-            width, height = data["image_size"]
-            K = np.array(data["K"], dtype=np.float64)
-            distortion = np.array(data["distortion"], dtype=np.float64)
-            size = (int(width), int(height))
-        except (TypeError, ValueError, OverflowError) as error:
-            raise StereocalError(
-                f"{source}: K, distortion and image_size must be lists of numbers."
-            ) from error
-        stated = data.get("uncertainty")
-        uncertainty = None if stated is None else LensUncertainty.from_json(stated, source)
-        try:
-            return cls(K, distortion, size, uncertainty, data.get("model", "brown"))
-        except StereocalError as error:
-            raise StereocalError(f"{source}: {error}") from error
+        with naming(source):
+            refuse((missing, f"the camera has no {', '.join(missing)}."))
+            try:
+                width, height = map(int, data["image_size"])
+                K, distortion = (np.array(data[key], float) for key in ("K", "distortion"))
+            except (TypeError, ValueError, OverflowError) as error:
+                raise StereocalError(
+                    "K, distortion and image_size must be lists of numbers."
+                ) from error
+            stated = data.get("uncertainty")
+            uncertainty = None if stated is None else LensUncertainty.from_json(stated)
+            return cls(K, distortion, (width, height), uncertainty, data.get("model", "brown"))
 
     def _distort(self, normalised: FloatArray) -> FloatArray:
         """Distorted normalised points (n, 2), by OpenCV's full model."""
@@ -364,19 +353,15 @@ class Camera:
             return distorted
         if not len(normalised) or not self.distortion.any():
             return normalised
-        points = np.column_stack([normalised, np.ones(len(normalised))])
-        found, _ = cv2.projectPoints(
-            points[:, None], np.zeros(3), np.zeros(3), np.eye(3), self.distortion
-        )
+        points, none = homogeneous(normalised)[:, None], np.zeros(3)
+        found, _ = cv2.projectPoints(points, none, none, np.eye(3), self.distortion)
         return np.asarray(found, dtype=np.float64).reshape(-1, 2)
 
-    def _jacobian(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n, 2) of the distorted points by x, and by y, by finite differences."""
-        step = 1e-6
-        along_x = self._distort(normalised + np.array([step, 0.0]))
-        along_y = self._distort(normalised + np.array([0.0, step]))
-        here = self._distort(normalised)
-        return (along_x - here) / step, (along_y - here) / step
+    def _jacobian(self, normalised: FloatArray) -> FloatArray:
+        """(4, n): derivatives of the distorted u and v by x, and of both by y, by differences."""
+        step, here = 1e-6, self._distort(normalised)
+        sides = [self._distort(normalised + step * along) - here for along in np.eye(2)]
+        return np.concatenate([side.T for side in sides]) / step
 
     def _to_pixels(self, normalised: FloatArray) -> FloatArray:
         pixels: FloatArray = normalised @ self.K[:2, :2].T + self.K[:2, 2]
@@ -384,12 +369,13 @@ class Camera:
 
 
 def pixel_scales(cameras: Sequence[Camera]) -> FloatArray:
-    """(n, 3): `Camera.pixel_scale` of each, as `geometry.reprojection_shift` takes it.
+    """(n, 3): fx, skew and fy of each: the part of K that acts on differences of normalised points,
+    as `geometry.reprojection_shift` takes it.
 
     (n, 2, 4) if one is a fisheye: fx, skew, fy and its largest angle, which is 0 for other lenses;
     k1 to k4.
     """
-    scales = np.array([camera.pixel_scale for camera in cameras])
+    scales = np.array([camera.K[[0, 0, 1], [0, 1, 1]] for camera in cameras])
     if not any(camera.is_fisheye for camera in cameras):
         return scales
     found = np.zeros((len(cameras), 2, 4))
@@ -398,24 +384,3 @@ def pixel_scales(cameras: Sequence[Camera]) -> FloatArray:
         if camera.is_fisheye:
             row[0, 3], row[1] = camera.largest_angle, camera.distortion
     return found
-
-
-def _coefficients(distortion: FloatArray, model: LensModel) -> FloatArray:
-    """The coefficients of a lens, of a fisheye four."""
-    if model not in LENS_MODELS:
-        raise StereocalError(
-            f'The lens model "{model}" is not known; use {" or ".join(LENS_MODELS)}.'
-        )
-    if model == "fisheye":
-        if distortion.size not in (0, 4):
-            raise StereocalError(
-                f"The lens has {distortion.size} distortion coefficients; a fisheye has 4, "
-                "k1 k2 k3 k4."
-            )
-        return distortion if distortion.size else np.zeros(4)
-    if distortion.size not in DISTORTION_LENGTHS:
-        raise StereocalError(
-            f"The lens has {distortion.size} distortion coefficients; OpenCV's model has "
-            "4, 5, 8, 12 or 14 (or none)."
-        )
-    return distortion

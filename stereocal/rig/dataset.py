@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.fisheye import LARGEST_ANGLE
@@ -40,6 +40,11 @@ SHAPES: Mapping[str, tuple[int, ...]] = {
 """Of a row of each column of correspondences."""
 
 
+def _missing() -> Any:
+    """A column that is not given."""
+    return np.empty(0)
+
+
 @dataclass(frozen=True, eq=False)
 class Correspondences:
     """Image points of the targets in both cameras, one row per frame and target.
@@ -54,22 +59,22 @@ class Correspondences:
     """(n, 2)."""
     secondary: FloatArray
     """(n, 2)."""
-    distance_m: FloatArray
+    distance_m: FloatArray = field(default_factory=_missing)
     """Distance A-B measured for this frame; NaN to use the distance of the data set."""
-    known_points_m: FloatArray
+    known_points_m: FloatArray = field(default_factory=_missing)
     """(n, 3) known 3D points in the primary camera's frame; NaN if unknown."""
-    sigma_primary_px: FloatArray
+    sigma_primary_px: FloatArray = field(default_factory=_missing)
     """Standard error of each coordinate of the primary point; NaN if unknown."""
-    sigma_secondary_px: FloatArray
-    source: IntArray
+    sigma_secondary_px: FloatArray = field(default_factory=_missing)
+    source: IntArray = field(default_factory=_missing)
     """Index into `SOURCES`; -1 if unknown."""
-    line: IntArray
+    line: IntArray = field(default_factory=_missing)
     """Line of the row in its file, for messages; 0 if there is no file."""
-    time_frame: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    time_frame: IntArray = field(default_factory=_missing)
     """The frame's number as recorded, gaps and all; `frame` if not given."""
-    recorded: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    recorded: FloatArray = field(default_factory=_missing)
     """(n, 2): the secondary point as recorded; NaN where `secondary` is that."""
-    motion: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    motion: FloatArray = field(default_factory=_missing)
     """(n, 3): velocity of the secondary point in pixels per frame, and the variance of its position
     over that of a recorded one; NaN if unknown."""
     rigid_object: RigidObject | None = None
@@ -77,13 +82,14 @@ class Correspondences:
 
     def __post_init__(self) -> None:
         n = len(self.frame)
-        if not len(self.time_frame):
-            object.__setattr__(self, "time_frame", self.frame)
+        unknown = {"time_frame": self.frame, "line": 0, "source": UNKNOWN_SOURCE}
         for name, shape in SHAPES.items():
-            if name in ("recorded", "motion") and not len(getattr(self, name)):
-                object.__setattr__(self, name, np.full((n, *shape), np.nan))
-            if (found := getattr(self, name).shape) != (n, *shape):
-                raise StereocalError(f"{name} has shape {found}; it must be {(n, *shape)}.")
+            if not len(getattr(self, name)):
+                values = np.full((n, *shape), unknown.get(name, np.nan))
+                object.__setattr__(self, name, values)
+            found = getattr(self, name).shape
+            wrong = found != (n, *shape)
+            refuse((wrong, f"{name} has shape {found}; it must be {(n, *shape)}."))
         points = self.primary, self.secondary
         sigmas = self.sigma_primary_px, self.sigma_secondary_px
         places, times = (
@@ -91,31 +97,26 @@ class Correspondences:
             for other in (self.target, self.time_frame)
         )
         one_each = len(self.frames) == len(times) == len(np.unique(self.time_frame))
-        for sound, problem in (
+        refuse(
+            (not np.isfinite(points).all(), "An image point is not a finite number."),
             (
-                all(np.isfinite(own).all() for own in points),
-                "An image point is not a finite number.",
-            ),
-            (
-                np.isin(self.target, range(len(self.names))).all(),
+                not np.isin(self.target, range(len(self.names))).all(),
                 f"A target is none of {', '.join(self.names[:8])}.",
             ),
             (
-                np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all(),
+                not np.isin(self.source, range(UNKNOWN_SOURCE, len(SOURCES))).all(),
                 f"A source is invalid: it must be {', '.join(SOURCES)} or empty.",
             ),
             (
-                not any((sigma <= 0).any() for sigma in sigmas),
+                any((sigma <= 0).any() for sigma in sigmas),
                 "The standard error of an image point must be above 0.",
             ),
-            (len(places) == n, "A frame has the same target twice."),
+            (len(places) < n, "A frame has the same target twice."),
             (
-                one_each,
+                not one_each,
                 "The column time_frame must give each frame one number, and each frame another.",
             ),
-        ):
-            if not sound:
-                raise StereocalError(problem)
+        )
         for name in ("frame", *SHAPES):
             getattr(self, name).setflags(write=False)
 
@@ -140,25 +141,23 @@ class Correspondences:
             target: "A" or "B", or a name of the object.
             source: a word of `SOURCES`, or "" if unknown.
         """
-        frames = np.array(frame, dtype=np.int64)
-        n, names = len(frames), TARGETS if rigid_object is None else rigid_object.names
-
-        def optional(values: npt.ArrayLike | None, *shape: int) -> FloatArray:
-            return np.full((n, *shape), np.nan) if values is None else np.array(values, float)
-
-        words = [""] * n if source is None else list(source)
+        names = TARGETS if rigid_object is None else rigid_object.names
+        given = (distance_m, known_points_m, sigma_primary_px, sigma_secondary_px)
+        distances, points, primary_px, secondary_px = (
+            _missing() if each is None else np.array(each, dtype=np.float64) for each in given
+        )
+        codes = () if source is None else [source_code(word) for word in source]
         return cls(
-            frame=frames,
-            target=np.array([names.index(name) for name in target], dtype=np.int64),
-            primary=np.array(primary, dtype=np.float64),
-            secondary=np.array(secondary, dtype=np.float64),
-            distance_m=optional(distance_m),
-            known_points_m=optional(known_points_m, 3),
-            sigma_primary_px=optional(sigma_primary_px),
-            sigma_secondary_px=optional(sigma_secondary_px),
-            source=np.array([source_code(word) for word in words], dtype=np.int64),
-            line=np.zeros(n, dtype=np.int64),
-            time_frame=np.array(frames if time_frame is None else time_frame, dtype=np.int64),
+            np.array(frame, dtype=np.int64),
+            np.array([names.index(name) for name in target], dtype=np.int64),
+            np.array(primary, dtype=np.float64),
+            np.array(secondary, dtype=np.float64),
+            distances,
+            points,
+            primary_px,
+            secondary_px,
+            source=np.array(codes, dtype=np.int64),
+            time_frame=np.array(() if time_frame is None else time_frame, dtype=np.int64),
             rigid_object=rigid_object,
         )
 
@@ -173,9 +172,7 @@ class Correspondences:
     @property
     def has_sigmas(self) -> bool:
         """Whether the standard error of any point is known."""
-        return bool(
-            np.isfinite(self.sigma_primary_px).any() or np.isfinite(self.sigma_secondary_px).any()
-        )
+        return bool(np.isfinite([self.sigma_primary_px, self.sigma_secondary_px]).any())
 
     @property
     def has_times(self) -> bool:
@@ -294,28 +291,24 @@ class Dataset:
     """Of the primary and the secondary, in a recording of more; None if they have no others."""
 
     def __post_init__(self) -> None:
+        bar = "distance between the targets"
         check_length("baseline", self.baseline_m)
-        check_length("distance between the targets", self.target_distance_m)
+        check_length(bar, self.target_distance_m)
         if not self.baseline_is_free:
             check_uncertainty("baseline", self.baseline_sigma_m, self.baseline_m)
-        check_uncertainty(
-            "distance between the targets", self.target_distance_sigma_m, self.target_distance_m
-        )
+        check_uncertainty(bar, self.target_distance_sigma_m, self.target_distance_m)
         problems = points_outside(self.correspondences, self.primary, self.secondary)
         if problems:
             raise RefusedRowsError("", problems, "with a point outside its image")
-        used = self.primary.uses(self.rays[:2].T) & self.secondary.uses(self.rays[2:].T)
-        lost = np.flatnonzero(~used)
+        used = self.primary.uses(self.rays[:2].T), self.secondary.uses(self.rays[2:].T)
+        lost = np.flatnonzero(~(used[0] & used[1]))
         if len(lost):
-            raise StereocalError(self._not_inverted(int(lost[0])))
+            which = CAMERAS[int(used[0][lost[0]])]
+            raise StereocalError(self._not_inverted(int(lost[0]), which))
 
-    def _not_inverted(self, row: int) -> str:
+    def _not_inverted(self, row: int, which: CameraName) -> str:
         """The message for a point where the lens model cannot be inverted."""
-        which, camera = (
-            ("secondary", self.secondary)
-            if self.primary.uses(self.rays[:2, [row]].T)[0]
-            else ("primary", self.primary)
-        )
+        camera: Camera = getattr(self, which)
         width, height = camera.image_size
         if camera.is_fisheye:
             largest = min(camera.largest_angle, LARGEST_ANGLE)
@@ -352,13 +345,10 @@ class Dataset:
         """
         rows = self.correspondences
         turned = np.array([1, 0]) if rows.rigid_object is None else rows.rigid_object.half_turn
-        at = {
-            key: i
-            for i, key in enumerate(zip(rows.frame.tolist(), rows.target.tolist(), strict=True))
-        }
+        at = {key: row for row, key in enumerate(zip(rows.frame, rows.target, strict=True))}
         order = np.arange(len(rows))
-        for row in np.flatnonzero(np.isin(rows.frame, np.asarray(frames))).tolist():
-            order[row] = at.get((int(rows.frame[row]), int(turned[rows.target[row]])), row)
+        for row in np.flatnonzero(np.isin(rows.frame, np.asarray(frames))):
+            order[row] = at.get((rows.frame[row], turned[rows.target[row]]), row)
         names = ("secondary", "sigma_secondary_px", "recorded", "motion")
         changed = {name: getattr(rows, name)[order] for name in names}
         return replace(self, correspondences=replace(rows, **changed))
@@ -388,9 +378,9 @@ class Dataset:
     @cached_property
     def rays(self) -> FloatArray:
         """Undistorted, normalised points, shape (4, n), as in `geometry`."""
+        rows = self.correspondences
         return stack_rays(
-            self.primary.undistort(self.correspondences.primary),
-            self.secondary.undistort(self.correspondences.secondary),
+            self.primary.undistort(rows.primary), self.secondary.undistort(rows.secondary)
         )
 
     @cached_property
@@ -440,7 +430,11 @@ class Dataset:
         """
         rows = self.correspondences
         content: dict[str, Any] = {
-            "cameras": [_numbers_of(camera) for camera in (self.primary, self.secondary)],
+            "cameras": [
+                own.to_json()
+                | ({"uncertainty": own.uncertainty.to_json()} if own.uncertainty else {})
+                for own in (self.primary, self.secondary)
+            ],
             "baseline_m": self.baseline_m,
             "target_distance_m": self.target_distance_m,
             "rows": [getattr(rows, name).tolist() for name in DIGESTED],
@@ -466,78 +460,67 @@ class Dataset:
         return [self.sha256, *sigmas, self.name, self.notes]
 
 
-def _numbers_of(camera: Camera) -> dict[str, Any]:
-    known = camera.uncertainty
-    return {**camera.to_json(), **({"uncertainty": known.to_json()} if known else {})}
-
-
 def source_code(word: str) -> int:
     """The index of `word` in `SOURCES`; -1 if it is empty."""
-    if not word:
-        return UNKNOWN_SOURCE
-    if word not in SOURCES:
-        raise StereocalError(
-            f'The source "{word[:40]}" is invalid: it must be {", ".join(SOURCES)} or empty.'
-        )
-    return SOURCES.index(word)
+    allowed = f"it must be {', '.join(SOURCES)} or empty."
+    refuse((word not in ("", *SOURCES), f'The source "{word[:40]}" is invalid: {allowed}'))
+    return SOURCES.index(word) if word else UNKNOWN_SOURCE
 
 
 def check_length(what: str, value: float) -> None:
     """Check a measured length in metres."""
-    if not np.isfinite(value) or value <= 0:
-        raise StereocalError(f"The {what} is {value:g} m: it must be a length above 0.")
-    if value > LONGEST_PLAUSIBLE_M:
-        raise StereocalError(
+    refuse(
+        (
+            not np.isfinite(value) or value <= 0,
+            f"The {what} is {value:g} m: it must be a length above 0.",
+        ),
+        (
+            value > LONGEST_PLAUSIBLE_M,
             f"The {what} is {value:g} m: this looks like millimetres. Give it in metres "
-            f"({value / 1000:g})."
-        )
+            f"({value / 1000:g}).",
+        ),
+    )
 
 
 def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
     """Check the stated standard error of a measured length, both in metres."""
     if sigma is None:
         return
-    if not (np.isfinite(sigma) and sigma > 0):
-        raise StereocalError(f"The uncertainty of the {what} is {sigma}: it must be above 0.")
-    if sigma > LARGEST_UNCERTAINTY * length:
-        free = " A baseline that was not measured can be left free." if what == "baseline" else ""
-        raise StereocalError(
-            f"The uncertainty of the {what} is {sigma:g} m, more than "
-            f"{100 * LARGEST_UNCERTAINTY:g} % of its {length:g} m. Is it in millimetres? Then it "
-            f"is {sigma / 1000:g} m: state it in metres.{free}"
-        )
-    if sigma < SMALLEST_UNCERTAINTY * length:
-        raise StereocalError(
-            f"The uncertainty of the {what} is {sigma:g} m, for a length of {length:g} m: no such "
-            f"length is known to better than {rounded(SMALLEST_UNCERTAINTY * length, 1)} m. State "
-            "it in metres, as 0.002 for 2 mm."
-        )
+    free = " A baseline that was not measured can be left free." if what == "baseline" else ""
+    stated, finest = f"The uncertainty of the {what} is", SMALLEST_UNCERTAINTY * length
+    refuse(
+        (not (np.isfinite(sigma) and sigma > 0), f"{stated} {sigma}: it must be above 0."),
+        (
+            sigma > LARGEST_UNCERTAINTY * length,
+            f"{stated} {sigma:g} m, more than {100 * LARGEST_UNCERTAINTY:g} % of its {length:g} m. "
+            f"Is it in millimetres? Then it is {sigma / 1000:g} m: state it in metres.{free}",
+        ),
+        (
+            sigma < finest,
+            f"{stated} {sigma:g} m, for a length of {length:g} m: no such length is known to "
+            f"better than {rounded(finest, 1)} m. State it in metres, as 0.002 for 2 mm.",
+        ),
+    )
 
 
 def points_outside(
-    correspondences: Correspondences, primary: Camera | None, secondary: Camera | None
+    rows: Correspondences, primary: Camera | None, secondary: Camera | None
 ) -> list[RowProblem]:
     """Rows with a point outside its image, which ends 0.5 px beyond the outermost pixel centres.
 
     A camera that is None is not checked.
     """
     problems = []
-    for which, points, camera in (
-        ("primary", correspondences.primary, primary),
-        ("secondary", correspondences.secondary, secondary),
-    ):
+    for which, camera in zip(CAMERAS, (primary, secondary), strict=True):
         if camera is None:
             continue
-        size = np.array(camera.image_size)
-        outside = ((points < -0.5) | (points > size - 0.5)).any(axis=1)
+        points, (width, height) = getattr(rows, which), camera.image_size
+        outside = ((points < -0.5) | (points > (width - 0.5, height - 0.5))).any(axis=1)
         for row in np.flatnonzero(outside):
             u, v = points[row]
-            problems.append(
-                RowProblem(
-                    int(correspondences.line[row]),
-                    f"frame {correspondences.frame[row]}, target "
-                    f"{correspondences.names[correspondences.target[row]]}: "
-                    f"the {which} point ({u:g}, {v:g}) is outside the {size[0]}x{size[1]} px image",
-                )
+            reason = (
+                f"frame {rows.frame[row]}, target {rows.names[rows.target[row]]}: the {which} "
+                f"point ({u:g}, {v:g}) is outside the {width}x{height} px image"
             )
+            problems.append(RowProblem(int(rows.line[row]), reason))
     return sorted(problems, key=lambda problem: problem.line)

@@ -290,11 +290,11 @@ def triangulate(pose: Pose, primary: npt.ArrayLike, secondary: npt.ArrayLike) ->
 
 def residuals(E: FloatArray, primary: npt.ArrayLike, secondary: npt.ArrayLike) -> FloatArray:
     """`q_secondary^T E q_primary` of n pairs of normalised points, shape (n,) (paper, eq. 3)."""
-    p, q = _homogeneous(primary), _homogeneous(secondary)
-    values: FloatArray = np.einsum("ni,ij,nj->n", q, E, p)
+    values: FloatArray = np.einsum("ni,ij,nj->n", homogeneous(secondary), E, homogeneous(primary))
     return values
 
 
-def _homogeneous(points: npt.ArrayLike) -> FloatArray:
+def homogeneous(points: npt.ArrayLike) -> FloatArray:
+    """(n, 3): points (n, 2) of a plane with a third coordinate of 1."""
     points = np.asarray(points, dtype=np.float64)
     return np.column_stack([points, np.ones(len(points))])

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 import scipy
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, naming, refuse
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
@@ -95,24 +95,28 @@ class RigParameters(Rig):
     they have no others."""
 
     def __post_init__(self) -> None:
-        if self.method not in PURPOSES:
-            raise StereocalError(
-                f'The method "{self.method}" of the parameter set is unknown: '
-                f"it must be one of {', '.join(PURPOSES)}."
-            )
-        if self.triangulation != "midpoint":
-            raise StereocalError(
-                f'The parameters were fitted with the triangulation "{self.triangulation}"; '
-                "this version supports only midpoint."
-            )
-        if self.method != "imported" and (self.cost is None or not np.isfinite(self.cost)):
-            raise StereocalError("The cost of the parameter set is not a finite number.")
-        for what, value in (
-            ("matching threshold", self.matching_threshold_px),
-            ("image noise", self.noise_px),
-        ):
-            if value is not None and not (np.isfinite(value) and value >= 0):
-                raise StereocalError(f"The {what} is {value} px: it must be 0 or more.")
+        of_image = {"matching threshold": self.matching_threshold_px, "image noise": self.noise_px}
+        refuse(
+            (
+                self.method not in PURPOSES,
+                f'The method "{self.method}" of the parameter set is unknown: it must be one of '
+                f"{', '.join(PURPOSES)}.",
+            ),
+            (
+                self.triangulation != "midpoint",
+                f'The parameters were fitted with the triangulation "{self.triangulation}"; this '
+                "version supports only midpoint.",
+            ),
+            (
+                self.method != "imported" and (self.cost is None or not np.isfinite(self.cost)),
+                "The cost of the parameter set is not a finite number.",
+            ),
+            *(
+                (not 0 <= value < np.inf, f"The {what} is {value} px: it must be 0 or more.")
+                for what, value in of_image.items()
+                if value is not None
+            ),
+        )
 
     @property
     def purpose(self) -> str:
@@ -176,58 +180,62 @@ class RigParameters(Rig):
                 f"{source}: {len(text)} bytes are too many for a parameter file ({most})."
             )
         data = read_json(text, source)
-        if not isinstance(data, dict) or data.get("format") != PARAMETERS_FORMAT:
-            found = data.get("format") if isinstance(data, dict) else None
-            raise StereocalError(
-                f'{source}: the format is {found!r}; this version reads "{PARAMETERS_FORMAT}".'
+        found = data.get("format") if isinstance(data, dict) else None
+        with naming(source):
+            refuse(
+                (
+                    found != PARAMETERS_FORMAT,
+                    f'the format is {found!r}; this version reads "{PARAMETERS_FORMAT}".',
+                )
             )
-        try:
-            return cls._from_dict(data, source)
-        except StereocalError:
-            raise
-        except DAMAGED as error:
-            raise StereocalError(
-                f"{source}: the parameter file is damaged ({type(error).__name__}: {error})."
-            ) from error
+            try:
+                return cls._from_dict(data)
+            except StereocalError:
+                raise
+            except DAMAGED as error:
+                raise StereocalError(
+                    f"the parameter file is damaged ({type(error).__name__}: {error})."
+                ) from error
 
     @classmethod
-    def _from_dict(cls, data: Mapping[str, Any], source: str) -> RigParameters:
-        if data["convention"] != CONVENTION:
-            raise StereocalError(
-                f"{source}: the convention {data['convention']!r} is unknown; "
-                f'this version reads "{CONVENTION}".'
+    def _from_dict(cls, data: Mapping[str, Any]) -> RigParameters:
+        convention = data["convention"]
+        refuse(
+            (
+                convention != CONVENTION,
+                f'the convention {convention!r} is unknown; this version reads "{CONVENTION}".',
             )
-        try:
-            pose = Pose(np.array(data["R"], float), np.array(data["T"], float))
-            stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
-        except StereocalError as error:
-            raise StereocalError(f"{source}: {error}") from error
-        # "not <=" rejects NaN too.
-        if not abs(pose.baseline - float(data["baseline_m"])) <= 1e-6 * pose.baseline:
-            raise StereocalError(f"{source}: the length of T and baseline_m contradict each other.")
-        if not (np.allclose(stated.R, pose.R, atol=1e-6) and np.allclose(stated.T, pose.T, 1e-6)):
-            raise StereocalError(f"{source}: the angles and R, T contradict each other.")
-        settings, inputs = (_object(data[name], name, source) for name in ("settings", "inputs"))
-        about = {
-            name: None if data.get(name) is None else _object(data[name], name, source)
-            for name in ("validation", "uncertainties", "predicted", "recommendation")
-        }
+        )
+        pose = Pose(np.array(data["R"], float), np.array(data["T"], float))
+        stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
+        refuse(
+            (  # "not <=" rejects NaN too.
+                not abs(pose.baseline - float(data["baseline_m"])) <= 1e-6 * pose.baseline,
+                "the length of T and baseline_m contradict each other.",
+            ),
+            (
+                not np.allclose(stated.R, pose.R, atol=1e-6)
+                or not np.allclose(stated.T, pose.T, 1e-6),
+                "the angles and R, T contradict each other.",
+            ),
+        )
+        about = {name: _object(data[name], name) for name in ("settings", "inputs")}
+        for name in ("validation", "uncertainties", "predicted", "recommendation"):
+            about[name] = None if data.get(name) is None else _object(data[name], name)
         volume, named = data.get("volume"), data.get("camera_names")
         threshold, noise = data["matching_threshold_px"], data.get("noise_px")
         return cls(
+            Camera.from_json(data["cameras"]["primary"], "primary"),
+            Camera.from_json(data["cameras"]["secondary"], "secondary"),
+            pose,
             method=data["method"],
-            primary=Camera.from_json(data["cameras"]["primary"], f"{source}, primary"),
-            secondary=Camera.from_json(data["cameras"]["secondary"], f"{source}, secondary"),
-            pose=pose,
             cost=None if data["method"] == "imported" else float(data["cost"]),
-            settings=settings,
-            inputs=inputs,
             matching_threshold_px=threshold if threshold is None else float(threshold),
             triangulation=data["triangulation"],
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
             noise_px=noise if noise is None else float(noise),
-            volume=None if volume is None else Volume.from_json(volume, source),
-            time_offset=MeasuredOffset.from_json(data, source),
+            volume=None if volume is None else Volume.from_json(volume),
+            time_offset=MeasuredOffset.from_json(data),
             camera_names=None if named is None else (str(named[0]), str(named[1])),
             **about,
         )
@@ -257,14 +265,13 @@ def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
     }
 
 
-def _object(data: Any, name: str, source: str) -> Mapping[str, Any]:
+def _object(data: Any, name: str) -> Any:
     """An entry of the file that is kept unchanged."""
-    if not isinstance(data, dict):
-        raise StereocalError(f"{source}: {name} is not an object.")
+    refuse((not isinstance(data, dict), f"{name} is not an object."))
     try:
         json.dumps(data, allow_nan=False)
     except ValueError as error:
         raise StereocalError(
-            f"{source}: {name} has a number that is not finite (NaN or infinite)."
+            f"{name} has a number that is not finite (NaN or infinite)."
         ) from error
     return data

@@ -11,6 +11,7 @@ from stereocal.rig.camera import Camera, pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     Pose,
+    homogeneous,
     reprojection_errors_of_rays,
     residuals,
     stack_rays,
@@ -82,7 +83,7 @@ class Rig:
         """The residuals (n,) and their derivatives (n, 4) by the pixels in which errors are."""
         E = self.pose.essential
         p, q = self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
-        one, two = (np.column_stack([rays, np.ones(len(rays))]) for rays in (p, q))
+        one, two = homogeneous(p), homogeneous(q)
         gradient = np.column_stack(
             [
                 _by_pixels(self.primary, p, (two @ E)[:, :2]),

@@ -71,25 +71,21 @@ class MeasuredOffset(TimeOffset):
         return found
 
     @classmethod
-    def from_json(cls, data: Any, source: str) -> MeasuredOffset | None:
+    def from_json(cls, data: Any) -> MeasuredOffset | None:
         """The inverse of `to_json`; None if there is no offset."""
         if data.get("time_offset_frames") is None:
             return None
+        names = "value", "standard_error", "reference_frame"
         try:
             own, drift = data["time_offset_frames"], data.get("time_drift") or {}
-            found = cls(
-                float(own["value"]),
-                float(drift.get("value", 0.0)),
-                float(drift.get("reference_frame", 0.0)),
-                float(own["standard_error"]),
-                float(drift.get("standard_error", 0.0)),
-            )
+            frames, sigma = (float(own[name]) for name in names[:2])
+            change, spread, reference = (float(drift.get(name, 0.0)) for name in names)
         except DAMAGED as error:
-            raise StereocalError(f"{source}: the time offset is damaged ({error}).") from error
-        numbers = [found.frames, found.drift, found.reference, found.sigma, found.drift_sigma]
-        if not np.isfinite(numbers).all() or min(found.sigma, found.drift_sigma) < 0:
-            raise StereocalError(f"{source}: the time offset is not a finite number.")
-        return found
+            raise StereocalError(f"the time offset is damaged ({error}).") from error
+        numbers = [frames, change, reference, sigma, spread]
+        if not np.isfinite(numbers).all() or min(sigma, spread) < 0:
+            raise StereocalError("the time offset is not a finite number.")
+        return cls(*numbers)
 
     def is_claimed(self, sigmas: float) -> bool:
         """Whether the offset or its drift is at least this many standard errors from 0."""
@@ -156,14 +152,13 @@ def interpolate(
     at = time_frame - late
     near = np.round(at)
     at = np.where(np.abs(at - near) < NO_SHIFT, near, at)
-    lookup = _Lookup(track, time_frame)
     found = Interpolated(
         np.full(positions.shape, np.nan), np.full(positions.shape, np.nan), np.full(len(at), np.nan)
     )
     base = np.floor(at).astype(np.int64)
     # At a frame itself the interval before it will do as well as the one after it.
     for first in (base, base - (at == near)):
-        rows = np.column_stack([lookup.rows(first + int(i)) for i in WINDOW])
+        rows = _rows_of(track, time_frame, first[:, None] + WINDOW.astype(np.int64))
         left = ~found.known
         both = left & (rows[:, 1:3] >= 0).all(axis=1)
         before, after = both & (rows[:, 0] >= 0), both & (rows[:, 3] >= 0)
@@ -215,29 +210,16 @@ def _mirrored_parabola(f: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _linear(f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    weights = np.column_stack([1 - f, f])
-    return weights, np.broadcast_to([-1.0, 1.0], weights.shape)
+    return np.column_stack([1 - f, f]), np.tile([-1.0, 1.0], (len(f), 1))
 
 
-class _Lookup:
-    """The row of the point of the same track in another frame."""
-
-    def __init__(self, track: IntArray, time_frame: IntArray) -> None:
-        self.first = int(time_frame.min(initial=0)) - 8
-        self.span = int(time_frame.max(initial=0)) - self.first + 9
-        self.track = np.unique(track, return_inverse=True)[1].reshape(-1).astype(np.int64)
-        code = self._code(time_frame)
-        self.order = np.argsort(code, kind="stable")
-        self.codes = code[self.order]
-
-    def _code(self, frames: IntArray) -> IntArray:
-        return np.asarray(self.track * self.span + (frames - self.first), dtype=np.int64)
-
-    def rows(self, frames: IntArray) -> IntArray:
-        """(n,): of each point's track the row in these frames; -1 if there is not exactly one."""
-        inside = (frames > self.first) & (frames < self.first + self.span - 1)
-        code = self._code(np.where(inside, frames, self.first))
-        at = np.searchsorted(self.codes, code)
-        end = np.searchsorted(self.codes, code, side="right")
-        one = inside & (end - at == 1)
-        return np.asarray(np.where(one, self.order[np.where(one, at, 0)], -1))
+def _rows_of(track: IntArray, time_frame: IntArray, frames: IntArray) -> IntArray:
+    """(n, k): of each point's track the row in frames (n, k); -1 if there is not exactly one."""
+    least, most = int(time_frame.min(initial=0)) - 1, int(time_frame.max(initial=0)) + 1
+    numbers = np.unique(track, return_inverse=True)[1].reshape(-1) * (most - least + 1)
+    codes, row, count = np.unique(
+        numbers + (time_frame - least), return_index=True, return_counts=True
+    )
+    wanted = numbers[:, None] + (np.clip(frames, least, most) - least)
+    at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+    return np.asarray(np.where((codes[at] == wanted) & (count[at] == 1), row[at], -1))

@@ -62,7 +62,7 @@ class Volume:
         Points with NaN, and those behind the camera, do not.
         """
         points = np.asarray(points_m, dtype=np.float64)
-        low, high = self._ranges.T
+        low, high = self.limits
         with np.errstate(all="ignore"):
             found = _directions_and_depths(points)
             inside = ((found >= low) & (found <= high)).all(axis=1) & (points[:, 2] > 0)
@@ -89,18 +89,18 @@ class Volume:
         )
 
     def to_json(self) -> dict[str, list[float]]:
-        return {name: list(each) for name, each in zip(RANGES, self._ranges.tolist(), strict=True)}
+        return dict(zip(RANGES, self._ranges.tolist(), strict=True))
 
     @classmethod
-    def from_json(cls, data: Any, source: str) -> Volume:
+    def from_json(cls, data: Any) -> Volume:
         """The inverse of `to_json`."""
         try:
             x, y, z = ((float(low), float(high)) for low, high in (data[name] for name in RANGES))
             return cls(x, y, z)
         except DAMAGED as error:
             raise StereocalError(
-                f"{source}: the volume of the bars must give {', '.join(RANGES[:2])} and "
-                f"{RANGES[2]} as [low, high], finite, with low <= high."
+                f"the volume of the bars must give {', '.join(RANGES[:2])} and {RANGES[2]} as "
+                "[low, high], finite, with low <= high."
             ) from error
 
     @property

@@ -17,7 +17,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.geometry import Angles, Pose, homogeneous
 from stereocal.rig.rig import Rig
 
 TRUTH_FORMAT = "stereocal-truth/1"
@@ -246,7 +246,7 @@ def _random_bars(
     """Ends (count, 2, 3) of bars whose centres are in the image of `camera`, in its frame."""
     pixels = rng.uniform(0.0, 1.0, (count, 2)) * (np.array(camera.image_size) - 1.0)
     depths = rng.uniform(*depths_m, (count, 1))
-    middles = np.column_stack([camera.undistort(pixels), np.ones(count)]) * depths
+    middles = homogeneous(camera.undistort(pixels)) * depths
     along = rng.standard_normal((count, 3))
     half = 0.5 * length_m * along / np.linalg.norm(along, axis=1, keepdims=True)
     return np.stack([middles - half, middles + half], axis=1)

@@ -32,8 +32,8 @@ import numpy as np
 from scipy.special import gammaln
 
 from stereocal.errors import StereocalError
-from stereocal.refined.innovations import bar_innovations, length_freedom
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.uncertainty import bar_innovations, length_freedom
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.volume import Volume
 from stereocal.verdict.judging import photograph

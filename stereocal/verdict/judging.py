@@ -15,8 +15,7 @@ from stereocal.refined.distortion import (
     fill_pixel_scale,
     set_distortion,
 )
-from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY
-from stereocal.refined.undistortion import undistort_rays
+from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY, undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
 from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
 

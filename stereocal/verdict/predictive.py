@@ -21,9 +21,8 @@ import numpy.typing as npt
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.evaluation import compiled_run
 from stereocal.evaluation.summary import Estimate, crossing
+from stereocal.refined.design_effect import lenses_without
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.same_boards import lenses_without
-from stereocal.refined.solve import lenses_of
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -206,7 +205,7 @@ def predict(
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5E7]))
     methods = tuple(method for method in ALL_METHODS if method in files)
     sets = np.array([shared_unknowns(files[method]) for method in methods])
-    lenses = lenses_of(model.dataset)
+    lenses = model.lenses
     of_noise = draw_noise(model, draws, rng)
     truths = _truths(knowledge or model, of_noise.across, rng, knowledge is None)
     ends = fresh_bars(model, draws, 2 * bars, rng)

@@ -19,8 +19,8 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.refined.solve import lenses_of
-from stereocal.refined.undistortion import undistort_rays
+from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import (
     FIXED_LENS,
     RefineSettings,
@@ -132,11 +132,10 @@ class _Curve:
 
     def __init__(self, dataset: Dataset, unknowns: Unknowns, lenses: str) -> None:
         self.dataset, self.unknowns, self.name = dataset, unknowns, lenses
-        rows, self.lenses = dataset.correspondences, lenses_of(dataset)
-        self.pixels, self.rays = (
-            np.column_stack([rows.primary, rows.secondary]),
-            dataset.rays.copy(),
-        )
+        rows = dataset.correspondences
+        self.lenses = lenses_of_cameras(dataset.primary, dataset.secondary)
+        self.pixels = np.column_stack([rows.primary, rows.secondary])
+        self.rays = dataset.rays.copy()
         self.inverse_jacobians = np.empty((len(rows), 2, 4))
         self.bars, self.distances = rows.bars, dataset.bar_distances_m
         of_images = self.lenses, self.pixels, self.rays, self.inverse_jacobians

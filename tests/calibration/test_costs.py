@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.calibration import costs
+from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose, triangulate_rays
 from tests.calibration import reference
@@ -17,7 +18,7 @@ from tests.rig.machine_code import machine_code
 NOTHING = np.empty((0, 0))
 reprojection_cost = machine_code(costs.reprojection_cost)
 distance_cost, points_cost = machine_code(costs.distance_cost), machine_code(costs.points_cost)
-SCALE = np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale])
+SCALE = pixel_scales((PRIMARY, SECONDARY))
 
 
 def noisy(seed: int, pairs: int) -> tuple[Pose, FloatArray, FloatArray] | None:

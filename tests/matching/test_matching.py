@@ -14,6 +14,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.matching import assign, match_points, purpose_warning, refuse_different_rigs
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.threshold import choose_threshold
+from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -77,7 +78,7 @@ class TestCandidates:
             RIG.T,
             PRIMARY.undistort(first),
             SECONDARY.undistort(second),
-            np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale]),
+            pixel_scales((PRIMARY, SECONDARY)),
             20.0,
             0.0,
             np.inf,

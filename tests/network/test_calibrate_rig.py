@@ -15,9 +15,8 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import images_of, rows_where
-from stereocal.network.result import RigCalibration
+from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import rig_file
-from stereocal.network.third_camera import third_cameras
 from stereocal.network.unknowns import RigSettings, camera_at
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.refined import adjustment, distortion, views
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.distortion import lens_terms
-from stereocal.refined.solve import Solve, lenses_of
+from stereocal.refined.solve import Solve, lenses_of_cameras
 from stereocal.refined.two_views import BAR, BASELINE, DRIFT, PRIMARY, SHARED, TIME, views_of
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
@@ -56,7 +56,9 @@ def frame_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals (9,) of one bar, and their derivatives (31, 9) by x and by the pair's unknowns."""
     v, R, B = views_of(q)
-    cameras = views.Cameras(v, R, set_distortion(v, DISTORTION, EACH, lenses_of(rig.dataset(5))))
+    cameras = views.Cameras(
+        v, R, set_distortion(v, DISTORTION, EACH, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
+    )
     unit, work = views.Unit(pixels, motion, rig.BAR_M, *weights), views.work_of(2)
     s = fill_residuals(cameras, unit, x, work)
     fill_shared(cameras, unit, x, True, work)
@@ -121,7 +123,7 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     assert not J[:, 4:8].any()
     x[2] = -1.0
     (v, R, _), unit = views_of(q), views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
-    cameras = views.Cameras(v, R, lenses_of(rig.dataset(5)))
+    cameras = views.Cameras(v, R, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
     assert fill_residuals(cameras, unit, x, views.work_of(2)) == np.inf
 
 

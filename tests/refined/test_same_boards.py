@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereocal.refined.same_boards import WORTH, covariance_of_boards
+from stereocal.refined.design_effect import WORTH, covariance_of_boards
 from stereocal.refined.unknowns import Unknowns
 
 BOARDS = 60

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stereocal.refined.diagnosis import geometry_warning
 from stereocal.refined.screening import screen
-from stereocal.refined.weak_geometry import geometry_warning
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     Angles,
@@ -280,7 +280,7 @@ def test_reprojection_errors_are_pixels_between_image_and_projected_midpoint() -
     """With the whole of K, skew too: project the midpoint in both cameras and measure."""
     noise = np.random.default_rng(5).normal(0, 1e-3, (4, len(POINTS)))
     rays = rays_of(RIG, POINTS) + noise
-    scale = np.array([PRIMARY.pixel_scale, SECONDARY.pixel_scale])
+    scale = pixel_scales((PRIMARY, SECONDARY))
     found = reprojection_errors_of_rays(RIG.R, RIG.T, rays, scale)
     middle = triangulate_rays(RIG.R, RIG.T, rays)
     for column, camera, points, seen in (

@@ -68,13 +68,13 @@ def test_points_that_would_leave_the_image_stay() -> None:
 
 def test_the_entries_of_a_file() -> None:
     full = MeasuredOffset(0.3, 1e-5, 70.0, 0.002, 3e-6)
-    assert MeasuredOffset.from_json(full.to_json(), "f") == full
-    assert MeasuredOffset.from_json({}, "f") is None
+    assert MeasuredOffset.from_json(full.to_json()) == full
+    assert MeasuredOffset.from_json({}) is None
     assert "0.3000 ± 0.0020 frame intervals later" in full.sentence()
     for bad in (3, {"value": "x", "standard_error": 1}, {"value": 1}):
         with pytest.raises(StereocalError, match="time offset"):
-            MeasuredOffset.from_json({"time_offset_frames": bad}, "f")
+            MeasuredOffset.from_json({"time_offset_frames": bad})
     with pytest.raises(StereocalError, match="not a finite"):
         MeasuredOffset.from_json(
-            {"time_offset_frames": {"value": float("nan"), "standard_error": 1}}, "f"
+            {"time_offset_frames": {"value": float("nan"), "standard_error": 1}}
         )

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binom
 
-from stereocal.refined.innovations import bar_innovations
 from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.uncertainty import bar_innovations
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, observe

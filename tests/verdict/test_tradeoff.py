@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stereocal.refined.refine import refine
-from stereocal.refined.solve import lenses_of
-from stereocal.refined.undistortion import undistort_rays
+from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
@@ -35,7 +35,7 @@ def test_slopes_are_those_of_the_errors() -> None:
     """Against central differences with the lens inverted anew each time."""
     data = rig.dataset(4, 0.3)
     unknowns = unknowns_of(data, rig.RIG, RefineSettings())
-    rows, lenses = data.correspondences, lenses_of(data)
+    rows, lenses = data.correspondences, lenses_of_cameras(data.primary, data.secondary)
     pixels = np.column_stack([rows.primary, rows.secondary])
     n, m, k = len(rows), len(rows.bars), len(unknowns.names)
     rays, slopes = data.rays.copy(), np.empty((n, 2, 4))

@@ -25,8 +25,7 @@ from stereocal.field.planning.expected import planned_dataset, refine_settings
 from stereocal.field.planning.plan import Plan
 from stereocal.refined.refine import refine
 from stereocal.refined.solve import lenses_of_cameras
-from stereocal.refined.two_views import BAR, BASELINE, PRIMARY, SECONDARY
-from stereocal.refined.undistortion import undistort_rays
+from stereocal.refined.two_views import BAR, BASELINE, PRIMARY, SECONDARY, undistort_rays
 from stereocal.refined.unknowns import pose_of, shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
