@@ -92,7 +92,7 @@ def test_cameras_that_face_each_other() -> None:
 
 
 def test_cameras_out_of_step_have_their_offsets() -> None:
-    times = np.arange(250.0)
+    times = np.arange(120.0)
 
     def wand(t: np.ndarray) -> np.ndarray:
         middle = np.column_stack([np.sin(t / 17), 0.8 * np.sin(t / 11 + 1), np.cos(t / 23)])
