@@ -124,7 +124,6 @@ def _searches(
     seed_2d: np.random.SeedSequence,
     seed_3d: np.random.SeedSequence,
 ) -> dict[Method, tuple[Problem, np.random.SeedSequence]]:
-    """The problems of the two searches, with their random streams."""
     return {
         "2d": (reprojection_problem(dataset), seed_2d),
         "3d": (reconstruction_problem(dataset, settings.known_points), seed_3d),

@@ -55,7 +55,6 @@ class LengthCheck:
         return float(np.abs(self.errors).mean())
 
     def sentence(self) -> str:
-        """The result of the check."""
         left_out = (
             f" {self.left_out} frames were left out because they have one of the points twice."
         )

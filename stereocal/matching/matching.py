@@ -106,7 +106,6 @@ def threshold_of(rig: RigParameters, threshold_px: float | None) -> float:
 
 
 def check_depths(depths_m: Sequence[float]) -> tuple[float, float]:
-    """The nearest and the farthest depth."""
     near, far = float(depths_m[0]), float(depths_m[1])
     if not 0 <= near < far:
         raise StereocalError(
@@ -146,7 +145,6 @@ class NearestErrors:
     runner_up_px: FloatArray
     """(n,) second least; inf if there is none."""
     frames: int
-    """Number of frames."""
 
     def __len__(self) -> int:
         return len(self.best_px)

@@ -84,7 +84,6 @@ class PointNoise:
 
 
 def check_sigma(sigma_px: float | None) -> None:
-    """Check a noise that was typed."""
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The noise of the points is {sigma_px} px: it must be above 0.")
 
@@ -128,7 +127,6 @@ class PairErrors:
         return np.sqrt((factor * self.stated) ** 2 + self.of_rig)
 
     def where(self, kept: np.typing.NDArray[np.bool_]) -> PairErrors:
-        """Some of the pairs."""
         return PairErrors(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
 
@@ -202,7 +200,6 @@ class Mixture:
 
     @property
     def correct(self) -> float:
-        """Number of correct pairs."""
         return self.share * len(self.errors)
 
     @cached_property

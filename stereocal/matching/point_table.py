@@ -264,7 +264,6 @@ class TableWriter:
             self.write()
 
     def write(self) -> None:
-        """Write the rows that wait."""
         if not self._waiting:
             return
         rows = together(self._waiting)

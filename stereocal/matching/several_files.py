@@ -50,7 +50,6 @@ class TracksReport:
     notes: Sequence[str] = ()
 
     def sentences(self) -> list[str]:
-        """The result in words."""
         counts = ", ".join(f"{count} by {views}" for views, count in self.by_views.items())
         wrong = ", ".join(
             f"{rounded(100 * share)} % of those seen by {views}"
@@ -159,7 +158,6 @@ class RigPointsReport:
     """Points outside the volume of the object; None if unknown."""
 
     def sentence(self) -> str:
-        """The result in words."""
         lost = f"; {self.lost} do not meet in front of the cameras" if self.lost else ""
         volume = (
             f" {self.outside} lie outside the volume that the object filled, where errors can be "

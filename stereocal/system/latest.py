@@ -23,7 +23,6 @@ class Latest(Generic[Value]):
         self._values: OrderedDict[str, Value] = OrderedDict()
 
     def get(self, key: str) -> Value | None:
-        """The value of a key; None if it is not kept."""
         with self._lock:
             if key in self._values:
                 self._values.move_to_end(key)

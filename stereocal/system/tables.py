@@ -103,7 +103,6 @@ def names_of(text: str, source: str) -> tuple[list[str], str, int]:
 
 
 def text_of(content: bytes, source: str) -> str:
-    """The text of a file."""
     Limits.from_environment().check_size(len(content), source)
     try:
         text = content.decode("utf-8-sig")
@@ -122,7 +121,6 @@ def delimiter_of(line: str) -> str:
 
 
 def cells_of(lines: str, delimiter: str, source: str) -> list[list[str]]:
-    """The cells of a few lines."""
     try:
         return list(csv.reader(io.StringIO(lines), delimiter=delimiter))
     except csv.Error as error:
