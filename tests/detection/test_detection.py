@@ -126,10 +126,8 @@ def test_the_bar_in_the_field_among_clutter() -> None:
     backgrounds = outdoors(rig, rng)
     bar = BarSettings(tilt_rad=(0.0, 1.0))
     for pair in photograph_bars(scene, backgrounds, bar, PhotographSettings(read_noise=3.0), rng):
-        for image, truth in (
-            (pair.primary, pair.centres_primary),
-            (pair.secondary, pair.centres_secondary),
-        ):
-            found = centres(detect_targets(image))
+        for which in ("primary", "secondary"):
+            found = centres(detect_targets(getattr(pair, which)))
+            truth = getattr(pair, f"centres_{which}")
             off = min(np.abs(found - truth).max(), np.abs(found - truth[::-1]).max())
             assert off < 0.06  # the stated sigmas are 0.005 to 0.02 px

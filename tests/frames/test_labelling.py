@@ -17,20 +17,8 @@ CAMERAS = (rig.PRIMARY, rig.SECONDARY)
 
 
 def corner(centre: npt.NDArray[np.float64]) -> Corner:
-    return Corner(
-        centre=centre,
-        covariance=1e-4 * np.eye(2),
-        directions=np.eye(2),
-        arms=np.full(4, 40.0),
-        flips=0,
-        cut=0,
-        blur=1.0,
-        contrast=150.0,
-        black=40.0,
-        white=190.0,
-        residual=2.0,
-        misfit=0.0,
-    )
+    levels = {"contrast": 150.0, "black": 40.0, "white": 190.0, "residual": 2.0, "misfit": 0.0}
+    return Corner(centre, 1e-4 * np.eye(2), np.eye(2), np.full(4, 40.0), 0, 0, 1.0, **levels)
 
 
 def detection(both: npt.NDArray[np.float64], doubts: tuple[str, ...] = ()) -> Detection:
@@ -53,19 +41,13 @@ def labelled(
     return label_targets(dict(enumerate(both, 10)), CAMERAS, seed)
 
 
-def agree(
-    labelling: list[FrameLabels],
-    primary: npt.NDArray[np.float64],
-    secondary: npt.NDArray[np.float64],
-) -> list[bool]:
+def agree(labelling: list[FrameLabels], *both: npt.NDArray[np.float64]) -> list[bool]:
     """For each target whether it joins two images of one; the arrays are as `bars`."""
     return [
-        bool(
-            np.argmin(np.abs(primary[report.frame - 10] - first).sum(axis=1))
-            == np.argmin(np.abs(secondary[report.frame - 10] - second).sum(axis=1))
-        )
+        len({int(np.abs(own[report.frame - 10] - at).sum(axis=1).argmin()) for own, at in images})
+        == 1
         for report in labelling
-        for first, second in report.places
+        for images in (zip(both, place, strict=True) for place in report.places)
     ]
 
 

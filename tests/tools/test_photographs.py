@@ -59,10 +59,8 @@ def test_each_pair_shows_the_targets_at_the_true_centres() -> None:
         moved = scene.rig.pose.apply(ends)
         np.testing.assert_allclose(pair.centres_primary, scene.rig.primary.project(ends))
         np.testing.assert_allclose(pair.centres_secondary, scene.rig.secondary.project(moved))
-        for image, centres in (
-            (pair.primary, pair.centres_primary),
-            (pair.secondary, pair.centres_secondary),
-        ):
+        for which in ("primary", "secondary"):
+            image, centres = getattr(pair, which), getattr(pair, f"centres_{which}")
             assert image.shape == (432, 584)
             assert all(is_x_corner(image, centre) for centre in centres)
             assert not is_x_corner(image, centres.mean(axis=0))
@@ -78,16 +76,9 @@ def test_command_writes_the_photographs(
     assert "4/4 photographs" in capsys.readouterr().err
     folder = tmp_path / "photographs"
     files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
-    assert files == {
-        "dataset.json",
-        "primary.json",
-        "secondary.json",
-        "truth.json",
-        "primary/0001.jpg",
-        "secondary/0001.jpg",
-        "boards_primary/0001.jpg",
-        "boards_secondary/0001.jpg",
-    }
+    folders = ("primary", "secondary", "boards_primary", "boards_secondary")
+    described = {f"{name}.json" for name in ("dataset", "primary", "secondary", "truth")}
+    assert files == described | {f"{name}/0001.jpg" for name in folders}
     (frame,) = json.loads((folder / "truth.json").read_text())["frames"]
     for which in ("primary", "secondary"):
         image = np.asarray(cv2.imread(str(folder / which / "0001.jpg"), cv2.IMREAD_UNCHANGED))
@@ -107,9 +98,8 @@ def test_shipped_truth_is_what_the_code_makes() -> None:
         given = read_camera((SHIPPED / f"{which}.json").read_bytes(), which)
         assert given.to_json() == camera.to_json()
     names = {f"{number:04d}.jpg" for number in range(1, 26)}
-    assert {file.name for file in (SHIPPED / "primary").iterdir()} == names
-    assert {file.name for file in (SHIPPED / "secondary").iterdir()} == names
     for which in ("primary", "secondary"):
+        assert {file.name for file in (SHIPPED / which).iterdir()} == names
         assert len(list((SHIPPED / f"boards_{which}").iterdir())) == 22
     size = sum(file.stat().st_size for file in SHIPPED.parent.rglob("*") if file.is_file())
     assert size < 12_000_000
