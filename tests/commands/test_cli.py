@@ -77,9 +77,9 @@ def test_calibrate_names_bad_frames_and_decides_without_splits(
 
 
 def test_same_seed_same_bytes_but_for_the_date(field: Path, tmp_path: Path) -> None:
-    for out, seed in (("one", "5"), ("two", "5"), ("other", "6")):
+    for out, options in (("one", "5"), ("two", "5"), ("other", "6 --no-refined")):
         arguments = ["calibrate", str(field), "--out", str(tmp_path / out), "--runs", "0"]
-        assert main([*arguments, "--seed", seed]) == 0
+        assert main([*arguments, "--seed", *options.split()]) == 0
     refined = [without_date(tmp_path / out / "parameters_refined.json") for out in ("one", "two")]
     assert refined[0] == refined[1]
     for name in ("parameters_2d.json", "parameters_3d.json"):
@@ -239,8 +239,6 @@ def test_the_time_offset_is_found_and_applied(
     assert "frame intervals later than the primary" in capsys.readouterr().out
     entry = json.loads((out / "parameters_2d.json").read_text())["time_offset_frames"]
     assert entry["value"] == pytest.approx(0.7, abs=0.02)
-    assert main(["calibrate", late, "--out", str(out), "--no-refined", "--runs", "0"]) == 0
-    assert "out of step" in capsys.readouterr().out
     evaluated = ["--time-drift", "--runs", "2", "--no-refined", "--out", str(out)]
     assert main(["evaluate", late, *evaluated]) == 0
     assert "drifting by" in capsys.readouterr().out

@@ -78,24 +78,21 @@ def test_the_unit_of_lengths() -> None:
 
 def test_damaged_and_other_mat_files_are_refused() -> None:
     good = mat({"easyWandData": easywand_fields()}, compressed=False)
-    for cut in (200, len(good) - 50):
-        with pytest.raises(StereocalError):
-            gather({"a.mat": good[:cut]}, USUAL)
     rng = np.random.default_rng(0)
-    for _ in range(3):
-        damaged = bytearray(good)
-        for at in rng.integers(128, len(good), 6):
-            damaged[at] = rng.integers(256)
-        with suppress(StereocalError):
-            gather({"a.mat": bytes(damaged)}, USUAL).dataset("x", BASELINE_M, BAR_M)
-    with pytest.raises(StereocalError, match="-v7"):
-        gather({"a.mat": b"MATLAB 7.3 MAT-file, HDF5 schema".ljust(512)}, USUAL)
-    with pytest.raises(StereocalError, match="-v7"):
-        gather({"a.mat": b"\x89HDF\r\n\x1a\n" + bytes(500)}, USUAL)
-    with pytest.raises(StereocalError, match="no struct"):
-        gather({"a.mat": mat({"x": np.ones(3)})}, USUAL)
-    with pytest.raises(StereocalError, match="toStruct"):
-        gather({"a.mat": mat({"x": {"y": 1.0}})}, USUAL)
+    damaged = bytearray(good)
+    for at in rng.integers(128, len(good), 6):
+        damaged[at] = rng.integers(256)
+    with suppress(StereocalError):
+        gather({"a.mat": bytes(damaged)}, USUAL).dataset("x", BASELINE_M, BAR_M)
+    for content, message in (
+        (good[:-50], "damaged"),
+        (b"MATLAB 7.3 MAT-file, HDF5 schema".ljust(512), "-v7"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(500), "-v7"),
+        (mat({"x": np.ones(3)}), "no struct"),
+        (mat({"x": {"y": 1.0}}), "toStruct"),
+    ):
+        with pytest.raises(StereocalError, match=message):
+            gather({"a.mat": content}, USUAL)
 
 
 def test_a_file_that_expands_is_refused_before_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,6 +24,7 @@ from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_da
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.tracks import TimeOffset
+from stereocal.system.atomic_files import write_all
 from stereocal.system.zip_files import unzip
 from tests.known_rig import PRIMARY, SECONDARY, dataset
 
@@ -207,14 +208,10 @@ def with_times(times: list[str]) -> bytes:
     return "\n".join([f"{LINES[0]},time_frame", *rows]).encode()
 
 
-def test_it_is_read_and_written_back() -> None:
+def test_times_are_read_and_written_back_and_are_the_frames_without_them() -> None:
     rows = read_table(with_times(["7", "7", "12", "12"]), "t").strict("t")
-    assert rows.time_frame.tolist() == [7, 7, 12, 12]
-    again = read_table(write_table(rows), "t").strict("t")
-    assert again.time_frame.tolist() == [7, 7, 12, 12]
-
-
-def test_without_it_the_frame_is_the_time() -> None:
+    for each in (rows, read_table(write_table(rows), "t").strict("t")):
+        assert each.time_frame.tolist() == [7, 7, 12, 12]
     rows = read_table(TEMPLATE.encode(), "t").strict("t")
     assert rows.time_frame.tolist() == rows.frame.tolist()
     assert b"time_frame" not in write_table(rows)
@@ -370,24 +367,21 @@ class TestDatasetFiles:
         )
         back = parse_dataset(pack_dataset(full), "x")
         assert back.sha256 == NOISY.sha256
-        for name in ["name", "notes", "baseline_m", "target_distance_m"]:
-            assert getattr(back, name) == getattr(full, name)
-        for name in ("baseline_sigma_m", "target_distance_sigma_m"):
+        lengths = ("baseline_m", "target_distance_m", "baseline_sigma_m", "target_distance_sigma_m")
+        for name in ("name", "notes", *lengths):
             assert getattr(back, name) == getattr(full, name)
 
     @pytest.mark.parametrize("inside", ["", "survey/", "a/b/c/"])
-    def test_zip_with_the_same_digest(self, tmp_path: Path, inside: str) -> None:
-        content = zipped({inside + name: content for name, content in self.files.items()})
-        (tmp_path / "survey.zip").write_bytes(content)
+    def test_zip_and_folder_with_the_same_digest(self, tmp_path: Path, inside: str) -> None:
+        files = {inside + name: content for name, content in self.files.items()}
+        (tmp_path / "survey.zip").write_bytes(zipped(files))
         assert read_dataset(tmp_path / "survey.zip").sha256 == NOISY.sha256
-
-    @pytest.mark.parametrize("inside", ["", "survey"])
-    def test_folder_with_the_same_digest(self, tmp_path: Path, inside: str) -> None:
-        (tmp_path / inside).mkdir(exist_ok=True)
-        for name, content in self.files.items():
-            (tmp_path / inside / name).write_bytes(content)
-        (tmp_path / "notes.txt").write_bytes(b"\xff")
-        assert read_dataset(tmp_path).sha256 == NOISY.sha256
+        if inside != "a/b/c/":  # of a folder, direct subfolders are read
+            (folder := tmp_path / "folder" / inside).mkdir(parents=True)
+            for name, content in self.files.items():
+                (folder / name).write_bytes(content)
+            (folder / "notes.txt").write_bytes(b"\xff")
+            assert read_dataset(tmp_path / "folder").sha256 == NOISY.sha256
 
     @pytest.mark.parametrize(
         "name", ["dataset.json", "primary.json", "secondary.json", "correspondences.csv"]
@@ -405,9 +399,7 @@ class TestDatasetFiles:
         if packed:
             source.write_bytes(zipped(files))
         else:
-            for name, content in files.items():
-                (source / name).parent.mkdir(parents=True, exist_ok=True)
-                (source / name).write_bytes(content)
+            write_all({source / name: content for name, content in files.items()})
         with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
             read_dataset(source)
         survey = read_survey(source)
