@@ -145,6 +145,12 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
     """The bars in a file, as two cameras saw them."""
     layout, ends, remarks = layout_of_bars(content, source, options)
     chosen = chosen_pair(layout.cameras, options.cameras, source)
+    if layout.origin.corner == "lower-left" and None in heights:
+        raise StereocalError(
+            "the points are counted from the lower left, so the image height is needed: give the "
+            "camera files, or --image-size WxH.",
+            source,
+        )
     found = read_bars(content, layout, chosen.names, ends, heights, source)
     if not len(found.frame):
         raise StereocalError(
