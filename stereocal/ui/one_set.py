@@ -19,9 +19,8 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs, refined
 from stereocal.ui.downloads import offer
@@ -179,11 +178,9 @@ def _show_trade_off(
         return
     if calibration is None or calibration.screening.dataset.sha256 != dataset.sha256:
         calibration = refined.calibrated(dataset, kept_protocol(project, [dataset]).calibration)
-    sets: dict[Method, tuple[Pose, Camera, Camera]] = {
-        "refined": (result.pose, result.primary, result.secondary)
-    }
+    sets: dict[Method, Rig] = {"refined": Rig(result.primary, result.secondary, result.pose)}
     for method, found in calibration.methods.items():
-        sets[method] = (found.pose, dataset.primary, dataset.secondary)
+        sets[method] = Rig(dataset.primary, dataset.secondary, found.pose)
     costs = costs_of(dataset, sets)
     along = setting(project, "along", 50, Number(0, 100))
     left, right = st.columns(2)

@@ -201,7 +201,7 @@ class Outlook:
         return np.asarray(model.covariance + np.outer(away, away))
 
 
-def forecast_files(calibration: Calibration, seed: int = 0) -> Outlook:
+def forecast_files(calibration: Calibration) -> Outlook:
     """Forecast the files of a calibration with its refined set."""
     refined = calibration.refined
     if refined is None:
@@ -213,22 +213,22 @@ def forecast_files(calibration: Calibration, seed: int = 0) -> Outlook:
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
     comparison = compare_inputs(refined)
-    predictive = predict(comparison.model, files, seed)
+    predictive = predict(comparison.model, files)
     check = check_model(refined, comparison.model, predictive)
     if check is not None and not check.holds:
         predictive = replace(predictive, excess=check.excess)
     return Outlook(files, refined, comparison, predictive, check)
 
 
-def outlook_of(calibration: Calibration, seed: int = 0) -> Outlook | None:
+def outlook_of(calibration: Calibration) -> Outlook | None:
     """The forecast, or None if there cannot be one."""
     try:
-        return forecast_files(calibration, seed)
+        return forecast_files(calibration)
     except StereocalError:
         return None
 
 
-def improvements(model: RefinedResult, seed: int = 0) -> dict[str, float]:
+def improvements(model: RefinedResult) -> dict[str, float]:
     """The mean length errors of the refined set, a fraction, as they are (key ""), and with each
     improvement, on the same simulated bars.
     """
@@ -247,7 +247,7 @@ def improvements(model: RefinedResult, seed: int = 0) -> dict[str, float]:
     files: Mapping[Method, Rig] = {"refined": Rig(model.primary, model.secondary, model.pose)}
     found = {}
     for name, knowledge in cases.items():
-        judged = predict(model, files, seed, DRAWS, BARS, knowledge=knowledge)
+        judged = predict(model, files, 0, DRAWS, BARS, knowledge=knowledge)
         found[name] = float(np.nanmean(judged.errors_3d))
     return found
 
@@ -260,9 +260,9 @@ def _knowing(model: RefinedResult, known: BoolArray) -> RefinedResult:
     return replace(model, unknowns=replace(model.unknowns, precision=narrow))
 
 
-def advice_on_improvements(model: RefinedResult, seed: int = 0) -> str:
+def advice_on_improvements(model: RefinedResult) -> str:
     """Which improvement would lower the length error of the refined set most, for the user."""
-    found = improvements(model, seed)
+    found = improvements(model)
     now, limit = found.pop(""), found.pop("everything known exactly")
     name = min(found, key=lambda name: found[name])
     noise = f"image noise alone causes a length error of {rounded(100 * limit)} %"

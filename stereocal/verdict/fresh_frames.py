@@ -211,10 +211,8 @@ def _log_density(residuals: FloatArray, absorbed: float) -> FloatArray:
 
 
 def noise_of_points(degrees: FloatArray, points: int, rng: np.random.Generator) -> FloatArray:
-    """Noise of u, v in both images in units of the scale, (draws, points, 4).
-
-    The two coordinates of a point share a factor, so that a point that is off is off in both.
-    """
+    """Noise of u, v in both images in units of the scale, (draws, points, 4). The two coordinates
+    of a point share a factor, so that a point that is off is off in both."""
     found = rng.standard_normal((len(degrees), points, 4))
     for own, nu in zip(found, degrees, strict=True):
         if np.isfinite(nu):

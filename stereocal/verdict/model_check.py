@@ -122,18 +122,15 @@ class ModelCheck:
 
 
 def check_model(
-    refined: RefinedResult, model: RefinedResult, predictive: Predictive, seed: int = 0
+    refined: RefinedResult, model: RefinedResult, predictive: Predictive
 ) -> ModelCheck | None:
     """Compare the forecast of the refined file with held-out frames; None with too few frames.
 
-    Args:
-        refined: the fit of the file.
-        model: the fit behind the forecast, whose accused inputs are freed.
-        seed: of the division into parts.
+    `refined` is the fit of the file, `model` that behind the forecast, with accused inputs freed.
     """
     data = refined.dataset.of_frames(refined.frames[~refined.outlying])
     clusters = refined.clusters
-    errors = _held_out_errors(data, clusters.of_frames, refined.settings, refined.pose, seed)
+    errors = _held_out_errors(data, clusters.of_frames, refined.settings, refined.pose)
     if errors is None:
         return None
     px, lengths = errors
@@ -189,14 +186,14 @@ def check_model(
 
 
 def _held_out_errors(
-    data: Dataset, clusters: IntArray, settings: RefineSettings, start: Pose, seed: int
+    data: Dataset, clusters: IntArray, settings: RefineSettings, start: Pose
 ) -> tuple[FloatArray, FloatArray] | None:
     """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out with
     all frames of its cluster (f,)."""
     table = data.correspondences
     if len(table.frames) < MINIMUM_FRAMES:
         return None
-    order = np.random.default_rng([seed, 0xF01D]).permutation(clusters.max() + 1) % FOLDS
+    order = np.random.default_rng([0, 0xF01D]).permutation(clusters.max() + 1) % FOLDS
     part = order[clusters][np.searchsorted(table.frames, table.frame)]
     px, lengths = np.empty(len(table)), np.empty(len(table.bars))
     for fold in range(FOLDS):
@@ -230,11 +227,9 @@ def _log_sigma(interval: Estimate) -> float:
 
 
 def cause_of_scatter(model: RefinedResult, bars: Innovations) -> str:
-    """Why the lengths of bars vary more than the noise explains; empty if they do not.
-
-    A bar that bends varies alike everywhere; noise along the epipolar lines makes those lengths
-    vary most that are least certain. The likelihoods of both are compared.
-    """
+    """Why the lengths of bars vary more than the noise explains, by the likelihoods of two causes;
+    empty if they do not. A bar that bends varies alike everywhere; noise along the epipolar lines
+    makes those lengths vary most that are least certain."""
     known = np.isfinite(bars.errors_m)
     smallest = SMALLEST_SCATTER * model.dataset.target_distance_m
     if model.scatter_m.source != ESTIMATED or not model.scatter_m.value > 2 * smallest:

@@ -21,15 +21,7 @@ from stereocal.calibration.montecarlo import reconstruction_problem, reprojectio
 from stereocal.errors import StereocalError
 from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import undistort_rays
-from stereocal.refined.unknowns import (
-    FIXED_LENS,
-    RefineSettings,
-    Unknowns,
-    camera_of,
-    pose_of,
-    unknowns_of,
-)
-from stereocal.rig.camera import Camera
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, rig_of, unknowns_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -56,20 +48,18 @@ class TradeOffPoint:
     """Weight of the 3D cost in the weighted sum, 0 to 1."""
     cost_2d_px: float
     cost_3d_m: float
-    pose: Pose
-    primary: Camera
-    secondary: Camera
+    rig: Rig
     lenses: str
     """`fixed` or `freed`."""
 
     def parameters(self, dataset: Dataset) -> RigParameters:
         """The point as a parameter set to save."""
-        rig, rows = Rig(self.primary, self.secondary, self.pose), dataset.correspondences
+        rig, rows = self.rig, dataset.correspondences
         return RigParameters(
             method="refined",
-            primary=self.primary,
-            secondary=self.secondary,
-            pose=self.pose,
+            primary=rig.primary,
+            secondary=rig.secondary,
+            pose=rig.pose,
             cost=(1.0 - self.share) * self.cost_2d_px + self.share * self.cost_3d_m,
             settings={"trade_off_share": self.share, "lenses": self.lenses},
             inputs=inputs_of(dataset, rows.frames),
@@ -103,8 +93,6 @@ def trade_off(
         cancelled: checked after each solve; the answer then is None.
     """
     settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False, rest=None)
-    if points < 3:
-        raise StereocalError("The trade-off needs at least 3 points.")
     if not len(dataset.correspondences.bars):
         raise StereocalError("No frame has both targets A and B, so there is no 3D cost.")
     if start is None:
@@ -134,8 +122,8 @@ class _Curve:
         self.dataset, self.unknowns, self.name = dataset, unknowns, lenses
         rows = dataset.correspondences
         self.lenses = lenses_of_cameras(dataset.primary, dataset.secondary)
-        self.pixels = np.column_stack([rows.primary, rows.secondary])
         self.rays = dataset.rays.copy()
+        self.pixels = np.column_stack([rows.primary, rows.secondary])
         self.inverse_jacobians = np.empty((len(rows), 2, 4))
         self.bars, self.distances = rows.bars, dataset.bar_distances_m
         of_images = self.lenses, self.pixels, self.rays, self.inverse_jacobians
@@ -218,18 +206,15 @@ class _Curve:
         return p
 
     def _point(self, share: float, p: FloatArray) -> TradeOffPoint:
-        (cost_2d, cost_3d), q = self._costs_at(p), self._q(p)
-        primary = camera_of(self.dataset.primary, q, 0)
-        secondary = camera_of(self.dataset.secondary, q, 1)
-        return TradeOffPoint(share, cost_2d, cost_3d, pose_of(q), primary, secondary, self.name)
+        rig = rig_of(self.dataset.primary, self.dataset.secondary, self._q(p))
+        return TradeOffPoint(share, *self._costs_at(p), rig, self.name)
 
 
-def costs_of(
-    dataset: Dataset, poses: Mapping[Any, tuple[Pose, Camera, Camera]]
-) -> dict[Any, tuple[float, float]]:
+def costs_of(dataset: Dataset, rigs: Mapping[Any, Rig]) -> dict[Any, tuple[float, float]]:
     """2D cost in pixels and 3D cost in metres of other parameter sets, for the same figure."""
     found = {}
-    for name, (pose, primary, secondary) in poses.items():
-        own = replace(dataset, primary=primary, secondary=secondary)
-        found[name] = (reprojection_problem(own).cost(pose), reconstruction_problem(own).cost(pose))
+    for name, rig in rigs.items():
+        own = replace(dataset, primary=rig.primary, secondary=rig.secondary)
+        costs = reprojection_problem(own), reconstruction_problem(own)
+        found[name] = (costs[0].cost(rig.pose), costs[1].cost(rig.pose))
     return found

@@ -28,6 +28,7 @@ from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import what_disagrees
+from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
@@ -54,7 +55,7 @@ refine(dataset, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
 refined = refine(dataset, RefineSettings())
 what_disagrees(refined), accuracy_map(refined, size=5)
 trade_off(dataset, RefineSettings(), points=3)
-costs_of(dataset, {"2d": (found.methods["2d"].pose, dataset.primary, dataset.secondary)})
+costs_of(dataset, {"2d": Rig(dataset.primary, dataset.secondary, found.methods["2d"].pose)})
 forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
 reconstruct_points(rig, rows.primary, rows.secondary)

@@ -29,8 +29,7 @@ from stereocal.refined.misfit import misfit_of
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.camera import Camera
-from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.workflow import calibrate
 from tests.field.plans import plan
@@ -101,12 +100,12 @@ def every_figure() -> dict[str, Drawn]:
     assert runs is not None and lens is not None
     pooled, by_dataset = summarise_all(["one", "two"], runs)
     check = check_lengths(POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
-    sets: dict[Method, tuple[Pose, Camera, Camera]] = {
-        method: (calibration.methods[method].pose, dataset.primary, dataset.secondary)
+    sets: dict[Method, Rig] = {
+        method: Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
         for method in METHODS
     }
     costs = costs_of(
-        dataset, sets | {"refined": (refined.pose, refined.primary, refined.secondary)}
+        dataset, sets | {"refined": Rig(refined.primary, refined.secondary, refined.pose)}
     )
     tables = [table[table["frame"] == 1] for table in (PRIMARY_TABLE, SECONDARY_TABLE)]
     left, right = (table[["u", "v"]].to_numpy() for table in tables)

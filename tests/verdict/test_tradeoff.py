@@ -11,6 +11,7 @@ from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from stereocal.workflow import calibrate
@@ -61,7 +62,7 @@ def test_slopes_are_those_of_the_errors() -> None:
 
 def test_costs_are_the_papers(data: Dataset, curves: TradeOff) -> None:
     for curve in (curves.fixed, curves.freed):
-        again = costs_of(data, {i: (x.pose, x.primary, x.secondary) for i, x in enumerate(curve)})
+        again = costs_of(data, {i: x.rig for i, x in enumerate(curve)})
         for i, point in enumerate(curve):
             assert again[i] == pytest.approx((point.cost_2d_px, point.cost_3d_m), rel=1e-6)
 
@@ -78,7 +79,7 @@ def test_the_fixed_curve_falls_and_is_convex(curves: TradeOff) -> None:
 
 def test_nothing_found_otherwise_lies_below(data: Dataset, curves: TradeOff) -> None:
     paper = calibrate(data).methods
-    sets = {name: (found.pose, data.primary, data.secondary) for name, found in paper.items()}
+    sets = {name: Rig(data.primary, data.secondary, own.pose) for name, own in paper.items()}
     for cost_2d, cost_3d in costs_of(data, sets).values():
         for point in curves.fixed:
             # 1 %: the rounded kink, which the 3D search's exact fits feel most.
@@ -93,7 +94,7 @@ def test_freed_lenses_lower_the_curve(data: Dataset, curves: TradeOff) -> None:
     fixed = min(max(x.cost_2d_px / ends[0], x.cost_3d_m / ends[1]) for x in curves.fixed)
     assert best < fixed
     found = refine(data)
-    refined = costs_of(data, {0: (found.pose, found.primary, found.secondary)})[0]
+    refined = costs_of(data, {0: Rig(found.primary, found.secondary, found.pose)})[0]
     assert max(refined[0] / ends[0], refined[1] / ends[1]) < fixed
 
 

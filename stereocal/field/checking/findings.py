@@ -92,10 +92,8 @@ class Recheck:
 
     @cached_property
     def negligible(self) -> bool:
-        """Whether a change is seen, and is surely smaller than matters.
-
-        A focal length matters as much as the baseline: both are factors of lengths.
-        """
+        """Whether a change is seen, and is surely smaller than matters. A focal length matters as
+        much as the baseline: both are factors of lengths."""
         if not self.seen or not self.turn[0].high < self.smallest.turn_rad:
             return False
         changes = [] if self.baseline_change is None else [self.baseline_change]
@@ -112,7 +110,6 @@ class Recheck:
 
     @property
     def verdict(self) -> Verdict:
-        """`moved` if the parameters no longer hold."""
         if self.changed:
             return "moved"
         would_be_seen = self.usable and self.power.is_enough
@@ -180,10 +177,8 @@ class Recheck:
 
     @cached_property
     def best(self) -> fits.Fit:
-        """The fit whose `q` are the repaired parameters.
-
-        Where images cannot tell what has changed, all that may have is free.
-        """
+        """The fit whose `q` are the repaired parameters; where images cannot tell what has changed,
+        all that may have is free."""
         if not self.seen:
             return self.same
         if self.ambiguous:
@@ -199,16 +194,12 @@ class Recheck:
 
     @cached_property
     def offers_repair(self) -> bool:
-        """Whether the repaired parameters are to be used.
-
-        Never for the images that the parameters come from, nor where held-out groups are measured
-        no better with them.
-        """
+        """Whether the repaired parameters are to be used: never for the images that the parameters
+        come from, nor where held-out groups are measured no better with them."""
         return self.changed and not self.images.own and self.held_out.better
 
     @property
     def repaired(self) -> Rig:
-        """The rig of `best`."""
         return rig_of(self.prior.rig.primary, self.prior.rig.secondary, self.best.q)
 
     @property

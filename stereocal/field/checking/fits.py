@@ -224,9 +224,8 @@ class HeldOut:
 def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
     """The errors of each run of groups with the old parameters, and repaired by the other runs.
 
-    Args:
-        best: the fit of all groups; those outlying there are not used. If fewer than two are left,
-            nothing is better.
+    Groups that are outlying in `best`, the fit of all of them, are not used. If fewer than two are
+    left, nothing is better.
     """
     kept = np.flatnonzero(~best.outlying)
     errors = []
@@ -292,11 +291,7 @@ def power_of(information: FloatArray, change: FloatArray, level: float = LEVEL) 
 
 
 def power(fit: Fit, smallest: Smallest) -> Power:
-    """The power of new images.
-
-    Args:
-        fit: of the pose; its change is the five angles and, with lengths, the baseline.
-    """
+    """The power of new images, by their fit of five angles and, with lengths, the baseline."""
     pose, information, m = fit.prior.rig.pose, information_of(fit), len(fit.change)
     # The noncentrality that is found with a probability of 80 %.
     needed = float(chndtrinc(chdtri(m, LEVEL), m, 1.0 - ENOUGH))

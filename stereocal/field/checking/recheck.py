@@ -165,10 +165,7 @@ class _Check:
 
     def with_design_effect(self, noise: Noise, parts: list[Part]) -> Noise:
         """The noise with the design effect: the file's or, if larger, that of a part of the images.
-
-        Errors of a lens or of a detector are alike in bars that lie close together, so that many
-        frames know less than their number says.
-        """
+        Errors of a lens or of a detector are alike in bars that lie close together."""
         of_file = self.prior.design_effect
         found = replace(noise, design_effect=of_file)
         for groups, change in parts:

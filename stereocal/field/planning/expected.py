@@ -115,11 +115,9 @@ class ExpectedFit:
         return np.asarray(away), np.asarray(np.mean(lengths, axis=0))
 
     def map(self, plane: uncertainty.Plane, size: int = MAP_SIZE) -> uncertainty.AccuracyMap:
-        """Errors in the part of a plane of the volume that both cameras see.
-
-        The plane is at the height of the primary camera (`above`) or straight ahead of it (`side`),
-        if both cameras see a part of it; else through the middle of the common view.
-        """
+        """Errors in the part of a plane of the volume that both cameras see: at the height of the
+        primary camera (`above`) or straight ahead of it (`side`), or, where they see nothing of it,
+        through the middle of the common view."""
         plan, points = self.plan, self.plan.common_points
         axis, across = (1, 0) if plane == "above" else (0, 1)
         inside = points[:, axis].min() <= 0.0 <= points[:, axis].max()

@@ -71,16 +71,9 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
         ),
         _checklist(plan, places, width),
         Paragraph("Measure", HEADING),
-        _table(
-            [[_text(cell) for cell in row] for row in measurements(plan)],
-            [38.0, width - 78.0, 40.0],
-        ),
+        _table(measurements(plan), [38.0, width - 78.0, 40.0]),
         Paragraph("Write down", HEADING),
-        _table(
-            [[_text(cell) for cell in row] for row in RECORDS],
-            [41.0, 0.5 * width - 41.0] * 2,
-            height_mm=RECORD_MM,
-        ),
+        _table(RECORDS, [41.0, 0.5 * width - 41.0] * 2, height_mm=RECORD_MM),
     ]
     file = BytesIO()
     canvas = Canvas(file, (paper.width_mm * mm, paper.height_mm * mm), invariant=1)
@@ -96,7 +89,7 @@ def field_sheet(plan: Plan, paper: Paper = PAPERS["A4"]) -> bytes:
 def _checklist(plan: Plan, places: Sequence[bars.BarPlace], width_mm: float) -> Table:
     """Rows from near to far, columns from left to right, and a box for each frame."""
     head = 30.0
-    rows: list[list[Paragraph]] = [[_text(""), *(_text(f"<b>{word}</b>") for word in bars.ACROSS)]]
+    rows = [["", *(f"<b>{word}</b>" for word in bars.ACROSS)]]
     # Positions are to about a thousandth of the farthest.
     digits = int(np.clip(np.ceil(2.0 - np.log10(plan.far_m)), 0, 4))
     lens = bars.ground_from_primary(plan).T[1]
@@ -110,8 +103,7 @@ def _checklist(plan: Plan, places: Sequence[bars.BarPlace], width_mm: float) -> 
             if up:
                 lines.append(f"{height}: {round(float(np.mean(up)), digits) + 0.0:+.{digits}f} m")
         cells = [[one for one in here if one.across == word] for word in bars.ACROSS]
-        texts = ["<br/>".join(lines), *(_boxes(cell, digits) for cell in cells)]
-        rows.append([_text(words) for words in texts])
+        rows.append(["<br/>".join(lines), *(_boxes(cell, digits) for cell in cells)])
     return _table(rows, [head, *[(width_mm - head) / 3.0] * 3])
 
 
@@ -131,16 +123,15 @@ def _boxes(places: Sequence[bars.BarPlace], digits: int) -> str:
     return "<br/>".join(lines)
 
 
-def _text(words: str) -> Paragraph:
-    return Paragraph(words, TEXT)
-
-
 def _table(
-    rows: Sequence[list[Any]],
+    rows: Sequence[Sequence[Any]],
     widths_mm: Sequence[float],
     lines: bool = True,
     height_mm: float | None = None,
 ) -> Table:
+    cells = [
+        [Paragraph(cell, TEXT) if isinstance(cell, str) else cell for cell in row] for row in rows
+    ]
     style = TableStyle([("VALIGN", (0, 0), (-1, -1), "TOP")])
     for side, padding in {"TOP": 1.5, "BOTTOM": 1.5, "LEFT": 3.0, "RIGHT": 3.0}.items():
         style.add(f"{side}PADDING", (0, 0), (-1, -1), padding if lines else 0.0)
@@ -148,7 +139,7 @@ def _table(
         style.add("GRID", (0, 0), (-1, -1), 0.3, grey)
     heights = None if height_mm is None else [height_mm * mm] * len(rows)
     widths = [width * mm for width in widths_mm]
-    return Table(rows, widths, heights, style=style, hAlign="LEFT")
+    return Table(cells, widths, heights, style=style, hAlign="LEFT")
 
 
 def _draw_from_above(

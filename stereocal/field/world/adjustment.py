@@ -80,10 +80,8 @@ class Solution:
 
     @property
     def noise_factor(self) -> float | None:
-        """The noise that the residuals show, over the stated one; None if they are too few.
-
-        What errors of the parameters can explain, however large, is left out.
-        """
+        """The noise that the residuals show, without what errors of the parameters can explain,
+        over the stated one; None if they are too few."""
         left, degrees = _squares_left(np.column_stack([self.J, self.by_rig]), self.errors)
         return float(np.sqrt(left / degrees)) if degrees >= FEWEST_DEGREES else None
 
@@ -167,11 +165,9 @@ def solve(
     by_rig: Callable[[FloatArray], FloatArray] | None = None,
     blocks: Blocks | None = None,
 ) -> Solution:
-    """Minimise the sum of the squares of errors(x).
+    """Minimise the sum of the squares of errors (n,), differences over their standard deviations.
 
     Args:
-        errors: (n,) differences over their standard deviations.
-        start: (m,), m <= n.
         by_rig: (n, r) at the solution: derivatives of the errors by z; None: not known.
         blocks: which unknowns act on which errors; None: all on all.
     """
