@@ -6,26 +6,25 @@ page_head("Lenses", "How does each camera's lens see, and how well is that known
 
 import streamlit as st
 
-from stereocal.ui.intake import show_refusal
-from stereocal.ui.lens import choose_camera, from_file, from_photographs, show_cameras_in_use
-from stereocal.ui.lens_results import show_lens
+from stereocal.ui import lens as page
+from stereocal.ui.messages import show_refusal
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
 project = current_project()
-show_cameras_in_use(project)
-which, how = choose_camera(project)
+page.show_cameras_in_use(project)
+which, how = page.choose_camera(project)
 if how == "A camera file":
-    from_file(project, which)
+    page.from_file(project, which)
     show_refusal()
 else:
     with st.expander("How to take the photographs"):
         st.markdown(BOARDS)
     board_to_print(project)
-    store = from_photographs(which)
+    store = page.from_photographs(which)
     show_refusal()
     if store is None:
         st.info("Nothing to calibrate yet: upload photographs of the board.")
     else:
-        show_lens(store)
+        page.show_lens(store)

@@ -15,8 +15,8 @@ from stereocal.ui import lengths
 from stereocal.ui.archives import single_files
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
-from stereocal.ui.intake import SEVERAL, show_refusal, take_dataset
-from stereocal.ui.messages import ErrorsShown, end_here
+from stereocal.ui.intake import SEVERAL, take_dataset
+from stereocal.ui.messages import ErrorsShown, end_here, show_refusal
 from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, forget_project

@@ -6,7 +6,7 @@ page_head("Plan", "Will this rig measure what I need?")
 
 import streamlit as st
 
-from stereocal.ui.intake import show_refusal
+from stereocal.ui.messages import show_refusal
 from stereocal.ui.plan import open_plan, show_forecast
 from stereocal.ui.plan_fields import plan_controls
 from stereocal.ui.project import current_project

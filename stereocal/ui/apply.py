@@ -19,8 +19,8 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ThresholdForm, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.intake import show_refusal, take_one
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.intake import take_one
+from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
 from stereocal.ui.parameter_files import PURPOSES, Source, upload_set
 from stereocal.ui.refined import set_in_use
 from stereocal.ui.texts import escape_markdown

@@ -30,12 +30,12 @@ from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
-from stereocal.ui.chosen_frame import NAME, frames_photographed, photographs_of
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import ErrorsShown, callback, fragment, readable
 from stereocal.ui.refined import PAPERS
+from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
 
@@ -226,7 +226,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     frame = _choose_frame(store, outcome, frames)
     of_frame = result.pairs[result.pairs["frame"] == frame]
     seen = [pixels_of(table[table["frame"] == frame]) for table in tables]
-    own = _are_own(store, outcome) or set(frames) <= frames_photographed(store.project)
+    own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
     photographs = photographs_of(store.project, frame) if own else (None, None)
     images, space = st.columns(2)
     with images:

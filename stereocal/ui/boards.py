@@ -21,8 +21,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
-from stereocal.ui.holding import first_pairs
-from stereocal.ui.lens import board_form
+from stereocal.ui.holding import board_form, first_pairs
 from stereocal.ui.messages import ErrorsShown, readable
 from stereocal.ui.texts import escape_markdown
 

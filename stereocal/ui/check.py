@@ -29,7 +29,8 @@ from stereocal.ui.apply_threshold import ask_noise, noise_field
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import show_refusal, take_one
+from stereocal.ui.intake import take_one
+from stereocal.ui.messages import show_refusal
 from stereocal.ui.parameter_files import Source
 from stereocal.ui.texts import escape_markdown
 

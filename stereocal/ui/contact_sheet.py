@@ -15,7 +15,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, thumbnail
 from stereocal.ui.fields import Number, choose, setting
-from stereocal.ui.refusal import refusing
+from stereocal.ui.messages import refusing
 from stereocal.ui.texts import escape_markdown
 
 Item = TypeVar("Item")
@@ -41,14 +41,10 @@ def show_contact_sheet(
         "To decide": [frame for frame in frames if is_open(frame)],
         **{state.capitalize(): [f for f in frames if f.state == state] for state in STATES},
     }
-    kinds = [name for name, group in groups.items() if group or name == "All"]
-
-    def counted(name: str) -> str:
-        return f"{name} ({len(groups[name])})"
-
-    chosen = choose(store.project, "sheet_kind", "Show", kinds, format_func=counted)
-    show = partial(_show_frame, store, running, look_closely)
-    on_a_sheet(store.project, groups[chosen], show)
+    groups = {name: group for name, group in groups.items() if group or name == "All"}
+    counted = {name: f"{name} ({len(group)})" for name, group in groups.items()}
+    chosen = choose(store.project, "sheet_kind", "Show", groups, format_func=counted.__getitem__)
+    on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running, look_closely))
     st.caption(
         "Each picture: the primary camera on the left, the secondary on the right; A green, B "
         "pink. Sigma is the standard error of a centre."
@@ -58,10 +54,10 @@ def show_contact_sheet(
 def on_a_sheet(project: Project, items: Sequence[Item], show: Callable[[Item], None]) -> None:
     """Twelve of the items, in columns, and which twelve."""
     sheets = -(-len(items) // ON_A_SHEET)
-    sheet, title = 1, f"Sheet (of {sheets})"
+    sheet = 1
     if sheets > 1:
         own = setting(project, "sheet", 1, Number(1, sheets), tabs_own=True)
-        sheet = own.number_input(title, width=200)
+        sheet = own.number_input(f"Sheet (of {sheets})", width=200)
     on_it = items[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):
         for item, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
@@ -81,22 +77,23 @@ def _show_frame(
     alt = f"Both photographs of frame {frame.frame} about the targets found"
     st.image(thumbnail(store, frame), width="stretch", alt=alt)
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
-    seen = "corrected" if frame.corrected else "reviewed"
-    reviewed = f" · {seen}" if frame.corrected or frame.reviewed else ""
+    seen = "corrected" if frame.corrected else "reviewed" if frame.reviewed else ""
+    reviewed = f" · {seen}" if seen else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
     st.markdown(f"{badge(frame.state)} **Frame {frame.frame}**{sigma}{reviewed}")
     if frame.reason:
         st.caption(escape_markdown(frame.reason))
     key = f"use_frame_{frame.frame}"
+
+    @refusing()
+    def choose_use() -> None:
+        use = bool(st.session_state[key])
+        change_review(store, lambda review: decide(review, frame.frame, use))
+
     st.session_state[key] = frame.use
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.checkbox(
-            "Use this frame",
-            key=key,
-            disabled=running or not frame.targets_in_both,
-            on_change=_choose,
-            args=(store, frame.frame, key),
-        )
+        may = not running and bool(frame.targets_in_both)
+        st.checkbox("Use this frame", key=key, disabled=not may, on_change=choose_use)
         st.button(
             "Look closely",
             key=f"look_{frame.frame}",
@@ -105,9 +102,3 @@ def _show_frame(
             on_click=look_closely,
             args=(frame.frame,),
         )
-
-
-def _choose(store: ProjectPhotographs, number: int, key: str) -> None:
-    use = bool(st.session_state[key])
-    with refusing():
-        change_review(store, lambda review: decide(review, number, use))

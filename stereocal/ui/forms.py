@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
+from itertools import cycle
 from typing import Any
 
 import streamlit as st
@@ -14,14 +16,14 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.described import About, descriptions
-from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
 
-Bounds = tuple[float, float]
-NUMBERS = descriptions(SearchSettings)
-OTHERS = descriptions(CalibrationSettings)
-SLIDERS = ("delta", "acceptance")
+SEARCH = descriptions(SearchSettings)
 RATIOS = (0.01, 0.99)
 """Ends of the slider of the acceptance ratio."""
+NUMBERS = SEARCH | {"acceptance": replace(SEARCH["acceptance"], low=RATIOS[0], high=RATIOS[1])}
+OTHERS = descriptions(CalibrationSettings)
+SLIDERS = ("delta", "acceptance")
 LARGEST_WHOLE = 2**53 - 1
 """In a browser."""
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
@@ -59,7 +61,7 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
                 **_frames_field(project, frames).widget(),
                 help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
             )
-        _numbers(project)
+        _ask_all(project)
     return form_values(project, dataset)
 
 
@@ -74,26 +76,22 @@ def _frames_field(project: Project, frames: int) -> Field:
     return setting(project, "calibration_frames", frames, Number(1, frames))
 
 
-def bounds_of(about: About) -> Bounds:
-    """Of a number, with its type, as the widget requires."""
+def field_of(project: Project, key: str, about: About) -> Field:
+    """The field of a described setting: a choice, a switch, or a number within its bounds."""
     kind = type(about.default)
-    return kind(about.low), kind(min(about.high, LARGEST_WHOLE))
-
-
-def _bounds(name: str) -> Bounds:
-    return RATIOS if name == "acceptance" else bounds_of(NUMBERS[name])
+    if about.choices:
+        return setting(project, key, about.default, one_of(about.choices))
+    if kind is bool:
+        return setting(project, key, about.default, yes_or_no)
+    fit = Number(kind(about.low), kind(min(about.high, LARGEST_WHOLE)))
+    return setting(project, key, about.default, fit)
 
 
 def _search_fields(project: Project) -> dict[str, Field]:
-    fits: dict[str, Fit] = {name: Number(*_bounds(name)) for name in NUMBERS}
-    fits |= {
-        name: one_of(about.choices) if about.choices else yes_or_no
-        for name, about in OTHERS.items()
-        if not isinstance(about.default, tuple)
-    }
     return {
-        name: setting(project, name, (NUMBERS | OTHERS)[name].default, fit)
-        for name, fit in fits.items()
+        name: field_of(project, name, about)
+        for name, about in (NUMBERS | OTHERS).items()
+        if not isinstance(about.default, tuple)
     }
 
 
@@ -107,46 +105,42 @@ def search_values(project: Project) -> dict[str, Any]:
 
 def search_form(project: Project) -> None:
     """The two settings of the search that the paper varies as sliders, the others folded."""
-    fields = _search_fields(project)
-    left, right = st.columns(2)
+    fields, (left, right) = _search_fields(project), st.columns(2)
     delta, acceptance = (NUMBERS[name] for name in SLIDERS)
+    own, ratio = (fields[name].widget() for name in SLIDERS)
     steps = sorted({*DELTAS, fields["delta"].value()})
-    left.select_slider(
-        delta.title, steps, format_func="{:g}".format, help=delta.help, **fields["delta"].widget()
-    )
-    right.slider(
-        acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **fields["acceptance"].widget()
-    )
+    left.select_slider(delta.title, steps, format_func="{:g}".format, help=delta.help, **own)
+    right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio)
     with st.expander("Other settings of the search"):
-        _numbers(project, without=SLIDERS)
+        _ask_all(project, without=SLIDERS)
 
 
-def number_input(place: DeltaGenerator, about: About, own: Field) -> Any:
-    """The widget of a described number; its value."""
-    whole = isinstance(about.default, int)
-    return own.number_input(
-        about.title,
-        place,
-        format=None if whole else "%.10g",
-        help=about.help,
-        step=1 if whole else about.default / 10,
-    )
+def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False) -> Any:
+    """The widget of a described setting; its value."""
+    if about.choices:
+        return place.segmented_control(
+            about.title,
+            about.choices,
+            required=True,
+            format_func=str.capitalize,
+            help=about.help,
+            **own.widget(),
+        )
+    if isinstance(about.default, bool):
+        return place.toggle(about.title, help=about.help, disabled=disabled, **own.widget())
+    shown = {} if isinstance(about.default, int) else {"format": "%.10g"}
+    step = 1 if isinstance(about.default, int) else about.default / 10
+    return own.number_input(about.title, place, help=about.help, step=step, **shown)
 
 
-def _numbers(project: Project, without: Collection[str] = ()) -> None:
+def _ask_all(project: Project, without: Collection[str] = ()) -> None:
     fields = _search_fields(project)
-    columns = st.columns(3)
-    for at, name in enumerate(name for name in NUMBERS if name not in without):
-        number_input(columns[at % 3], NUMBERS[name], fields[name])
-    for name, about in OTHERS.items():
-        if name == "time_drift" and not fields["time_offset"].value():
-            continue
-        if about.choices:
-            st.segmented_control(
-                about.title, about.choices, required=True, help=about.help, **fields[name].widget()
-            )
-        elif isinstance(about.default, bool):
-            st.toggle(about.title, help=about.help, **fields[name].widget())
+    names = [name for name in NUMBERS if name not in without]
+    for name, column in zip(names, cycle(st.columns(3)), strict=False):
+        ask(column, NUMBERS[name], fields[name])
+    for name in OTHERS:
+        if name in fields and (name != "time_drift" or fields["time_offset"].value()):
+            ask(st.container(), OTHERS[name], fields[name])
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:
@@ -156,28 +150,27 @@ def settings_of(values: dict[str, Any]) -> CalibrationSettings:
 
 def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:
     """What has changed since the result, as a sentence; None if nothing has."""
-    if result.dataset.sha256 != dataset.sha256:
+    then = result.dataset
+    if then.sha256 != dataset.sha256:
         return (
             "The data have changed since this result. Press Calibrate for the new data; until then "
             "the old result stays."
         )
-    if _known(result.dataset) != _known(dataset):
+    if (then.baseline_sigma_m, then.target_distance_sigma_m) != (
+        dataset.baseline_sigma_m,
+        dataset.target_distance_sigma_m,
+    ):
         return (
             "The uncertainties of the lengths have changed since this result. "
             "Press Calibrate to renew its refined set."
         )
     made_with = result.settings.to_json()
-    changed = [NAMES[key] for key, value in values.items() if made_with[key] != value]
-    if not changed:
-        return None
-    return (
-        f"The form has changed since this result ({', '.join(changed)}). It still shows the result "
-        "of the settings named below it. Press Calibrate to renew it."
-    )
-
-
-def _known(dataset: Dataset) -> tuple[float | None, float | None]:
-    return dataset.baseline_sigma_m, dataset.target_distance_sigma_m
+    if changed := [NAMES[key] for key, value in values.items() if made_with[key] != value]:
+        return (
+            f"The form has changed since this result ({', '.join(changed)}). It still shows the "
+            "result of the settings named below it. Press Calibrate to renew it."
+        )
+    return None
 
 
 def describe_settings(settings: CalibrationSettings) -> str:

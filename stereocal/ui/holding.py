@@ -1,4 +1,4 @@
-"""What stands on the bar: 2x2 targets, balls of two colours, or tags."""
+"""What is held: a bar with 2x2 targets, balls of two colours or tags, or a board."""
 
 from __future__ import annotations
 
@@ -10,10 +10,20 @@ from functools import partial
 from typing import Any
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls, proposed_colours
-from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Sighting, Target, parse_target
+from stereocal.detection.target import (
+    BAR,
+    BRIGHT,
+    Balls,
+    Bar2x2,
+    Sighting,
+    Tags,
+    Target,
+    parse_target,
+)
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.pairing import Pair
@@ -21,21 +31,26 @@ from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.system.photograph import read_colours
-from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.lens import board_settings
+from stereocal.ui.fields import Field, Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.picker import Mark, Pick, pick, shown_image
 from stereocal.ui.texts import escape_markdown
 
 KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "Tags"}
 BOARD = "board"
-FOUND = "held_found"
+CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
+SQUARE_MM = 30.0
+"""Until the user enters the side of a square."""
+FOUND, MARKER_PART = "held_found", "board_marker_part"
 USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
+CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
+"""What a click moves a centre to."""
 
 
-def _kind(project: Project) -> Field:
+def _kind(project: Project | None) -> Field:
     return setting(project, "held", "bar2x2", one_of(tuple(KINDS)))
 
 
@@ -51,7 +66,7 @@ def held_tags(project: Project | None, key: str = "held_tags") -> Field:
 
 def held_kind(project: Project | None) -> str:
     """What is held, one of `KINDS`."""
-    return str(_kind(project).value()) if project else next(iter(KINDS))
+    return str(_kind(project).value())
 
 
 def _text(value: Any) -> str:
@@ -62,7 +77,7 @@ def _text(value: Any) -> str:
 
 def held_text(project: Project) -> str:
     """The target as `parse_target` reads it."""
-    kind: str = _kind(project).value()
+    kind = held_kind(project)
     rest = {"balls": _colours, "tags": held_tags}.get(kind)
     return kind if rest is None else f"{kind}:{rest(project).value()}"
 
@@ -88,17 +103,21 @@ def propose_held(store: ProjectPhotographs, pairs: Sequence[Pair] | None = None)
         names = [name for pair in first for name in (pair.primary, pair.secondary)]
         board = proposed_board({name: files[name] for name in names}, least=0.5)
         if board is not None:
-            project.keep_settings({"held": BOARD, **board_settings(board)})
+            marked = {"board_dictionary": board.dictionary, MARKER_PART: board.marker}
+            project.keep_settings(
+                {
+                    "held": BOARD,
+                    "board_kind": CHARUCO if board.dictionary else CHESSBOARD,
+                    "board_columns": board.columns,
+                    "board_rows": board.rows,
+                    **(marked if board.dictionary else {}),
+                }
+            )
             return
         images = [read_colours(files[name], name) for name in names]
         balls = proposed_colours([images[::2], images[1::2]])
         if balls is not None:
             project.keep_settings({"held": "balls", "held_balls": ",".join(balls.colours)})
-
-
-def is_stale(project: Project) -> bool:
-    """Whether the found targets are of another kind or colour than stated now."""
-    return bool(project.settings.get(FOUND, "bar2x2") != held_text(project))
 
 
 def held_target(project: Project) -> Target:
@@ -155,10 +174,8 @@ def _unfinished(project: Project) -> bool:
 
 def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> None:
     """A photograph to click the balls in, and their colours to type."""
-    project = store.project
-    field = _colours(project)
-    unfinished = _unfinished(project)
-    if unfinished:
+    project, field = store.project, _colours(store.project)
+    if unfinished := _unfinished(project):
         which = "B, the other ball" if field.value() else "A, then ball B"
         st.info(f"Click ball {which}, on the lit side.")
     if pair is not None and (file := store.photographs.get(pair.primary)) is not None:
@@ -226,8 +243,54 @@ def is_coloured(target: Target) -> bool:
     return isinstance(target, Balls)
 
 
-def called(target: Target) -> str:
-    """What a click moves a centre to."""
-    if isinstance(target, Bar2x2):
-        return "fitted corner"
-    return "ball" if isinstance(target, Balls) else "tag"
+def corner_fields(
+    project: Project | None,
+    places: Sequence[DeltaGenerator],
+    prefix: str,
+    usual: Sequence[int] = (18, 12),
+    text: str | None = None,
+) -> tuple[int, int]:
+    """The fields of a board's inner corners, its columns and rows; `text` is their help."""
+    columns, rows = (
+        setting(project, f"{prefix}_{name}", first, Number(3, 100)).number_input(
+            f"Inner corners, {way} way", place, help=text
+        )
+        for place, way, name, first in zip(
+            places, ("one", "other"), ("columns", "rows"), usual, strict=True
+        )
+    )
+    return columns, rows
+
+
+def board_form(
+    project: Project, size: tuple[int, int] = (18, 12), square_mm: float | None = SQUARE_MM
+) -> BoardPattern:
+    """The form of the printed board, the same for both cameras.
+
+    Args:
+        size: the usual columns and rows.
+        square_mm: of the form before the user enters one; None leaves the field empty.
+
+    Raises:
+        StereocalError: no board is like that.
+    """
+    kinds, side = (CHESSBOARD, CHARUCO), (0.1, 10_000.0)
+    kind, *places, square = st.columns(4, vertical_alignment="bottom")
+    board = choose(project, "board_kind", "Board", kinds, place=kind, tabs_own=False)
+    corners = "Where four squares meet: one less than squares. Paper: 18 and 12."
+    columns, rows = corner_fields(project, places, "board", size, corners)
+    own = setting(project, "board_square_mm", square_mm, Number(*side, or_none=True))
+    about = "The lens does not depend on it; lengths do, where the board gives them."
+    shown = {"placeholder": "measured", "step": 1.0, "format": "%.10g"}
+    side_mm = own.number_input("Side of a square (mm)", square, help=about, **shown) or SQUARE_MM
+    if board == CHESSBOARD:
+        return BoardPattern(columns, rows, 1e-3 * side_mm)
+    left, right = st.columns(2)
+    part = setting(project, MARKER_PART, 0.75, Number(0.01, 1.0)).value()
+    title, first = "Dictionary of the markers", "DICT_4X4_250"
+    dictionary = choose_from_menu(
+        project, "board_dictionary", title, DICTIONARIES, first, place=left
+    )
+    own = setting(project, "board_marker_mm", float(f"{part * side_mm:.3g}"), Number(*side))
+    marker_mm = own.number_input("Side of a marker (mm)", right, step=1.0, format="%.10g")
+    return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, 1e-3 * marker_mm)

@@ -14,7 +14,7 @@ from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileMan
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import FourCoefficientsError, read_camera, write_camera
+from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, pack_pair, parse_dataset, parse_survey
 from stereocal.formats.exchange.exchange import format_of, read_camera_pair
@@ -34,12 +34,9 @@ from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.messages import ask_if_fisheye, refuse, refusing
 from stereocal.ui.project import current_project, project_to_write
-from stereocal.ui.refusal import ask_lens
-from stereocal.ui.refusal import clear_refusal as clear_refusal
-from stereocal.ui.refusal import refuse as refuse
-from stereocal.ui.refusal import show_refusal as show_refusal
-from stereocal.ui.texts import escape_markdown as escape_markdown
+from stereocal.ui.texts import escape_markdown
 
 TITLES: Mapping[Slot, str] = {
     "correspondences": "Table of points (CSV)",
@@ -99,17 +96,18 @@ def take_dataset(uploads: Sequence[Upload]) -> None:
     """Store a data set: a zip, or the files of a folder."""
     if not uploads or not is_new(*uploads):
         return
-    name = uploads[0].name
     with taking(*uploads):
         check_uploads(uploads)
+        name = uploads[0].name
         if len(uploads) == 1 and name.lower().endswith(".zip"):
             content = uploads[0].getvalue()
             texts = unzip(content, name, lambda member: not is_photograph(member))
-            _try_dataset(texts, name, lambda: zipped_photographs(content, name))
+            take = partial(_try_dataset, texts, name, lambda: zipped_photographs(content, name))
         else:
             texts = {file.name: file.getvalue() for file in uploads if not is_photograph(file.name)}
             pictures = [file for file in uploads if is_photograph(file.name)]
-            _try_dataset(texts, "the folder", lambda: photographs_of(pictures))
+            take = partial(_try_dataset, texts, "the folder", lambda: photographs_of(pictures))
+        ask_if_fisheye(take)
     project = current_project()
     if project is not None and ProjectRecording(project).is_given:
         st.switch_page("pages/rig.py")
@@ -140,13 +138,11 @@ def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectL
     found: dict[str, StoredFile] = {}
     # No Streamlit calls in here: a click could end the script halfway.
     with st.spinner("Storing the photographs."):
-        try:
+        with refusing():
             for name, content in photographs:
                 found[name] = store.keep(name, content)
             if not found:
                 raise StereocalError("There is no photograph among these files.")
-        except StereocalError as error:
-            refuse(error)
         if found:
             store.add(found)
 
@@ -156,18 +152,19 @@ def store_table(name: str, content: bytes) -> None:
     _try_files({"correspondences": (name, point_text(content, name))})
 
 
-def store_camera(slot: Slot, name: str, content: bytes, model: LensModel | None = None) -> None:
+def store_camera(slot: Slot, name: str, content: bytes) -> None:
     """Store a camera file; if it may be a fisheye's, ask."""
-    try:
+
+    def take(model: LensModel | None) -> None:
+        stored = content
         if model is None and format_of(name, content) == "ros":
-            content = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
-        camera = read_camera(content, name, model)
-    except FourCoefficientsError as error:
-        ask_lens(error, partial(store_camera, slot, name, content))
-        return
-    if model == "fisheye":  # the stored file must state it
-        content = write_camera(camera)
-    _try_files({slot: (name, content)}, {slot: camera})
+            stored = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
+        camera = read_camera(stored, name, model)
+        if model == "fisheye":  # the stored file must state it
+            stored = write_camera(camera)
+        _try_files({slot: (name, stored)}, {slot: camera})
+
+    ask_if_fisheye(take)
 
 
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
@@ -175,21 +172,21 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
     rows = read_table(table, TABLE).correspondences
     rest = rows.without_lines(problem.line for problem in error.problems)
     label = f"Leave these rows out and use the other {len(rest)}"
-    refuse(error, {label: lambda: use(write_table(rest))} if len(rest) else None)
+    without = partial(refusing()(use), write_table(rest))
+    refuse(error, {label: without} if len(rest) else None)
 
 
 def _try_dataset(
     files: Mapping[str, bytes],
     source: str,
     photographs: Callable[[], Contents],
-    lens_model: LensModel | None = None,
+    lens_model: LensModel | None,
 ) -> None:
     """Store a data set; if rows are refused, offer to leave them out."""
+    project = project_to_write()
     try:
-        project = project_to_write()
         if give_dataset(project, files, source, photographs, lens_model):
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
-        clear_refusal()
     except RefusedRowsError as error:
         name = find_description(files, source).folder + TABLE
 
@@ -197,30 +194,23 @@ def _try_dataset(
             _try_dataset({**files, name: rest}, source, photographs, lens_model)
 
         _offer_rest(error, files[name], use)
-    except FourCoefficientsError as error:
-        ask_lens(error, partial(_try_dataset, files, source, photographs))
-    except StereocalError as error:
-        refuse(error)
 
 
 def _try_files(
     files: Mapping[Slot, tuple[str, bytes]], read: Mapping[Slot, Camera | Table] | None = None
 ) -> None:
     """Store files; if rows of the table are refused, offer to leave them out."""
+    project = project_to_write()
     try:
-        project_to_write().give(files, read=read)
-        clear_refusal()
+        project.give(files, read=read)
     except RefusedRowsError as error:
-        table = files.get("correspondences") or project_to_write().table
+        table = files.get("correspondences") or project.table
         if table is None:  # another tab has just removed it
-            refuse(error)
-            return
+            raise
         name, content = table
         _offer_rest(
             error, content, lambda rest: _try_files({**files, "correspondences": (name, rest)})
         )
-    except StereocalError as error:
-        refuse(error)
 
 
 def give_dataset(
@@ -240,15 +230,15 @@ def give_dataset(
     """
     store = ProjectPhotographs(project)
     description = find_description(files, source)
-    folder = description.folder
     if description.is_recording:
         if len(description.entries.get("cameras") or ()) > 2:
+            folder = description.folder
             own = {name: content for name, content in files.items() if name.startswith(folder)}
             ProjectRecording(project).give(own, source)
             return False
         files = pack_pair(parse_dataset(files, source, lens_model=lens_model))
         description = find_description(files, source)
-        folder = description.folder
+    folder = description.folder
     found = of_the_bar({name: store.keep(name, content) for name, content in photographs()})
     given: dict[Slot, tuple[str, bytes]] = {}
     read: dict[Slot, Camera | Table] = {}
@@ -282,8 +272,7 @@ def give_dataset(
 
 def is_new(*uploads: Upload) -> bool:
     """Whether any of these uploads has not been processed yet."""
-    seen: set[str] = st.session_state.get(_SEEN, set())
-    return not seen.issuperset(upload.file_id for upload in uploads)
+    return not st.session_state.get(_SEEN, set()).issuperset(one.file_id for one in uploads)
 
 
 def take_uploads(
@@ -299,7 +288,6 @@ def take_uploads(
         return
     with taking(*fresh):
         check_uploads(fresh)
-        clear_refusal()
         take(fresh)
     if counter:
         st.session_state[counter] += 1
@@ -318,12 +306,9 @@ def emptied_uploader(
 ) -> None:
     """An uploader of several files that is emptied when they are taken."""
     counter = counter or key
+    key = f"{key}_{st.session_state.setdefault(counter, 0)}"
     uploads = (place or st).file_uploader(
-        label,
-        type=kinds,
-        accept_multiple_files=True,
-        key=f"{key}_{st.session_state.setdefault(counter, 0)}",
-        help=text,
+        label, kinds, accept_multiple_files=True, key=key, help=text
     )
     take_uploads(uploads, take, counter)
 
@@ -347,7 +332,7 @@ def take_one(upload: Upload | None, take: Callable[[str, bytes], object]) -> Non
 
 @contextmanager
 def taking(*uploads: Upload) -> Iterator[None]:
-    """Process uploads inside; then they are no longer new. A StereocalError is shown.
+    """Process uploads inside; then they are no longer new. A StereocalError is the refusal.
 
     A click ends the script by a BaseException at any access to the session or the page: then the
     uploads stay new, and the next run processes them. Streamlit would keep the memory of processed
@@ -356,10 +341,8 @@ def taking(*uploads: Upload) -> Iterator[None]:
     seen: set[str] = st.session_state.setdefault(_SEEN, set())
     processed = {upload.file_id for upload in uploads}
     try:
-        try:
+        with refusing():
             yield
-        except StereocalError as error:
-            refuse(error)
     except Exception:
         seen |= processed
         raise

@@ -26,8 +26,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
-from stereocal.ui.messages import ErrorsShown, callback
-from stereocal.ui.refusal import clear_refusal
+from stereocal.ui.messages import ErrorsShown, callback, clear_refusal
 from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")

@@ -22,8 +22,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
-from stereocal.ui.intake import clear_refusal, refuse
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import callback, clear_refusal, readable, refuse
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
 

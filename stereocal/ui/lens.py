@@ -1,55 +1,48 @@
-"""The Lenses page: upload of board photographs or a camera file, and the lens calibration."""
+"""The Lenses page: board photographs or a camera file, the lens calibration, and its results."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
-from typing import Any
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.figures import lens as figures
 from stereocal.figures.style import count
+from stereocal.formats.camera_file import write_camera, write_opencv_camera
+from stereocal.intrinsics import files, quality
 from stereocal.intrinsics.boards import find_boards
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
-from stereocal.intrinsics.proposed_board import ProposedBoard
+from stereocal.intrinsics.calibrate_lens import (
+    LensCalibration,
+    LensSettings,
+    calibrate_lens,
+    digest_of,
+)
 from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
-from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
-from stereocal.rig.camera import CAMERAS, LENS_MODELS, CameraName
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
 from stereocal.system.records import pack
 from stereocal.ui import intake, jobs
-from stereocal.ui.fields import (
-    Number,
-    choose,
-    choose_from_menu,
-    one_of,
-    setting,
-    some_of,
-    yes_or_no,
-)
-from stereocal.ui.forms import bounds_of, number_input
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.downloads import offer
+from stereocal.ui.fields import choose, setting, some_of
+from stereocal.ui.figure import show_figure
+from stereocal.ui.forms import ask, field_of
+from stereocal.ui.holding import board_form
+from stereocal.ui.messages import ErrorsShown, callback, readable, refusing
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
 from stereocal.ui.texts import escape_markdown
 
 BOARD, FILE = "Photographs of a board", "A camera file"
-CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
-SQUARE_MM = 30.0
-"""Until the user enters the side of a square."""
 STAGES = ("photographs searched", "draws calibrated")
-_ROUND, _MARKER_PART = "boards_round", "board_marker_part"
-
-
-def job_kind(which: CameraName) -> jobs.Kind:
-    """The kind of a camera's jobs."""
-    return "lens_primary" if which == "primary" else "lens_secondary"
+JOB_KINDS: dict[CameraName, jobs.Kind] = {"primary": "lens_primary", "secondary": "lens_secondary"}
+_ROUND = "boards_round"
 
 
 def show_cameras_in_use(project: Project | None) -> None:
@@ -74,9 +67,8 @@ def show_cameras_in_use(project: Project | None) -> None:
 def choose_camera(project: Project | None) -> tuple[CameraName, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)
-    which: CameraName = choose(
-        project, "lens_camera", "Camera", CAMERAS, place=left, format_func=str.capitalize
-    )
+    shown = partial(choose, place=left, format_func=str.capitalize)
+    which: CameraName = shown(project, "lens_camera", "Camera", CAMERAS)
     how: str = choose(project, "lens_how", "I have", (BOARD, FILE), place=right)
     if how == BOARD and has_sample_photographs() and not (project and _has_boards(project)):
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
@@ -122,7 +114,7 @@ def from_photographs(which: CameraName) -> ProjectLens | None:
         st.button("Remove them", on_click=clear, key=key)
         return None
     last = "Cancelled. What is shown is the last finished lens."
-    jobs.show_job(project, job_kind(which), last, work)
+    jobs.show_job(project, JOB_KINDS[which], last, work)
     return store
 
 
@@ -131,91 +123,17 @@ def _take_boards(which: CameraName, uploads: Sequence[intake.Upload]) -> None:
     intake.take_photographs(intake.photographs_of(uploads), store)
 
 
-def board_settings(board: ProposedBoard) -> dict[str, Any]:
-    """The values of the form for a board, but for the side of its squares."""
-    marked = {"board_dictionary": board.dictionary, _MARKER_PART: board.marker}
-    return {
-        "board_kind": CHARUCO if board.dictionary else CHESSBOARD,
-        "board_columns": board.columns,
-        "board_rows": board.rows,
-        **(marked if board.dictionary else {}),
-    }
-
-
-def board_form(
-    project: Project, size: tuple[int, int] = (18, 12), square_mm: float | None = SQUARE_MM
-) -> BoardPattern:
-    """The form of the printed board, the same for both cameras.
-
-    Args:
-        size: the usual columns and rows.
-        square_mm: of the form before the user enters one; None leaves the field empty.
-
-    Raises:
-        StereocalError: no board is like that.
-    """
-    kinds, side = (CHESSBOARD, CHARUCO), (0.1, 10_000.0)
-    kind, *places, square = st.columns(4, vertical_alignment="bottom")
-    board = choose(project, "board_kind", "Board", kinds, place=kind, tabs_own=False)
-    corners = "Where four squares meet: one less than squares. Paper: 18 and 12."
-    names = (("one", "board_columns"), ("other", "board_rows"))
-    columns, rows = (
-        setting(project, name, usual, Number(3, 100)).number_input(
-            f"Inner corners, {way} way", place, help=corners
-        )
-        for place, (way, name), usual in zip(places, names, size, strict=True)
-    )
-    entered = setting(
-        project, "board_square_mm", square_mm, Number(*side, or_none=True)
-    ).number_input(
-        "Side of a square (mm)",
-        square,
-        placeholder="measured",
-        step=1.0,
-        format="%.10g",
-        help="The lens does not depend on it; lengths do, where the board gives them.",
-    )
-    side_mm = entered or SQUARE_MM
-    if board == CHESSBOARD:
-        return BoardPattern(columns, rows, 1e-3 * side_mm)
-    left, right = st.columns(2)
-    part = setting(project, _MARKER_PART, 0.75, Number(0.01, 1.0)).value()
-    title, first = "Dictionary of the markers", "DICT_4X4_250"
-    dictionary = choose_from_menu(
-        project, "board_dictionary", title, DICTIONARIES, first, place=left
-    )
-    own = setting(project, "board_marker_mm", float(f"{part * side_mm:.3g}"), Number(*side))
-    marker_mm = own.number_input("Side of a marker (mm)", right, step=1.0, format="%.10g")
-    return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, 1e-3 * marker_mm)
-
-
 def lens_form(project: Project) -> LensSettings:
     """The form of the calibration's settings, in an expander."""
-    values: dict[str, Any] = {}
-    model = setting(project, "lens_model", LENS_MODELS[0], one_of(LENS_MODELS)).value()
+    settings = descriptions(LensSettings)
+    fields = {name: field_of(project, f"lens_{name}", about) for name, about in settings.items()}
+    held = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
     with st.expander("Settings of the calibration"):
-        numbers, switches = iter(st.columns(3)), iter(st.columns(2))
-        for name, about in descriptions(LensSettings).items():
-            own = partial(setting, project, f"lens_{name}", about.default)
-            if isinstance(about.default, bool):
-                values[name] = next(switches).checkbox(
-                    about.title,
-                    help=about.help,
-                    disabled=model == "fisheye",
-                    **own(yes_or_no).widget(),
-                )
-            elif about.choices:
-                values[name] = st.radio(
-                    about.title,
-                    about.choices,
-                    format_func=str.capitalize,
-                    help=about.help,
-                    horizontal=True,
-                    **own(one_of(about.choices)).widget(),
-                )
-            else:
-                bounded = own(Number(*bounds_of(about)))
-                values[name] = number_input(next(numbers), about, bounded)
+        places = (*st.columns(3), *st.columns(2), st.container())
+        values = {
+            name: ask(place, about, fields[name], disabled=name in held)
+            for place, (name, about) in zip(places, settings.items(), strict=True)
+        }
     return LensSettings(**values)
 
 
@@ -236,7 +154,7 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
             and lens.settings == settings
             and left == [view.name for view in lens.search.views]
         )
-    kind = job_kind(store.which)
+    kind = JOB_KINDS[store.which]
     about = {
         "photographs": {name: path.name for name, path in store.photographs.items()},
         "leave_out": list(leave_out),
@@ -267,13 +185,13 @@ def _calibrate(
     control = job.executor, job.progress, lambda: job.cancelled
     search = store.search
     if search is None or search.pattern != pattern:
-        boards = job.checkpoints("boards", pack_board, unpack_board)
+        boards = job.checkpoints("boards", files.pack_board, files.unpack_board)
         search = find_boards(store.photographs, pattern, *control, boards)
         if search is None:
             return False
         store.keep_search(search)
     job.begin(STAGES[1])
-    draws = job.checkpoints("draws", pack, unpack_draws)
+    draws = job.checkpoints("draws", pack, files.unpack_draws)
     lens = calibrate_lens(search.without(leave_out), settings, *control, pieces=draws)
     if lens is None:
         return False
@@ -282,7 +200,9 @@ def _calibrate(
 
 
 def _clear(store: ProjectLens) -> None:
-    jobs.discard(store.project, job_kind(store.which))  # first: a running job needs the photographs
+    jobs.discard(
+        store.project, JOB_KINDS[store.which]
+    )  # first: a running job needs the photographs
     store.clear()
     st.session_state[_ROUND] += 1
 
@@ -292,3 +212,98 @@ def _has_boards(project: Project) -> bool:
         return any(ProjectLens(project, which).photographs for which in CAMERAS)
     except StereocalError:  # reported where they are shown
         return True
+
+
+@st.cache_data(show_spinner=False, max_entries=8)
+def _note_on_model(digest: str, _lens: LensCalibration) -> str:  # noqa: ARG001 - the key
+    return quality.note_on_model(_lens.search, _lens.settings)
+
+
+def show_lens(store: ProjectLens) -> None:
+    """The last finished lens of a camera."""
+    # Reported above, where it can be calibrated again.
+    lens = readable(lambda: store.calibration, told=False)
+    search = readable(lambda: store.search, told=False)
+    if search is not None and search.refused:
+        with st.expander(f"{count(len(search.refused), 'photograph')} without a usable board"):
+            for item in search.refused:
+                st.markdown(f"- {escape_markdown(item.name)}: {escape_markdown(item.reason)}.")
+    if lens is None:
+        return
+    st.header(f"The {store.which} camera's lens", divider="gray")
+    for sentence in quality.advice(lens):
+        st.warning(escape_markdown(sentence))
+    st.success(escape_markdown(quality.lens_answer(lens)))
+    st.caption(escape_markdown(_note_on_model(digest_of(lens.search, lens.settings), lens)))
+    if text := quality.hint(lens):
+        st.caption(text)
+    _use_and_downloads(store, lens)
+    results, without = f"The {lens.settings.repeats} results", "Without distortion"
+    views = {
+        results: (figures.plot_draws, figures.describe_draws, "draws"),
+        "Photograph by photograph": (
+            figures.plot_view_errors,
+            figures.describe_view_errors,
+            "view_errors",
+        ),
+        "What the lens leaves": (
+            figures.plot_residual_field,
+            figures.describe_residual_field,
+            "residual_field",
+        ),
+    }
+    view = choose(store.project, "lens_view", "Look at", [*views, without])
+    if view == without:
+        _show_preview(store, lens)
+    else:
+        plot, describe, key = views[view]
+        show_figure(plot(lens), describe(lens), key)
+    st.table(quality.lens_table(lens))
+    st.caption(
+        "The median of the draws is the result. Its standard error comes from how much the results "
+        "differ (delete-d jackknife); errors that all photographs share, such as a bent board, are "
+        "not in it. The last column is one calibration with all photographs."
+    )
+
+
+def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
+    use, ours, opencv = st.columns(3)
+    used = store.is_used
+    use.button(
+        "In use for this project" if used else "Use for this project",
+        type="primary",
+        disabled=used,
+        on_click=refusing()(store.use),
+        key=f"use_lens_{store.which}",
+        icon=":material/check:" if used else None,
+    )
+    for label, content, suffix, kind, place, text in (
+        ("camera.json", write_camera(lens.camera, files.about(lens)), "json", "json", ours, "With"),
+        ("OpenCV YAML", write_opencv_camera(lens.camera), "yml", "yaml", opencv, "Without"),
+    ):
+        offer(
+            f"Download {label}",
+            content,
+            f"{store.which}.{suffix}",
+            f"lens_{kind}_{store.which}",
+            place=place,
+            help=f"{text} the standard errors.",
+        )
+
+
+def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:
+    photographs = store.photographs
+    names = [view.name for view in lens.search.views if view.name in photographs]
+    if not names:
+        st.info("The photographs of this lens have been removed.")
+        return
+    name = choose(store.project, f"preview_{store.which}", "Photograph", names, as_menu=True)
+    view = next(view for view in lens.search.views if view.name == name)
+    with ErrorsShown():
+        marked, straight = quality.preview(photographs[name], lens.camera, view)
+        left, right = st.columns(2)
+        caption = "As photographed, with the corners that were found"
+        left.image(marked, caption=caption, width="stretch")
+        shift = quality.largest_shift_px(lens.camera)
+        caption = f"Without the lens's distortion, which moves points by up to {shift:.1f} px"
+        right.image(straight, caption=caption, width="stretch")

@@ -1,27 +1,33 @@
-"""Messages that are shown once, at the top of the page.
+"""Messages that are shown once, at the top of the page, and the last refused upload.
 
 Streamlit runs callbacks before the page: an error in one would replace the page by a traceback.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from typing import Literal, NoReturn, ParamSpec, TypeVar
 
+import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 from streamlit.runtime.scriptrunner import StopException
 
-from stereocal.errors import StereocalError
+from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.formats.camera_file import FourCoefficientsError
+from stereocal.rig.camera import LensModel
 from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")
 T = TypeVar("T")
 Kind = Literal["error", "info"]
 Message = tuple[Kind, str]
-_MESSAGES = "messages"
+Ways = Mapping[str, Callable[[], None]]
+"""Ways to continue after a refusal: callbacks by the label of their button; two at most."""
+_MESSAGES, _REFUSED = "messages", "refused"
 
 
 def end_here() -> NoReturn:
@@ -119,3 +125,56 @@ def readable(read: Callable[[], T], told: bool = True) -> T | None:
         if told:
             st.warning(escape_markdown(str(error)))
         return None
+
+
+def show_refusal() -> None:
+    """Show the last refusal, until something is accepted."""
+    refused: tuple[StereocalError, Ways] | None = st.session_state.get(_REFUSED)
+    if refused is None:
+        return
+    error, ways = refused
+    st.error(f"{escape_markdown(str(error))}\n\nWhat was loaded before is unchanged.")
+    if isinstance(error, RefusedRowsError):
+        rows = [(problem.line, problem.reason) for problem in error.problems]
+        table = pd.DataFrame(rows, columns=["Line", "Refused because"])
+        st.dataframe(table, hide_index=True, height=min(38 + 35 * len(rows), 250))
+    for key, (label, use) in zip(("use_rest", "use_other"), ways.items(), strict=False):
+        st.button(label, on_click=use, key=key)
+
+
+def refuse(error: StereocalError, ways: Ways | None = None) -> None:
+    """Show a refusal on the page, with other ways to continue."""
+    st.session_state[_REFUSED] = error, ways or {}
+
+
+def clear_refusal() -> None:
+    """Remove the refusal, because something else is given."""
+    st.session_state.pop(_REFUSED, None)
+
+
+@contextmanager
+def refusing() -> Iterator[None]:
+    """Show a StereocalError of what is inside as the refusal, in place of the last."""
+    clear_refusal()
+    try:
+        yield
+    except StereocalError as error:
+        refuse(error)
+
+
+def ask_if_fisheye(
+    take: Callable[[LensModel | None], object], model: LensModel | None = None
+) -> None:
+    """Take an upload; if a camera in it may be a fisheye's, ask, and take it as what it is."""
+    clear_refusal()
+    again = refusing()(ask_if_fisheye)
+    try:
+        take(model)
+    except FourCoefficientsError as error:
+        refuse(
+            StereocalError(f"{error.question} Which are they?"),
+            {
+                "k1 k2 p1 p2: the usual lens": partial(again, take, "brown"),
+                "k1 k2 k3 k4: a fisheye": partial(again, take, "fisheye"),
+            },
+        )

@@ -10,8 +10,8 @@ import streamlit as st
 from stereocal.frames.pairing import Pair
 from stereocal.projects.photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import ErrorsShown, callback
+from stereocal.ui.texts import escape_markdown
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"

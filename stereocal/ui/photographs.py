@@ -26,7 +26,7 @@ from stereocal.ui.archives import ask_about_archive, holds_both, single_file
 from stereocal.ui.boards import boards_in, press_search
 from stereocal.ui.fields import choose
 from stereocal.ui.intake import CAMERA_KINDS, Upload
-from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.messages import ErrorsShown, readable, refuse
 from stereocal.ui.pairs import ROUND, clear, show_pairs
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.project import project_to_write
@@ -81,7 +81,7 @@ def photographs_in(project: Project | None) -> None:
         )
         given = [("", upload) for upload in folder if kind_of(upload.name) == "photograph"]
         if folder and not given:
-            intake.refuse(StereocalError("There is no photograph among these files."))
+            refuse(StereocalError("There is no photograph among these files."))
     else:
         uploads = st.file_uploader(
             "Photographs of both cameras, a zip of them, or two videos; with the camera files, if "
@@ -227,7 +227,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
             "The pairs or their photographs have changed since the targets were found. Find them "
             "again."
         )
-    elif holding.is_stale(project):
+    elif project.settings.get(holding.FOUND, "bar2x2") != holding.held_text(project):
         st.warning("These are the targets of what you said before that you hold. Find them again.")
     show_frames(store, frames, running)
 

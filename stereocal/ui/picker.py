@@ -55,15 +55,13 @@ class Mark:
 
 @dataclass(frozen=True)
 class Shown:
-    """A photograph as sent to the browser."""
+    """A photograph as sent to the browser: its id, a data URL, and the size of the original."""
 
     id: str
     """Identifies the photograph; a click returns it."""
     source: str
-    """A data URL."""
     width: int
     height: int
-    """Of the original photograph."""
 
 
 @dataclass(frozen=True)
@@ -117,18 +115,11 @@ def pick(
         if found is not None:
             on_pick(found)
 
+    sent = {**asdict(shown), "marks": [*map(asdict, marks)], "label": label, "locked": locked}
     # Declared in every run: tests have several runtimes.
     css, js = (_text(Path(__file__).with_suffix(suffix)) for suffix in (".css", ".js"))
-    st.components.v2.component(NAME, html=HTML, css=css, js=js)(
-        key=key,
-        data={
-            **asdict(shown),
-            "marks": [asdict(mark) for mark in marks],
-            "label": label,
-            "locked": locked,
-        },
-        on_picked_change=picked,
-    )
+    component = st.components.v2.component(NAME, html=HTML, css=css, js=js)
+    component(key=key, data=sent, on_picked_change=picked)
 
 
 def pick_of(sent: Any) -> Pick | None:

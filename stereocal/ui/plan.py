@@ -28,9 +28,9 @@ from stereocal.ui.fields import Field, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import CAMERA_KINDS, take_new
 from stereocal.ui.jobs import pool
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import ask_if_fisheye, callback
 from stereocal.ui.navigation import go_to
-from stereocal.ui.plan_fields import LONGEST_NAME, ask_if_fisheye, plan_field, show_plan
+from stereocal.ui.plan_fields import LONGEST_NAME, plan_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import open_project
 from stereocal.ui.texts import escape_markdown

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -22,15 +22,14 @@ from stereocal.field.planning.plan import (
     SensorLens,
     Uncertainty,
 )
-from stereocal.formats.camera_file import FourCoefficientsError, read_camera, write_camera
+from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
-from stereocal.ui.intake import CAMERA_KINDS, clear_refusal, take_one
-from stereocal.ui.messages import callback
-from stereocal.ui.refusal import ask_lens
+from stereocal.ui.intake import CAMERA_KINDS, take_one
+from stereocal.ui.messages import ask_if_fisheye, callback
 
 OTHER, FILE = "Other: sensor and pixels", "A camera file"
 CHOICES = (*COMMON, OTHER, FILE)
@@ -236,18 +235,6 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     width, height = camera.image_size
     st.caption(f"In use: {width} x {height} px, focal length {rounded(camera.K[0, 0], 5)} px")
     return camera
-
-
-def ask_if_fisheye(
-    take: Callable[[LensModel | None], None], model: LensModel | None = None
-) -> None:
-    """Take an upload; if a camera in it may be a fisheye's, ask, and take it as what it is."""
-    try:
-        take(model)
-    except FourCoefficientsError as error:
-        ask_lens(error, lambda known: callback(ask_if_fisheye)(take, known))
-    else:
-        clear_refusal()
 
 
 def _pose(project: Project | None) -> Pose | AimedPose:

@@ -25,12 +25,12 @@ from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
-from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, held_kind, held_tags
+from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, corner_fields, held_kind, held_tags
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.texts import escape_markdown
 
 AT_TRUE_SCALE = 'Print at 100 % ("actual size"): the sheet has a scale of 100 mm to check it by.'
-CORNERS, SIDE_MM = Number(3, 100), Number(5.0, 1000.0)
+SIDE_MM = Number(5.0, 1000.0)
 
 
 def board_to_print(project: Project | None) -> None:
@@ -61,14 +61,7 @@ def print_what_is_held(project: Project | None, focal_px: float | None) -> None:
 def _board(project: Project | None) -> None:
     paper, *places = st.columns(3)
     named = _paper(project, paper, "board")
-    columns, rows = (
-        setting(project, f"print_{name}", usual, CORNERS).number_input(
-            f"Inner corners, {way} way", place, step=1
-        )
-        for place, way, name, usual in zip(
-            places, ("one", "other"), ("columns", "rows"), (18, 12), strict=True
-        )
-    )
+    columns, rows = corner_fields(project, places, "print")
     with ErrorsShown(st.info):
         board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
         seen = (

@@ -27,7 +27,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui import chosen_frame
+from stereocal.ui import screening
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.figure import scroll_to, scrolled_part, show_figure
@@ -36,7 +36,6 @@ from stereocal.ui.messages import callback, fragment, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
 from stereocal.ui.review import look_closely
-from stereocal.ui.screening import offer_to_bring_into_step, rerun_if_changed, show_left_out
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure
@@ -60,14 +59,14 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
         st.info(escape_markdown(timing))
     for warning in found.warnings:
         st.warning(escape_markdown(warning))
-    offer_to_bring_into_step(project, found)
+    screening.offer_to_bring_into_step(project, found)
     if answer:
         for item in filter(lambda item: item.accused, answer.inputs):
             st.warning(escape_markdown(item.advice))
         show_recommendation(answer)
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
-    show_left_out(project, found, partial(look_at_frame, project, found))
+    screening.show_left_out(project, found, partial(look_at_frame, project, found))
     _show_tiles(answer)
     parameter_downloads(answer)
     _offer_kit(project, answer)
@@ -170,7 +169,7 @@ def look_at_frame(project: Project, calibration: Calibration, frame: int) -> Non
     """Open a frame (a callback)."""
     _view(project).set(FRAMES)
     scroll_to(OPENED)
-    chosen_frame.frame_field(project, calibration).set(frame)
+    screening.frame_field(project, calibration).set(frame)
 
 
 @callback
@@ -179,7 +178,7 @@ def open_clicked_frame(project: Project) -> None:
     frame, calibration = _clicked_frame(COVERAGE, f"{COVERAGE}_narrow"), project.calibration
     if frame is None:
         return
-    if chosen_frame.photographed(project):
+    if screening.photographed(project):
         look_closely(ProjectPhotographs(project), frame)
     elif calibration is not None:
         look_at_frame(project, calibration, frame)
@@ -198,14 +197,14 @@ def _clicked_frame(*charts: str) -> int | None:
 @fragment
 def _show_closer_looks(project: Project, found: Calibration, answer: Answer | None) -> None:
     """A choice of views; only the chosen one is computed."""
-    rerun_if_changed()
+    screening.rerun_if_changed()
     shown = _view(project)
     view = st.segmented_control("Look at", list(LOOKS), required=True, **shown.widget())
     LOOKS[view](project, found, answer)
 
 
 def _show_frames(project: Project, found: Calibration, answer: Answer | None) -> None:
-    chosen = chosen_frame.frame_field(project, found)
+    chosen = screening.frame_field(project, found)
 
     @callback
     def clicked() -> None:
@@ -216,10 +215,10 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
     figure, words = plot_frame_errors(found, chosen.value()), describe_frame_errors(found)
     show_figure(figure, words, CHART, on_select=clicked, selection_mode="points")
     with scrolled_part(OPENED):
-        frame = chosen_frame.choose_frame(project, found)
+        frame = screening.choose_frame(project, found)
         views = views_of(found, frame)
         st.markdown(
-            escape_markdown(f"{chosen_frame.state_of(found, frame)} {_in_words(found, views)}")
+            escape_markdown(f"{screening.state_of(found, frame)} {_in_words(found, views)}")
         )
         method = answer.recommendation.match.method if answer else "2d"
         _show_images(project, frame, views, method, st.columns(2))
@@ -236,7 +235,7 @@ def _show_images(
     method: Method,
     columns: Sequence[DeltaGenerator],
 ) -> None:
-    photographs = chosen_frame.photographs_of(project, frame)
+    photographs = screening.photographs_of(project, frame)
     for camera, (side, column) in enumerate(zip(CAMERAS, columns, strict=True)):
         with column:
             st.markdown(f"**{side.capitalize()}**")
@@ -246,7 +245,7 @@ def _show_images(
 
 
 def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
-    frame = chosen_frame.choose_frame(project, found)
+    frame = screening.choose_frame(project, found)
     views = views_of(found, frame)
     methods = list(views)
     method = choose(

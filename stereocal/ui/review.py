@@ -12,7 +12,7 @@ from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.frames import review as reviewing
 from stereocal.frames.frame import Frame, correspondences_of, name_in
-from stereocal.frames.review import Edit, Review, is_open
+from stereocal.frames.review import Review, is_open
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
@@ -22,7 +22,7 @@ from stereocal.ui.contact_sheet import badge, show_contact_sheet
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import scroll_to, scrolled_part
-from stereocal.ui.holding import called, held_target, is_coloured
+from stereocal.ui.holding import CALLED, held_target, is_coloured
 from stereocal.ui.messages import callback
 from stereocal.ui.picker import Mark, Pick, pick, read_image, shown_image
 from stereocal.ui.texts import escape_markdown
@@ -46,12 +46,14 @@ def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
     return setting(store.project, "review_frame", first, fit, name="frame", tabs_own=True)
 
 
-def _target(store: ProjectPhotographs) -> Field:
-    return setting(store.project, "review_target", NEAREST, one_of(WANTED), tabs_own=True)
+def _of_clicks(store: ProjectPhotographs) -> tuple[Field, Field]:
+    """The target that a click moves, and whether the click itself is kept."""
+    own = partial(setting, store.project, tabs_own=True)
+    return own("review_target", NEAREST, one_of(WANTED)), own("review_raw", False, yes_or_no)
 
 
-def _raw(store: ProjectPhotographs) -> Field:
-    return setting(store.project, "review_raw", False, yes_or_no, tabs_own=True)
+def _called(store: ProjectPhotographs) -> str:
+    return CALLED[type(held_target(store.project))]
 
 
 def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
@@ -79,7 +81,7 @@ def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: boo
 
 def _show_one(store: ProjectPhotographs, running: bool) -> None:
     review = read_review(store)
-    frame = _choose_frame(store, review)
+    frame, (target, raw) = _choose_frame(store, review), _of_clicks(store)
     st.markdown(f"{badge(frame.state)} {reviewing.describe_use(frame)}")
     # A container, even an empty one, keeps the position of what follows: otherwise the browser
     # would rebuild the photographs.
@@ -88,14 +90,19 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
             st.markdown(escape_markdown(frame.reason))
     _decide(store, review, frame, running)
     left, right = st.columns(2, vertical_alignment="bottom")
-    left.segmented_control("A click moves target", WANTED, required=True, **_target(store).widget())
+    left.segmented_control("A click moves target", WANTED, required=True, **target.widget())
     right.toggle(
         "Keep the raw click",
-        **_raw(store).widget(),
+        **raw.widget(),
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
-        f"goes to the {called(held_target(store.project))} near the click.",
+        f"goes to the {_called(store)} near the click.",
     )
-    _show_outcome(store, frame)
+    done: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
+    if done and done[0] == frame.frame and done[1]:
+        (st.warning if done[2] else st.success)(escape_markdown(done[1]))
+    else:
+        where = "to where you click" if raw.value() else f"to the {_called(store)} there"
+        st.info(f"Click near the middle of a target: it moves {where}.")
     for camera, column in enumerate(st.columns(2)):
         with column:
             _show_photograph(store, frame, camera, running)
@@ -112,25 +119,22 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     numbers = sorted(frame.frame for frame in review.frames)
     field = _frame(store, numbers)
     number: int = field.value()
-    left = sum(is_open(frame) for frame in review.frames)
+    left = f"Next to decide ({sum(map(is_open, review.frames))} left)"
+    before, after = (reviewing.beside(review.frames, number, way) for way in (-1, 1))
+    doubtful = reviewing.next_doubtful(review.frames, number)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
     chosen.selectbox("Frame", numbers, **field.widget())
     with buttons, st.container(horizontal=True):
-        for label, key, shortcut, to in (
-            ("Previous", "previous", "p", reviewing.beside(review.frames, number, -1)),
-            ("Next", "next", "n", reviewing.beside(review.frames, number, 1)),
-            (
-                f"Next to decide ({left} left)",
-                "doubtful",
-                "d",
-                reviewing.next_doubtful(review.frames, number),
-            ),
+        for label, key, shortcut, to, may in (
+            ("Previous", "previous", "p", before, before != number),
+            ("Next", "next", "n", after, after != number),
+            (left, "doubtful", "d", doubtful, True),
         ):
             st.button(
                 label,
                 key=f"review_{key}",
                 shortcut=shortcut,
-                disabled=to is None or (to == number and key != "doubtful"),
+                disabled=to is None or not may,
                 on_click=_go_to,
                 args=(store, to),
             )
@@ -139,34 +143,31 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
 
 def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bool) -> None:
     """Buttons to use the frame, leave it out, or undo."""
-    number, undecided = frame.frame, is_open(frame)
 
-    def button(
-        label: str, key: str, shortcut: str, icon: str, act: Callable[[], None], may: bool
-    ) -> None:
-        st.button(
-            label,
-            key=f"review_{key}",
-            shortcut=shortcut,
-            icon=f":material/{icon}:",
-            disabled=running or not may,
-            on_click=act,
-        )
+    def choose(use: bool, now: Review) -> tuple[Review, str]:
+        done = "It is used." if use else "It is left out."
+        return reviewing.choose(now, frame.frame, use), done
 
-    def use(now: Review) -> tuple[Review, str]:
-        return reviewing.choose(now, number, True), "It is used."
-
-    def leave_out(now: Review) -> tuple[Review, str]:
-        return reviewing.choose(now, number, False), "It is left out."
-
+    use, leave_out = (
+        partial(edit, store, frame.frame, partial(choose, to)) for to in (True, False)
+    )
+    undecided = is_open(frame)
     may_use = bool(frame.targets_in_both) and (undecided or not frame.use)
-    may_leave = frame.use or undecided
-    act = partial(edit, store, number)
+    back, undo = partial(take_back, store), f"Undo ({len(review.edits)})"
     with st.container(horizontal=True):
-        button("Use this frame", "use", "t", "check", partial(act, use), may_use)
-        button("Leave it out", "leave", "x", "close", partial(act, leave_out), may_leave)
-        undo = f"Undo ({len(review.edits)})"
-        button(undo, "undo", "u", "undo", partial(take_back, store), len(review.edits) > 0)
+        for label, key, shortcut, icon, act, may in (
+            ("Use this frame", "use", "t", "check", use, may_use),
+            ("Leave it out", "leave", "x", "close", leave_out, frame.use or undecided),
+            (undo, "undo", "u", "undo", back, bool(review.edits)),
+        ):
+            st.button(
+                label,
+                key=f"review_{key}",
+                shortcut=shortcut,
+                icon=f":material/{icon}:",
+                disabled=running or not may,
+                on_click=act,
+            )
 
 
 def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, running: bool) -> None:
@@ -219,7 +220,8 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
 
     Clicks in a photograph that is no longer shown are ignored.
     """
-    wanted, raw = _target(store).value(), click.raw or _raw(store).value()
+    wanted, raw = (field.value() for field in _of_clicks(store))
+    raw = raw or click.raw
 
     def change(now: Review) -> tuple[Review, str]:
         frame = now.frame(number)
@@ -234,7 +236,7 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
             target = TARGETS.index(wanted)
         else:
             target = reviewing.target_meant(frame, camera, centre)
-        what = "where you clicked" if raw else f"at the {called(held)}"
+        what = "where you clicked" if raw else f"at the {_called(store)}"
         sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"
         after = reviewing.place(now, number, camera, target, centre)
         decide = f" {reviewing.DECIDE}" if is_open(after.frame(number)) else ""
@@ -255,31 +257,21 @@ def edit(store: ProjectPhotographs, number: int, change: Change) -> None:
         after, done = change(now)
         return after
 
+    refused = False
     try:
         change_review(store, changed)
-        _say(number, done)
     except StereocalError as error:
-        _say(number, str(error), refused=True)
+        done, refused = str(error), True
+    st.session_state[_OUTCOME] = (number, done, refused)
 
 
 @callback
 def take_back(store: ProjectPhotographs) -> None:
     """Undo the latest edit, and show its frame (a callback)."""
-    undone: Edit | None = None
-
-    def change(now: Review) -> Review:
-        nonlocal undone
-        undone = now.edits[-1] if now.edits else None
-        return reviewing.undo(now)
-
-    try:
-        change_review(store, change)
-    except StereocalError as error:
-        _say(_frame(store).shown() or 0, str(error), refused=True)
-        return
-    if undone is not None:
-        _go_to(store, undone.after.frame)
-        _say(undone.after.frame, "The last change is undone.")
+    if edits := read_review(store).edits:
+        number = edits[-1].after.frame
+        _go_to(store, number)
+        edit(store, number, lambda now: (reviewing.undo(now), "The last change is undone."))
 
 
 @callback
@@ -294,18 +286,3 @@ def look_closely(store: ProjectPhotographs, number: int) -> None:
 def _go_to(store: ProjectPhotographs, number: int) -> None:
     _frame(store).set(number)
     st.session_state.pop(_OUTCOME, None)
-
-
-def _say(number: int, sentence: str, refused: bool = False) -> None:
-    st.session_state[_OUTCOME] = (number, sentence, refused)
-
-
-def _show_outcome(store: ProjectPhotographs, frame: Frame) -> None:
-    """The outcome of the last edit of this frame, or else an instruction."""
-    text: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
-    if text and text[0] == frame.frame and text[1]:
-        (st.warning if text[2] else st.success)(escape_markdown(text[1]))
-    else:
-        fitted = f"to the {called(held_target(store.project))} there"
-        where = "to where you click" if _raw(store).value() else fitted
-        st.info(f"Click near the middle of a target: it moves {where}.")

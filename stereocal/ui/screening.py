@@ -1,16 +1,25 @@
-"""Frames that contradict the others: cached screening, and buttons to correct or keep them."""
+"""Frames: cached screening, the chosen frame of all pages, and what can be changed about one."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
+import numpy as np
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.detection.intensity import eight_bits
+from stereocal.errors import StereocalError
+from stereocal.figures.style import Photograph
+from stereocal.figures.two_sets import telling_frame
+from stereocal.frames.frame import Frame
 from stereocal.frames.review import swap
+from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
@@ -18,14 +27,21 @@ from stereocal.refined.diagnosis import OUT_OF_STEP
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.rig.dataset import Dataset
+from stereocal.system.photograph import read_photograph
 from stereocal.ui import jobs
-from stereocal.ui.messages import callback
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.messages import callback, readable
+from stereocal.ui.review import look_closely
 
+T = TypeVar("T")
+NAME = "frame"
+"""Of the setting of the chosen frame; the review of photographs has the same."""
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
 _AGAIN = "calibrate_again"
 MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
+EXCHANGE, CLOSE, UNDO = (f":material/{name}:" for name in ("swap_horiz", "close", "undo"))
 
 
 def is_long(dataset: Dataset) -> bool:
@@ -46,14 +62,27 @@ def screenings_of(
         calibration: the stored result: its screening is not made again.
     """
     others = replace(settings, frames_put_back=(), frames_left_out=())
-    own = [settings, *[others] * (len(datasets) - 1)]
-    known = None if calibration is None else _key(calibration.dataset, calibration.settings)
-    return [
-        calibration.screening
-        if calibration is not None and known == _key(dataset, chosen)
-        else _screened(_key(dataset, chosen), dataset, chosen)
-        for dataset, chosen in zip(datasets, own, strict=True)
-    ]
+    known = calibration and _key(calibration.dataset, calibration.settings)
+    found = []
+    for at, dataset in enumerate(datasets):
+        own = others if at else settings
+        if calibration is not None and known == _key(dataset, own):
+            found.append(calibration.screening)
+        else:
+            found.append(_screened(_key(dataset, own), dataset, own))
+    return found
+
+
+def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
+    """Includes name and notes, because messages show them."""
+    names = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
+    return json.dumps([*dataset.identity, *(getattr(settings, name) for name in names)])
+
+
+@st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)
+def _screened(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Screening:
+    assert key
+    return jobs.compute(screened, _dataset, _settings)
 
 
 def show_left_out(project: Project, calibration: Calibration, look: Callable[[int], None]) -> None:
@@ -66,14 +95,10 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
     if not screening.left_out:
         return
     with st.container(horizontal=True):
+        told = "In the secondary image. The result is made again at once."
         for frame in screening.exchanged[:MOST_BUTTONS]:
-            st.button(
-                f"Exchange A and B in frame {frame}",
-                key=f"exchange_{frame}",
-                icon=":material/swap_horiz:",
-                on_click=partial(exchange_again, project, frame),
-                help="In the secondary image. The result is made again at once.",
-            )
+            label, key = f"Exchange A and B in frame {frame}", f"exchange_{frame}"
+            st.button(label, key, told, _exchange, (project, frame), icon=EXCHANGE)
         first = screening.left_out[0]
         st.button(
             f"Look at frame {first}",
@@ -84,6 +109,16 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
         )
 
 
+def show_exchanged(project: Project) -> None:
+    """The frames whose targets the user has exchanged, with buttons to undo that."""
+    if frames := project.inputs.exchanged:
+        told = "A and B of this frame were exchanged in the secondary image."
+        with st.container(horizontal=True):
+            for frame in frames[:MOST_BUTTONS]:
+                label, key = f"Frame {frame}: take the exchange back", f"unexchange_{frame}"
+                st.button(label, key, told, _exchange, (project, frame), icon=UNDO)
+
+
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
     if any(warning.startswith(OUT_OF_STEP) for warning in calibration.warnings):
@@ -91,37 +126,15 @@ def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None
             "Calibrate with the time offset",
             key="bring_into_step",
             icon=":material/schedule:",
-            on_click=partial(bring_into_step, project),
+            on_click=_change,
+            args=(project.keep_settings, {"time_offset": True}),
             help="It becomes an unknown, and the secondary points are shifted by it.",
         )
-
-
-@callback
-def bring_into_step(project: Project) -> None:
-    """Find the time offset, and calibrate again (a callback)."""
-    project.keep_settings({"time_offset": True})
-    calibrate_next()
 
 
 def calibrate_next() -> None:
     """Let the Calibrate page calibrate when it is drawn next."""
     st.session_state[_AGAIN] = True
-
-
-def show_exchanged(project: Project) -> None:
-    """The frames whose targets the user has exchanged, with buttons to undo that."""
-    frames = project.inputs.exchanged
-    if not frames:
-        return
-    with st.container(horizontal=True):
-        for frame in frames[:MOST_BUTTONS]:
-            st.button(
-                f"Frame {frame}: take the exchange back",
-                key=f"unexchange_{frame}",
-                icon=":material/undo:",
-                on_click=partial(exchange_again, project, frame),
-                help="A and B of this frame were exchanged in the secondary image.",
-            )
 
 
 def calibrate_again() -> bool:
@@ -136,36 +149,123 @@ def rerun_if_changed() -> None:
 
 
 @callback
-def leave_out(project: Project, frame: int) -> None:
-    """Leave a frame out, and calibrate again (a callback)."""
-    project.leave_out(frame)
+def _change(act: Callable[[T], object], value: T) -> None:
+    """Change the project, and calibrate again (a callback)."""
+    act(value)
     calibrate_next()
 
 
 @callback
-def put_back(project: Project, frame: int) -> None:
-    """Use a frame that was left out, and calibrate again (a callback)."""
-    project.take_in(frame)
-    calibrate_next()
-
-
-@callback
-def exchange_again(project: Project, frame: int) -> None:
+def _exchange(project: Project, frame: int) -> None:
     """Exchange A and B in the secondary image, and calibrate again (a callback)."""
-    if project.inputs.labels.get("correspondences") == TABLE_LABEL:
+    if photographed(project):
         change_review(ProjectPhotographs(project), lambda review: swap(review, frame, 1))
     else:
         project.exchange_targets(frame)
     calibrate_next()
 
 
-def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
-    """Includes name and notes, because messages show them."""
-    names = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
-    return json.dumps([*dataset.identity, *(getattr(settings, name) for name in names)])
+def _numbers(calibration: Calibration) -> list[int]:
+    return list(calibration.dataset.correspondences.frames.tolist())
 
 
-@st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)
-def _screened(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Screening:
-    assert key
-    return jobs.compute(screened, _dataset, _settings)
+def frame_field(project: Project, calibration: Calibration) -> Field:
+    """The chosen frame; at first the one that shows best why there are two sets."""
+    numbers = _numbers(calibration)
+    fields = partial(setting, project, "chosen_frame", name=NAME, tabs_own=True)
+    found = fields(None, one_of(numbers))
+    if found.value() in numbers:
+        return found
+    return fields(telling_frame(calibration), one_of(numbers))
+
+
+def choose_frame(project: Project, calibration: Calibration) -> int:
+    """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
+    numbers, field = _numbers(calibration), frame_field(project, calibration)
+    frame: int = field.value()
+    at = numbers.index(frame)
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        st.selectbox("Frame", numbers, width=140, **field.widget())
+        for way, side, to in (("previous", "left", at - 1), ("next", "right", at + 1)):
+            there = 0 <= to < len(numbers)
+            st.button(
+                f"{way.capitalize()} frame",
+                icon=f":material/chevron_{side}:",
+                key=f"{way}_frame",
+                disabled=not there,
+                on_click=callback(partial(field.set, numbers[to] if there else None)),
+            )
+        _actions(project, calibration.screening, frame)
+    return frame
+
+
+def _actions(project: Project, screening: Screening, frame: int) -> None:
+    """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
+    inputs, again = project.inputs, "The result is made again at once."
+    # As asked for last: without the frame there may have been no result.
+    back = frame in screening.left_out and frame not in inputs.put_back
+    if back or frame in inputs.left_out:
+        act = (project.take_in, frame)
+        st.button("Put it back", "frame_put_back", again, _change, act, icon=UNDO)
+    else:
+        act = (project.leave_out, frame)
+        st.button("Leave it out", "frame_leave_out", again, _change, act, icon=CLOSE)
+    if frame in screening.exchanged:
+        told, own = f"In the secondary image. {again}", (project, frame)
+        st.button("Exchange A and B", "frame_exchange", told, _exchange, own, icon=EXCHANGE)
+    if photographed(project) and st.button(
+        "Correct it",
+        key="frame_correct",
+        icon=":material/edit:",
+        on_click=partial(look_closely, ProjectPhotographs(project), frame),
+        help="Its photographs on the Data page.",
+    ):
+        st.switch_page("pages/data.py")
+
+
+def state_of(calibration: Calibration, frame: int) -> str:
+    """What a frame is used for, as a sentence."""
+    screening = calibration.screening
+    if frame in screening.by_user:
+        return f"Frame {frame} was left out by you."
+    if frame in screening.copies:
+        first = screening.copies[frame]
+        return f"Frame {frame} has exactly the points of frame {first}, and was left out."
+    if frame in screening.without_neighbours:
+        return f"Frame {frame} has no neighbours in time to shift its points by; it was left out."
+    if frame in screening.left_out:
+        also = " A and B look exchanged in one camera." if frame in screening.exchanged else ""
+        return f"Frame {frame} contradicts the others and was left out.{also}"
+    use = "was held out" if frame in calibration.held_out_frames else "is used"
+    return f"Frame {frame} {use}."
+
+
+def photographed(project: Project) -> bool:
+    """Whether the points come from photographs of the project."""
+    return project.inputs.labels.get("correspondences") == TABLE_LABEL
+
+
+def frames_photographed(project: Project) -> dict[int, Frame]:
+    """The frames of the project's photographs."""
+    store = ProjectPhotographs(project)
+    frames = readable(lambda: store.frames) if photographed(project) else None
+    return {frame.frame: frame for frame in frames or ()}
+
+
+def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
+    """Both photographs of a frame; None for one that is not there."""
+    files = ProjectPhotographs(project).photographs
+    found = frames_photographed(project).get(frame)
+    first, second = (
+        _decoded(files[name].name, files[name], name) if name in files else None
+        for name in (found.files if found else ("", ""))
+    )
+    return first, second
+
+
+@st.cache_resource(show_spinner=False, max_entries=8)
+def _decoded(digest: str, _file: StoredFile, _name: str) -> Photograph | None:
+    assert digest
+    with suppress(StereocalError):
+        return np.asarray(eight_bits(read_photograph(_file, _name)), np.uint8)
+    return None

@@ -40,7 +40,7 @@ from stereocal.ui import intake, jobs
 from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import project_to_write
 from stereocal.ui.rig import work_of
@@ -63,7 +63,7 @@ def several_in(project: Project | None) -> None:
     """The uploader, the questions, what was read, and the press."""
     kinds = [*intake.CAMERA_KINDS, "csv", "txt"]
     intake.emptied_uploader(FILES, kinds, "upload_several", _take_parts, text=HELP)
-    intake.show_refusal()
+    show_refusal()
     store = None if project is None else ProjectRecording(project)
     if store is None or not store.parts:
         return

@@ -23,8 +23,8 @@ from stereocal.system.photograph_files import is_photograph
 from stereocal.system.resources import ROOT
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.jobs import pool
+from stereocal.ui.messages import refusing
 from stereocal.ui.project import project_to_write, projects_in_creation
-from stereocal.ui.refusal import refusing
 
 SAMPLES = ROOT / "sample_data"
 RECORDING, FIELD, PHOTOGRAPHS, RIG = (

@@ -22,10 +22,11 @@ from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.forms import search_form, search_values, settings_of
-from stereocal.ui.intake import escape_markdown, show_refusal, take_one
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.intake import take_one
+from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.refined import refine_settings, wait_for_answer
 from stereocal.ui.screening import is_long, screenings_of
+from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"

@@ -25,10 +25,10 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
 from stereocal.ui.forms import describe_settings
-from stereocal.ui.intake import escape_markdown
 from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
+from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import is_current
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted

@@ -30,8 +30,7 @@ from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui.fields import Fit, Number, one_of, setting, yes_or_no
-from stereocal.ui.messages import ErrorsShown, callback
-from stereocal.ui.refusal import refusing
+from stereocal.ui.messages import ErrorsShown, callback, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
 
 Use = Callable[[], None]

@@ -80,6 +80,7 @@ SHOWN = {
     },
     "delta_min": "0.000003",
     "board_square_mm": "25",
+    "essential": "Linear",
     "rig_method": "2D set",
     "apply_matching": "3D set",
 }

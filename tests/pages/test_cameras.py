@@ -11,11 +11,11 @@ from typing import Any, cast
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.intrinsics import quality
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.ui import lens_results
-from stereocal.ui.lens import job_kind
+from stereocal.ui import lens
 from tests.lens import SMALL, write_boards
 from tests.pages.stored_projects import again, go, messages, project_of
 from tests.pages.waiting import ended
@@ -59,7 +59,7 @@ def small_board(app: AppTest) -> AppTest:
 def calibrate(app: AppTest, which: CameraName = "primary") -> AppTest:
     app.button(key=f"calibrate_{which}").click().run()
     project = Project.open(Path(os.environ["STEREOCAL_HOME"]), app.session_state["project_id"])
-    ended(project, job_kind(which))
+    ended(project, lens.JOB_KINDS[which])
     return app.run()
 
 
@@ -90,15 +90,15 @@ def test_photographs_to_the_projects_camera(
 def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, bytes]) -> None:
     upload(app, boards)
     held = ("lens_fix_k3", "lens_zero_tangential")
-    assert not any(app.checkbox(key=key).disabled for key in held)
-    app.radio(key="lens_model").set_value("fisheye").run()
-    assert all(app.checkbox(key=key).disabled for key in held)
+    assert not any(app.toggle(key=key).disabled for key in held)
+    app.segmented_control(key="lens_model").set_value("fisheye").run()
+    assert all(app.toggle(key=key).disabled for key in held)
 
 
 def test_the_note_on_the_model_is_of_each_lens(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lens_results, "note_on_model", lambda search, _settings: str(search))
+    monkeypatch.setattr(quality, "note_on_model", lambda search, _settings: str(search))
     lenses = [cast(Any, SimpleNamespace(search=n, settings=n)) for n in (1, 2)]
-    notes = {lens_results._note_on_model(f"lens {each.search}", each) for each in lenses}
+    notes = {lens._note_on_model(f"lens {each.search}", each) for each in lenses}
     assert notes == {"1", "2"}
 
 

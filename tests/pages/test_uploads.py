@@ -64,7 +64,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
 def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
     app.segmented_control(key="data_how").set_value("A zip").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.intake.refuse")
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.messages.refuse")
     upload(app, "upload_zip", "bad.zip", b"no zip", calls)
     assert "not a valid zip" in messages(app)
 
