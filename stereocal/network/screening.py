@@ -8,15 +8,15 @@ them, that one is wrong, and the rest of the frame stays.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from stereocal.network.fit import RigFit
+from stereocal.network.placings import Placings
 from stereocal.refined.adjustment import equations_for, sum_normal_equations
 from stereocal.refined.robust import frame_limits, unit_freedom
-from stereocal.refined.views import OWN, Units
-from stereocal.rig.compiled import BoolArray
+from stereocal.refined.views import Units
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
 
@@ -32,7 +32,8 @@ class WrongImage:
     """Whether it fits with the two ends exchanged in this camera."""
 
 
-class _Trial(NamedTuple):
+@dataclass(frozen=True)
+class _Trial:
     """A frame with something changed in a camera."""
 
     frame: int
@@ -45,23 +46,28 @@ def wrong_images(fit: RigFit) -> list[WrongImage]:
     """What is wrong in the outlying frames of a fit, where exactly one image can be."""
     own, names = fit.placings, list(fit.recording.cameras)
     found: list[WrongImage] = []
-    for frame in np.flatnonzero(fit.outlying).tolist():
-        units = np.flatnonzero(own.of_frame == frame)
-        trials = [
-            _Trial(frame, camera, target)
-            for camera in range(len(names))
-            for target in (*own.targets[units][own.seen[units][..., camera]].tolist(), -1, -2)
-        ]
-        mine = [trial for trial, fits in zip(trials, _fitting(fit, trials), strict=True) if fits]
-        exchanged = {trial.camera for trial in mine if trial.target == -2}
-        # First single targets; several: it cannot be told which.
-        some = [trial for trial in mine if trial.target >= 0]
-        some = some or [trial for trial in mine if trial.target == -1]
-        if len(some) == 1:
-            _, camera, target = some[0]
-            named = fit.recording.object.names[target] if target >= 0 else None
-            is_exchanged = camera in exchanged
-            found.append(WrongImage(int(own.frames[frame]), names[camera], named, is_exchanged))
+    bad = np.flatnonzero(fit.outlying)
+    trials = [
+        _Trial(int(frame), camera, target)
+        for frame in bad
+        for camera in range(len(names))
+        for target in (*_targets(own, int(frame), camera), -1, -2)
+    ]
+    fits = _fitting(fit, trials)
+    for frame in bad:
+        mine = [trial for trial, fits_ in zip(trials, fits, strict=True) if fits_]
+        mine = [trial for trial in mine if trial.frame == frame]
+        for is_one in (True, False):
+            some = [
+                trial for trial in mine if (trial.target >= 0 if is_one else trial.target == -1)
+            ]
+            if len(some) == 1:
+                trial = some[0]
+                both = trial.camera in {t.camera for t in mine if t.target == -2}
+                target = fit.recording.object.names[trial.target] if is_one else None
+                found.append(WrongImage(int(own.frames[frame]), names[trial.camera], target, both))
+            if some:
+                break  # several: it cannot be told which
     return found
 
 
@@ -77,29 +83,56 @@ def rows_of(recording: Recording, wrong: list[WrongImage]) -> BoolArray:
     return found
 
 
-def _fitting(fit: RigFit, trials: list[_Trial]) -> BoolArray:
-    """Which trials of a frame fit, with something left to contradict."""
+def _fitting(fit: RigFit, trials: list[_Trial]) -> list[bool]:
+    """Which trials the parameters of a fit explain, with a contradiction left to find."""
     own = fit.placings
-    units = np.flatnonzero(own.of_frame == trials[0].frame)
-    count, targets = len(trials), own.targets[units]
-    pixels, rays = (np.tile(of_fit[units], (count, 1, 1, 1)) for of_fit in (own.pixels, fit.rays))
-    of_trial = np.repeat(np.arange(count), len(units))
-    for images in (pixels, rays):
-        for changed, (_, camera, target) in zip(np.split(images, count), trials, strict=True):
-            if target == -2:
-                pairs = targets[:, 1] >= 0
-                changed[pairs, :, camera] = changed[pairs, ::-1, camera]
-            else:
-                changed[..., camera, :][(targets == target) | (target == -1)] = np.nan
-    lone = np.isfinite(pixels[..., 0]).sum(axis=2) < 2
+    if not trials:
+        return []
+    units = [np.flatnonzero(own.of_frame == trial.frame) for trial in trials]
+    order = np.concatenate(units)
+    of_trial = np.repeat(np.arange(len(trials)), [len(some) for some in units])
+    pixels, rays = own.pixels[order], fit.rays[order]
+    for number, trial in enumerate(trials):
+        mine = of_trial == number
+        for images in (pixels, rays):
+            images[mine] = _changed(images[mine], own.targets[order][mine], trial)
+    views = np.isfinite(pixels[..., 0]).sum(axis=2)
+    lone = views < 2
     pixels[lone], rays[lone] = np.nan, np.nan
-    distances = np.where(lone.any(axis=1), np.nan, np.tile(own.distances[units], count))
-    measured = Units(pixels, rays, fit.motion[:0], distances, 1 / fit.sigma_px, 1 / fit.scatter)
-    n = len(pixels)
-    limits, points, chi_squares = np.zeros(n), np.full((n, OWN), np.nan), np.empty(n)
-    into = equations_for(fit.free)
-    sum_normal_equations(fit.cameras, measured, limits, points, chi_squares, into)
+    distances = np.where(lone.any(axis=1), np.nan, own.distances[order])
+    changed = Placings(np.arange(len(trials)), of_trial, own.targets[order], pixels, distances)
+    chi_squares = _chi_squares(fit, changed, rays)
     freedom = unit_freedom(pixels)
     limit = frame_limits(freedom + np.isfinite(distances), of_trial, len(fit.unknowns.names))
-    fits = np.bincount(of_trial, chi_squares) <= limit
-    return np.asarray(fits & (np.bincount(of_trial, freedom) > 0))
+    fits = (chi_squares <= limit) & (np.bincount(of_trial, freedom) > 0)
+    return [bool(each) for each in fits]
+
+
+def _targets(own: Placings, frame: int, camera: int) -> list[int]:
+    """What a camera sees of a frame."""
+    mine = own.of_frame == frame
+    found: list[int] = own.targets[mine][own.seen[mine][:, :, camera]].tolist()
+    return found
+
+
+def _changed(images: FloatArray, targets: IntArray, trial: _Trial) -> FloatArray:
+    """The images (m, 2, c, 2) of a frame's units after a trial."""
+    changed = images.copy()
+    if trial.target == -2:
+        pairs = targets[:, 1] >= 0
+        changed[pairs, :, trial.camera] = images[pairs, ::-1, trial.camera]
+    elif trial.target == -1:
+        changed[:, :, trial.camera] = np.nan
+    else:
+        changed[..., trial.camera, :][targets == trial.target] = np.nan
+    return changed
+
+
+def _chi_squares(fit: RigFit, placings: Placings, rays: FloatArray) -> FloatArray:
+    """(f,): of other placings, with the parameters of a fit."""
+    n = len(placings.pixels)
+    chi_squares, weights = np.empty(n), (1 / fit.sigma_px, 1 / fit.scatter)
+    units = Units(placings.pixels, rays, fit.motion[:0], placings.distances, *weights)
+    limits, points = np.zeros(n), np.full((n, 6), np.nan)
+    sum_normal_equations(fit.cameras, units, limits, points, chi_squares, equations_for(fit.free))
+    return np.bincount(placings.of_frame, chi_squares, len(placings.frames)).astype(np.float64)
