@@ -122,8 +122,8 @@ def _chosen(
     form: ThresholdForm, threshold: float | None, sigma_px: float | None
 ) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
-    given = (form.rig, _sampled(form), form.depths, sigma_px, threshold)
     try:
+        given = (form.rig, _sampled(form), form.depths, sigma_px, threshold)
         return jobs.compute(choose_threshold, *given), ""
     except StereocalError as error:
         return None, str(error)

@@ -172,7 +172,7 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
     rows = read_table(table, TABLE).correspondences
     rest = rows.without_lines(problem.line for problem in error.problems)
     label = f"Leave these rows out and use the other {len(rest)}"
-    without = partial(refusing()(use), write_table(rest))
+    without = refusing()(lambda: use(write_table(rest)))
     refuse(error, {label: without} if len(rest) else None)
 
 
@@ -189,6 +189,8 @@ def _try_dataset(
             given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
     except RefusedRowsError as error:
         name = find_description(files, source).folder + TABLE
+        if name not in files:  # a recording has another table
+            raise
 
         def use(rest: bytes) -> None:
             _try_dataset({**files, name: rest}, source, photographs, lens_model)

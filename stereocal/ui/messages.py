@@ -167,7 +167,7 @@ def ask_if_fisheye(
 ) -> None:
     """Take an upload; if a camera in it may be a fisheye's, ask, and take it as what it is."""
     clear_refusal()
-    again = refusing()(ask_if_fisheye)
+    again = callback(refusing()(ask_if_fisheye))
     try:
         take(model)
     except FourCoefficientsError as error:

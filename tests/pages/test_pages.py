@@ -104,6 +104,22 @@ def test_bad_row_is_listed_and_can_be_left_out(
     assert "49 pairs of points in 25 frames" in messages(app)
 
 
+def test_a_table_without_one_good_row_is_refused(app: AppTest) -> None:
+    open_sample(app)
+    lines = (FIELD / "correspondences.csv").read_text().splitlines()
+    bad = "\n".join([lines[0], *(line.rsplit(",", 1)[0] + ",9e9" for line in lines[1:])])
+    app.file_uploader(key="upload_correspondences").upload("points.csv", bad.encode()).run()
+    assert len(app.dataframe[0].value) == len(lines) - 1
+    assert not [button for button in app.button if button.key == "use_rest"]
+
+
+def test_a_bad_row_of_a_recording_of_three_cameras_is_listed(app: AppTest) -> None:
+    files = {file.name: file.read_bytes() for file in (FIELD.parent / "rig").iterdir()}
+    files["points.csv"] = files["points.csv"].replace(b"257.346", b"9999", 1)
+    give_zip(app, files)
+    assert list(app.dataframe[0].value["Line"]) == [3]
+
+
 def test_the_first_number_and_its_unit_may_come_together(app: AppTest, home: Path) -> None:
     go(app, "data").number_input(key="baseline_m_value").set_value(300.0)
     app.selectbox(key="baseline_m_unit").set_value("cm").run()
