@@ -206,11 +206,13 @@ def _check_size(
     """Raise an error if the first two photographs that show the board, or may, show another."""
     views = [name for name, result in found.items() if isinstance(result, BoardView)]
     seen = views or [name for name, result in found.items() if result.image_size]
+    if views and pattern.dictionary is not None:
+        return
     for name in seen[:2]:
         image = read_photograph(photographs[name])
         if pattern.dictionary is None:
             _refuse_other_size(eight_bits(image), name, pattern, larger=bool(views))
-        elif not views:
+        else:
             _refuse_charuco(image, name, pattern)
 
 

@@ -123,6 +123,16 @@ def assign(first: IntArray, second: IntArray, errors: FloatArray, threshold: flo
     """
     if not len(first):
         return np.empty(0, np.int64)
+    is_free = (np.bincount(first)[first] == 1) & (np.bincount(second)[second] == 1)
+    kept = np.flatnonzero(is_free)
+    if len(kept) < len(first):  # solved without the pairs of points that have no other partner
+        others = np.flatnonzero(~is_free)
+        own = _solve(first[others], second[others], errors[others], threshold)
+        kept = np.concatenate([kept, others[own]])
+    return kept[np.argsort(first[kept])]
+
+
+def _solve(first: IntArray, second: IntArray, errors: FloatArray, threshold: float) -> IntArray:
     rows, i = np.unique(first, return_inverse=True)
     columns, j = np.unique(second, return_inverse=True)
     own = np.arange(len(rows))
@@ -132,8 +142,7 @@ def assign(first: IntArray, second: IntArray, errors: FloatArray, threshold: flo
     entries = np.concatenate([i, own]), np.concatenate([j, len(columns) + own])
     table: Any = coo_array((cost, entries), shape=(len(rows), len(columns) + len(rows))).tocsr()
     partner = min_weight_full_bipartite_matching(table)[1]
-    kept = np.flatnonzero(partner[i] == j)
-    return kept[np.argsort(first[kept])]
+    return np.flatnonzero(partner[i] == j)
 
 
 @dataclass(frozen=True, eq=False)

@@ -255,12 +255,14 @@ class TableWriter:
         self._parquet: Any = _parquet_library() if is_parquet else None
         self.file: Any = None
         self._waiting: list[pd.DataFrame] = []
+        self._rows = 0
 
     def add(self, rows: pd.DataFrame) -> None:
         """Append rows; the first ones, perhaps none, begin the table."""
         if len(rows) or (self.file is None and not self._waiting):
             self._waiting.append(rows)
-        if sum(map(len, self._waiting)) >= WRITTEN_ROWS:
+            self._rows += len(rows)
+        if self._rows >= WRITTEN_ROWS:
             self.write()
 
     def write(self) -> None:
@@ -268,7 +270,7 @@ class TableWriter:
             return
         rows = together(self._waiting)
         rows = rows if self._columns is None else rows.reindex(columns=self._columns)
-        begins, self._waiting = self.file is None, []
+        begins, self._waiting, self._rows = self.file is None, [], 0
         if self._parquet is None:
             self.file = self._path.open("w", encoding="utf-8", newline="") if begins else self.file
             rows.to_csv(self.file, index=False, header=begins, lineterminator="\n")

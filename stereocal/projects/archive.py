@@ -67,7 +67,7 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
     with (
         write_in_parts(target) as waiting,
         zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive,
-        database.reading(),
+        database.reading() as db,
     ):
         manifest: dict[str, Any] = {"format": MANIFEST_FORMAT, "values": {}, "files": []}
         pairs: dict[str, dict[str, Any]] = {}
@@ -99,7 +99,7 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
             info.compress_type = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
             with archive.open(info, "w", force_zip64=True) as file:
                 file.writelines(StoredFile(sha256, database).pieces())
-        for scoped, content in database.rows("SELECT kind, content FROM result"):
+        for scoped, content in db.execute("SELECT kind, content FROM result"):  # one in memory
             kind, _, folder = place(scoped)
             archive.writestr(f"{folder}results/{RESULTS[kind]}", content)
         whole = manifest | ({"pairs": list(pairs.values())} if pairs else {})

@@ -186,8 +186,9 @@ def begin(
 
     Checkpoints of the same work are used; those of other work are deleted.
     """
-    own, held = database.scope + kind, lock(_home(database))
-    record, begun = Record(own, tuple(stages), digest_of(kind, work)), False
+    own, begun = database.scope + kind, False
+    record = Record(own, tuple(stages), digest_of(kind, work))
+    held = lock(_home(database))
     try:
         with database.transaction() as db:
             found = find(database, kind)
