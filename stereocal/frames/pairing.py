@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import PurePosixPath
 
 from stereocal.rig.camera import CAMERAS
@@ -60,7 +61,7 @@ class _Read:
 
     pairs: Mapping[str, tuple[str, str]]
     """The two names of each pair, by their common part."""
-    alone: tuple[Alone, ...]
+    single: tuple[tuple[str, int], ...]
     rivals: tuple[str, ...]
     """Photographs with the same camera and frame as another."""
     unknown: tuple[str, ...]
@@ -68,6 +69,12 @@ class _Read:
     """What identifies the cameras, for messages."""
     merit: tuple[int, int, int]
     """Sort key: more pairs, then the clearer words, then more files with a known camera."""
+    reading: Reading
+
+    @cached_property
+    def alone(self) -> tuple[Alone, ...]:
+        """Only of the best of many readings."""
+        return tuple(Alone(name, i, _twin_of(name, i, self.reading)) for name, i in self.single)
 
 
 def pair_names(names: Iterable[str]) -> Pairing:
@@ -151,12 +158,11 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
         elif max(len(first), len(second)) > 1:
             rivals += [*first, *second]
         else:
-            side, (name,) = int(not first), first or second
-            alone.append(Alone(name, side, _twin_of(name, side, reading)))
+            alone.append(((first or second)[0], int(not first)))
     used = [convention for convention in reading if convention]
     one, other = (" with ".join(dict.fromkeys(own.words[i] for own in used)) for i in (0, 1))
     merit = len(pairs), -min(own.rank for own in used), -len(unknown)
-    return _Read(pairs, tuple(alone), tuple(rivals), tuple(unknown), (one, other), merit)
+    return _Read(pairs, tuple(alone), tuple(rivals), tuple(unknown), (one, other), merit, reading)
 
 
 def _sentence(best: _Read, others: Sequence[_Read]) -> str:
