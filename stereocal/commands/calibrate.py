@@ -9,13 +9,12 @@ from dataclasses import replace
 from functools import partial
 
 from stereocal.calibration.methods import Method
-from stereocal.commands.console import Options, with_bar
+from stereocal.commands.console import Options, report, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
     SEARCH,
     dataset_from,
-    finish,
     refine_settings_from,
     settings_from,
 )
@@ -30,6 +29,7 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
+from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import digits, interval, listed, percent
@@ -89,8 +89,10 @@ def run(parsed: argparse.Namespace) -> None:
     files = {parsed.out / FILES[name]: own.dumps().encode() for name, own in found.sets.items()}
     if parsed.kit:
         files[parsed.out / "paper_kit.zip"] = paper_kit(found)
-    notes = [f"Note: {note}" for note in notes_on(found) if note]
-    finish(files, *lines_of(found), *notes, f"Recommendation: {found.recommendation.text}")
+    write_all(files)
+    report(*lines_of(found))
+    report(notes=filter(None, notes_on(found)))
+    report(f"Recommendation: {found.recommendation.text}", written=files)
 
 
 def lines_of(found: Answer) -> list[str]:

@@ -120,6 +120,12 @@ class TestLines:
         assert less.uncertainty["errors_of_parameters"] == "unknown: image noise only"
         assert less.uncertainty["vertical_deg"] < found.uncertainty["vertical_deg"]
         assert off_vertical(calibrated, found.pose, 4.0) < found.uncertainty["vertical_deg"] * 2
+        known = calibrated.rig.uncertainties or {}
+        C = np.array(known["covariance"]["matrix"])
+        inexact = {**known["covariance"], "matrix": (C + 1e-4 * np.triu(C, 1)).tolist()}
+        rig = replace(calibrated.rig, uncertainties={**known, "covariance": inexact})
+        again = find_world(rig, lines, WorldSettings(sigma_px=CLICK_PX))
+        assert again.uncertainty == found.uncertainty
 
     def test_one_line_one_camera_and_too_little(self, place: Place) -> None:
         lines = plumb_lines(place, 2)

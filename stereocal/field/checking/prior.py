@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.errors import DAMAGED, StereocalError, naming
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.matching.reconstruction import POSE, noise_of_file
 from stereocal.refined.robust import ASSUMED, GIVEN
 from stereocal.refined.two_views import BAR
@@ -23,7 +23,6 @@ DEGREES_GIVEN, DEGREES_ASSUMED = 1000.0, 4.0
 """Of a noise that was stated, and of one that nothing was known about."""
 SMALLEST_EIGENVALUE = 1e-12
 """Of the correlation; directions below are taken as exact."""
-IMPOSSIBLE = "The covariance of the parameter file is not symmetric and positive."
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +80,12 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
         design_effect = float(about.get("design_effect", 1.0))
     except DAMAGED as error:
         raise StereocalError(f"{source}: the uncertainties are damaged ({error}).") from error
-    with naming(source):
-        root = root_of(covariance)
-        if not (covariance[:POSE, :POSE].any() and sigma_px > 0):
-            raise StereocalError(IMPOSSIBLE)
+    root, variances = root_of(covariance), np.abs(np.diag(covariance))
+    scale = np.sqrt(np.where(variances > 0, variances, 1.0))
+    units = np.outer(scale, scale)
+    whole = np.allclose(root @ root.T / units, covariance / units, atol=1e-6)
+    if not (whole and covariance[:POSE, :POSE].any() and sigma_px > 0):
+        raise StereocalError(f"{source}: the covariance is not symmetric and positive.")
     numbers = np.array([scatter, factor, sigma_px, design_effect])
     if not (np.isfinite(numbers).all() and scatter >= 0 and factor > 0 and design_effect >= 1):
         raise StereocalError(f"{source}: the uncertainties have an impossible noise or length.")
@@ -108,13 +109,10 @@ def _degrees(rig: RigParameters, noise: Mapping[str, Any]) -> float:
 
 
 def root_of(covariance: FloatArray) -> FloatArray:
-    """(n, r): root root^T = covariance, whose entries may differ in their units."""
+    """(n, r): root root^T = covariance, whose entries may differ in their units; without what is
+    not positive of it."""
     variances = np.diag(covariance)
     scale = np.sqrt(np.where(variances > 0, variances, 1.0))
-    correlation = covariance / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(correlation)
-    symmetric = np.allclose(correlation, correlation.T, atol=1e-6)
-    if not symmetric or (variances < 0).any() or values[0] < -1e-6:
-        raise StereocalError(IMPOSSIBLE)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     kept = values > SMALLEST_EIGENVALUE
     return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
