@@ -254,8 +254,8 @@ def frames_photographed(project: Project) -> dict[int, Frame]:
 
 def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
     """Both photographs of a frame; None for one that is not there."""
-    files = ProjectPhotographs(project).photographs
     found = frames_photographed(project).get(frame)
+    files = ProjectPhotographs(project).photographs if found else {}
     first, second = (
         _decoded(files[name].name, files[name], name) if name in files else None
         for name in (found.files if found else ("", ""))
