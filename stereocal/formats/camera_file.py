@@ -7,6 +7,7 @@ Four coefficients may be OpenCV's standard lens model (k1 k2 p1 p2) or its fishe
 from __future__ import annotations
 
 import json
+from codecs import BOM_UTF8
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -100,8 +101,8 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
         StereocalError: an empty file, an unknown format, or an invalid camera.
     """
     refuse_other_camera(content, source)
-    file = ForeignFile(source, content)
-    if not file.text.lstrip().startswith(("{", "%YAML", "<?xml")):
+    file, start = ForeignFile(source, content), content.removeprefix(BOM_UTF8).lstrip()
+    if start and not start.startswith((b"{", b"%YAML", b"<?xml")):
         raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
     storage = file.storage
     if str(storage.get("format", "")).startswith("stereocal-camera"):

@@ -103,9 +103,10 @@ def is_number(value: object) -> bool:
 
 def stated_lens_model(storage: Storage) -> str | bool | None:
     """The name of the lens model in a file, or whether it is a fisheye; None if not stated."""
-    found = [storage.get(name) for name in ("distortion_model", "fisheye_model", "model")]
-    stated = next((each for each in found if isinstance(each, str | int)), None)
-    return bool(stated) if isinstance(stated, int) else stated
+    names = [storage.get(name) for name in ("distortion_model", "model")]
+    stated = next((each for each in names if isinstance(each, str)), None)
+    fisheye = storage.get("fisheye_model")  # of OpenCV's calibration program
+    return bool(fisheye) if stated is None and isinstance(fisheye, int) else stated
 
 
 def _read_xml(text: str, source: str) -> Storage:

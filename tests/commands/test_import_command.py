@@ -44,6 +44,20 @@ def test_easywand(easywand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "not a measurement" in found.notes
 
 
+def test_lengths_and_sizes_that_cannot_be_are_refused(
+    easywand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    every = ["--cameras", "all"]
+    for words, message in (
+        (["--baseline", "0"], "baseline is 0 m"),
+        ([*every, "--distance", "-1"], "targets is -1 m"),
+        ([*every, "--image-size", "64x48"], "outside the 64x48 px image"),
+    ):
+        assert main(["import", str(easywand), *words, "--out", str(tmp_path / "set")]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
+
+
 def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exact = known_dataset(25, 0.1)
     folder, wrong = tmp_path / "set", 3.1

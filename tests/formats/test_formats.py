@@ -340,6 +340,7 @@ class TestCameraFile:
             (b"%YAML:1.0\nimage_width: 3\nimage_width: 4\n", "occurs twice"),
             (b"<?xml version='1.0'?><opencv_storage><K>1</K><K>2</K></opencv_storage>", "twice"),
             (b'%YAML:1.0\na: !!int ""\n', "not valid YAML"),
+            (b"\xff\xd8\xff\xe0", "not known; stereocal reads"),
         ],
     )
     def test_what_swells_or_has_two_meanings(self, content: bytes, says: str) -> None:

@@ -123,6 +123,8 @@ def four(name: str, T: FloatArray | None = None) -> dict[str, bytes]:
 class TestFourCoefficients:
     def test_a_camera_file(self) -> None:
         content = opencv_camera(FOUR)
+        with pytest.raises(FourCoefficientsError):  # the model of a camera is not that of its lens
+            read_camera(opencv_camera(FOUR, model=9), "c.yml")
         with pytest.raises(FourCoefficientsError, match=r"c\.yml.*fisheye"):
             read_camera(content, "c.yml")
         np.testing.assert_array_equal(read_camera(content, "c.yml", "brown").distortion, FOUR)

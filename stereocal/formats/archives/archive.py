@@ -83,7 +83,7 @@ class Archive:
         assert self.correspondences is not None and distance is not None
         measured, sigma, notes = baseline_m, None, self.notes
         if baseline_m is None:
-            measured, sigma = self.baseline_m, self.baseline_sigma_m
+            measured, sigma = None, self.baseline_sigma_m
             notes += ("The baseline is a result of the other program, not a measurement.",)
         elif baseline_m == np.inf:
             measured, sigma = None, np.inf
@@ -93,7 +93,7 @@ class Archive:
                 primary=self.primary,
                 secondary=self.secondary,
                 correspondences=self.correspondences,
-                baseline_m=measured or self.baseline_m or 1.0,
+                baseline_m=(self.baseline_m or 1.0) if measured is None else measured,
                 target_distance_m=distance,
                 baseline_sigma_m=sigma,
                 notes=" ".join(notes),

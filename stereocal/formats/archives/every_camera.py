@@ -17,7 +17,13 @@ from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
-from stereocal.formats.recording_files import NUMBERS, REQUIRED, read_points
+from stereocal.formats.recording_files import (
+    NUMBERS,
+    REQUIRED,
+    pack_recording,
+    parse_recording,
+    read_points,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import check_length
 from stereocal.rig.recording import Recording
@@ -90,13 +96,14 @@ def _of_bars(
         layout, ends, remarks = layout_of_bars(files[table], table, options)
         if len(layout.cameras) != count:
             raise StereocalError(
-                f"The table does not have the points of all {count} cameras that the camera files "
-                "name: give the table of all, or --cameras 1,2."
+                f"The table has the points of {len(layout.cameras)} cameras, and the camera files "
+                f"name {count}: give both for the same cameras, or --cameras 1,2."
             )
         heights = [(size or camera.image_size)[1] for camera in cameras]
         bars = read_bars(files[table], layout, layout.cameras, ends, heights, table)
     if distance_m is None:
         raise StereocalError("distance A-B is missing: give --distance D in metres.")
+    check_length("distance between the targets", distance_m)
     row, camera_of_row = np.nonzero(np.isfinite(bars.pixels).all(axis=2))
     order = np.lexsort([bars.target[row], camera_of_row, bars.frame[row]])
     row, camera_of_row = row[order], camera_of_row[order]
@@ -110,6 +117,7 @@ def _of_bars(
         bars.pixels[row, camera_of_row],
         np.full(len(row), np.nan),
     )
+    parse_recording(pack_recording(recording), name or "Data set")  # refuses what cannot be used
     if unseen := [each for k, each in enumerate(recording.cameras) if k not in camera_of_row]:
         raise StereocalError(
             f"Camera {unseen[0]} sees no end of the bar that another camera sees: choose two with "
