@@ -16,16 +16,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchmarks.peers.scenarios import recording
-from stereocal.calibration import costs
+from stereocal.calibration import costs, montecarlo
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import errors_of
-from stereocal.calibration.montecarlo import (
-    Problem,
-    SearchSettings,
-    minimise,
-    reconstruction_problem,
-    reprojection_problem,
-)
+from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.rig.compiled import FloatArray, compiled
@@ -145,7 +139,9 @@ def held_out(study: Study, solver: str, variant: str) -> tuple[FloatArray, Float
         fit, test = study[d][f]
         if seed == 0:
             start = first_pose(fit, solver)
-        for i, problem in enumerate((reprojection_problem(fit), reconstruction_problem(fit))):
+        for i, problem in enumerate(
+            (montecarlo.reprojection_problem(fit), montecarlo.reconstruction_problem(fit))
+        ):
             pose, evaluations[d, f, seed, i] = searched(problem, start, variant, seed)
             found = errors_of(test, pose)
             errors[d, f, seed, 2 * i : 2 * i + 2] = found.mean_reprojection_px, found.mean_length

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from benchmarks.peers.solution import Peer, Solution
+from stereocal.calibration import montecarlo
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.montecarlo import (
-    Problem,
-    SearchSettings,
-    minimise,
-    reconstruction_problem,
-    reprojection_problem,
-)
+from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.dataset import Dataset
@@ -26,12 +21,12 @@ def essential(dataset: Dataset) -> Solution:
 
 def matching(dataset: Dataset) -> Solution:
     """Method 2, the essential method before it included."""
-    return _searched(dataset, reprojection_problem(dataset))
+    return _searched(dataset, montecarlo.reprojection_problem(dataset))
 
 
 def measuring(dataset: Dataset) -> Solution:
     """Method 3, likewise."""
-    return _searched(dataset, reconstruction_problem(dataset))
+    return _searched(dataset, montecarlo.reconstruction_problem(dataset))
 
 
 def refined(dataset: Dataset, settings: RefineSettings | None = None) -> Solution:
