@@ -1,7 +1,5 @@
 """`stereocal calibrate`: the parameter files of a data set, and whether it needs two sets."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Mapping
@@ -9,12 +7,13 @@ from dataclasses import replace
 from functools import partial
 
 from stereocal.calibration.methods import Method
-from stereocal.commands.console import Options, report, with_bar
+from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
     SEARCH,
     dataset_from,
+    finish,
     refine_settings_from,
     settings_from,
 )
@@ -29,18 +28,12 @@ from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
-from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.predictive import Predictive
 from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds, usual_frames
 
-FILES: dict[Method, str] = {
-    "2d": "parameters_2d.json",
-    "3d": "parameters_3d.json",
-    "refined": "parameters_refined.json",
-}
 OPTIONS: Options = {
     "dataset": "folder or zip with dataset.json",
     "--out OUT": "folder for the files",
@@ -84,18 +77,17 @@ def run(parsed: argparse.Namespace) -> None:
     refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     calibration = calibrate(dataset, settings, refined=refined)
-    evaluation = validate(calibration, refined, parsed.runs) if parsed.runs else None
+    evaluation = _validate(calibration, refined, parsed.runs) if parsed.runs else None
     found = answer(calibration, outlook_of(calibration), evaluation, figures)
-    files = {parsed.out / FILES[name]: own.dumps().encode() for name, own in found.sets.items()}
+    files = {f"parameters_{name}.json": own.dumps().encode() for name, own in found.sets.items()}
     if parsed.kit:
-        files[parsed.out / "paper_kit.zip"] = paper_kit(found)
-    write_all(files)
-    report(*lines_of(found))
-    report(notes=filter(None, notes_on(found)))
-    report(f"Recommendation: {found.recommendation.text}", written=files)
+        files["paper_kit.zip"] = paper_kit(found)
+    notes = (f"Note: {note}" for note in _notes_on(found) if note)
+    recommended = f"Recommendation: {found.recommendation.text}"
+    finish(parsed.out, files, *_lines_of(found), *notes, recommended)
 
 
-def lines_of(found: Answer) -> list[str]:
+def _lines_of(found: Answer) -> list[str]:
     """The data, and what each method made of them."""
     calibration = found.calibration
     dataset, rows = calibration.dataset, calibration.dataset.correspondences
@@ -103,7 +95,7 @@ def lines_of(found: Answer) -> list[str]:
         f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
         f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out.",
         rig_in_words(dataset, found.sets[found.recommendation.measure.method].pose),
-        *table_of(calibration),
+        *_table_of(calibration),
     ]
     if (volume := found.sets["3d"].volume) is not None:
         lines.append(volume.sentence())
@@ -118,11 +110,11 @@ def lines_of(found: Answer) -> list[str]:
             named = listed([str(frame) for frame in result.outlying_frames])
             lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
     if found.outlook:
-        lines += forecast_lines(found.outlook.predictive, found.thresholds_px)
+        lines += _forecast_lines(found.outlook.predictive, found.thresholds_px)
     return lines
 
 
-def notes_on(found: Answer) -> list[str]:
+def _notes_on(found: Answer) -> list[str]:
     """Warnings, inputs that disagree, errors that cannot be detected, advice; or empty."""
     calibration, inputs = found.calibration, found.inputs
     pose = found.sets[found.recommendation.measure.method].pose
@@ -138,19 +130,14 @@ def notes_on(found: Answer) -> list[str]:
     return notes
 
 
-def validate(
+def _validate(
     calibration: Calibration, refined: RefineSettings | None, runs: int
 ) -> Evaluation | None:
     """Random splits of the frames not left out; None, and the reason, if there are too few."""
-    kept = calibration.screening.dataset
-    settings = EvaluationSettings(
-        replace(calibration.settings, calibration_frames=None),
-        runs,
-        usual_frames(len(kept.correspondences.frames)),
-        refined,
-    )
+    search = replace(calibration.settings, calibration_frames=None)
+    drawn = usual_frames(len(calibration.screening.dataset.correspondences.frames))
     try:
-        return evaluation_of(calibration, settings)
+        return evaluation_of(calibration, EvaluationSettings(search, runs, drawn, refined))
     except StereocalError as error:
         print(f"No validation: {error}")
         return None
@@ -164,10 +151,9 @@ def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Eva
     return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
 
 
-def forecast_lines(
+def _forecast_lines(
     predictive: Predictive, thresholds_px: Mapping[Method, float | None]
 ) -> list[str]:
-    """What each file will do on frames to come, with the thresholds of the files."""
     lines = ["Expected on new frames with similar bars (95 % intervals):"]
     for method, found in predictive.forecasts.items():
         fcp, length = found.fcp_reprojection, found.median_error_3d
@@ -179,8 +165,7 @@ def forecast_lines(
     return lines
 
 
-def table_of(calibration: Calibration) -> list[str]:
-    """The results of the methods, one per line."""
+def _table_of(calibration: Calibration) -> list[str]:
     lines = [
         f"{'method':<10} {'reprojection px':>15} {'length mean %':>14} {'length 95 %':>12} "
         f"{'evaluations':>12} {'seconds':>8}  stopped because"

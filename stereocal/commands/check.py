@@ -1,7 +1,5 @@
 """`stereocal check`: has a camera moved since the parameters were found?"""
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json
@@ -10,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.calibrate import FILES
 from stereocal.commands.console import Options
 from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, dataset_from, finish
 from stereocal.errors import StereocalError
@@ -27,7 +24,6 @@ from stereocal.matching.point_noise import check_sigma
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
 
-ANSWER = "check.json"
 OPTIONS: Options = {
     "parameters": "the parameter file to check, or rig.json",
     "dataset": "a few new bars: folder or zip with dataset.json, or a table of bars "
@@ -54,15 +50,14 @@ def run(parsed: argparse.Namespace) -> None:
         )
     check_sigma(parsed.sigma_px)
     smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
-    files: dict[Path, bytes] = {}
-    path = parsed.parameters
+    files: dict[str, bytes] = {}
+    path, data = parsed.parameters, parsed.dataset
     if holds_rig(path):
-        recording = read_recording(parsed.dataset, parsed.lens_model)
+        recording = read_recording(data, parsed.lens_model)
         whole = check_rig(RigFile.load(path), recording, smallest)
         answer, told, remarks = rig_to_json(whole), rig_sentence(whole), rig_notes(whole)
     else:
         path, prior = _prior(path)
-        data = parsed.dataset
         is_file = data.is_file() and data.suffix != STORED_PROJECT
         if is_file and not zipfile.is_zipfile(data):
             images = images_in_table(data, str(data), prior.rig).stating(parsed.sigma_px)
@@ -71,15 +66,13 @@ def run(parsed: argparse.Namespace) -> None:
         found = recheck(prior, images, smallest)
         if found.offers_repair:
             sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-            repaired = repaired_parameters(found, sha256)
-            files[parsed.out / REPAIRED] = repaired.dumps().encode()
-        answer = to_json(found, REPAIRED if found.offers_repair else None)
+            files[REPAIRED] = repaired_parameters(found, sha256).dumps().encode()
+        answer, told = to_json(found, REPAIRED if found.offers_repair else None), sentence(found)
         instead = f"{path} was checked instead: of this calibration, it fits the images best."
-        told = sentence(found)
-        remarks = [*([instead] if path != parsed.parameters else []), *notes(found)]
-    answer = {**answer, "parameters": str(path), "dataset": str(parsed.dataset)}
+        remarks = [instead * (path != parsed.parameters), *notes(found)]
+    answer = {**answer, "parameters": str(path), "dataset": str(data)}
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
-    finish({parsed.out / ANSWER: text.encode(), **files}, told, notes=remarks)
+    finish(parsed.out, {"check.json": text.encode(), **files}, told, notes=remarks)
 
 
 def _prior(path: Path) -> tuple[Path, Prior]:
@@ -89,7 +82,7 @@ def _prior(path: Path) -> tuple[Path, Prior]:
     lengths rather than each other.
     """
     rig = RigParameters.load(path)
-    beside = path.with_name(FILES["refined"])
+    beside = path.with_name("parameters_refined.json")
     fits_images = "covariance" in (rig.uncertainties or {}) and rig.method != "3d"
     if not fits_images and beside != path and beside.is_file():
         refined = RigParameters.load(beside)

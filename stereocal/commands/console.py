@@ -1,14 +1,12 @@
 """The options of commands as tables, the parser that takes them, and what commands print."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
 Show = Callable[[int, int], None]
@@ -39,11 +37,9 @@ def take(to: argparse._ActionsContainer, options: Options) -> None:
             take(to.add_argument_group(spelled[:-1]), told)
             continue
         name, *values = spelled.removesuffix("...").split()
-        about: dict[str, Any] = {"help": told} if isinstance(told, str) else dict(told)
-        if name == "--out":
-            about["required"] = True
-        if spelled.endswith("..."):
-            about["nargs"] = "+"
+        about: dict[str, Any] = {"required": True} if name == "--out" else {}
+        about |= {"nargs": "+"} if spelled.endswith("...") else {}
+        about |= {"help": told} if isinstance(told, str) else told
         if len(values) > 1:
             about |= {"nargs": len(values), "metavar": tuple(values)}
         elif values:
@@ -69,20 +65,10 @@ def _path(text: str) -> Path:
     return Path(text)
 
 
-_open: list[ProgressBar] = []
-"""The progress bar on the current line, if any."""
-
-
 def say(line: str) -> None:
     """Write a line to stderr, below an open progress bar."""
-    _end_line()
+    ProgressBar.end_line()
     _write(f"{line}\n")
-
-
-def _end_line() -> None:
-    if _open:
-        _open.clear()
-        _write("\n")
 
 
 def _write(text: str) -> None:
@@ -90,12 +76,13 @@ def _write(text: str) -> None:
         print(text, end="", file=sys.stderr, flush=True)
 
 
-def report(*lines: str, notes: Iterable[str] = (), written: Iterable[Path | None] = ()) -> None:
-    """Print what a command has found, its notes, and its files, a line each."""
-    for line in (*lines, *(f"Note: {note}" for note in notes)):
+def report(
+    *lines: str, notes: Iterable[str | None] = (), written: Iterable[Path | None] = ()
+) -> None:
+    """Print what a command has found, its notes but empty ones, and its files, a line each."""
+    told = (f"Note: {note}" for note in notes if note)
+    for line in (*lines, *told, *(f"wrote {path}" for path in written if path)):
         print(line)
-    for path in filter(None, written):
-        print(f"wrote {path}")
 
 
 def with_bar(what: str, work: Callable[[Show], T | None]) -> T:
@@ -114,19 +101,29 @@ def in_stages(work: Callable[[Callable[[str], None], Show], T | None], first: st
 class ProgressBar:
     """A progress bar on stderr with the time left; as a context it ends its line."""
 
+    on_line = False
+    """Whether the current line of stderr shows a bar."""
+
     def __init__(self, what: str) -> None:
         self.begin(what)
 
     def begin(self, what: str) -> None:
         """Start at nothing done."""
-        _end_line()
+        self.end_line()
         self.what, self.started, self.drawn = what, time.monotonic(), 0.0
 
-    def __enter__(self) -> ProgressBar:
+    @staticmethod
+    def end_line() -> None:
+        """Leave the line of a bar, if there is one."""
+        if ProgressBar.on_line:
+            ProgressBar.on_line = False
+            _write("\n")
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        _end_line()
+        self.end_line()
 
     def show(self, done: int, total: int) -> None:
         """Draw the bar, at most ten times a second; the last call ends the line."""
@@ -137,7 +134,7 @@ class ProgressBar:
         time_left = f", {left:.0f} s left" if done else ""
         filled = 30 * done // total
         line = f"[{'#' * filled}{' ' * (30 - filled)}] {done}/{total} {self.what}{time_left}"
-        _open[:] = [self]
+        ProgressBar.on_line = True
         _write(f"\r{line:<70}")
         if done >= total:
-            _end_line()
+            self.end_line()

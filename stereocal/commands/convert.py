@@ -1,7 +1,5 @@
 """`stereocal convert`: conversion of parameters to and from the formats of other programs."""
 
-from __future__ import annotations
-
 import argparse
 
 from stereocal.commands.console import ONE_OF, Options, report

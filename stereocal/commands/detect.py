@@ -1,7 +1,5 @@
 """`stereocal detect`: find the targets in photographs and write the table of points."""
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from functools import partial
@@ -57,8 +55,7 @@ def run(parsed: argparse.Namespace) -> None:
         cameras = survey.primary, survey.secondary
         with workers_from(parsed, compile_detection) as executor:
             about = pairing.pairs, photographs, cameras, executor
-            search = partial(detect_frames, *about, target=target)
-            frames = in_stages(search)
+            frames = in_stages(partial(detect_frames, *about, target=target))
     for frame in frames:
         say(report_line(frame))
     if parsed.doubtful:
@@ -72,19 +69,14 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
     """Write frames of two videos into the folder of the data set."""
     if not parsed.dataset.is_dir():
         raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
-    if parsed.every is not None and parsed.every < 1:
-        raise StereocalError(f"--every is {parsed.every}: it must be 1 or more.")
-    settings = VideoSettings(
-        "still" if parsed.every is None else "every",
-        parsed.every or 1,
-        parsed.clock_ahead,
-        coloured,
-    )
+    every, ahead = parsed.every, parsed.clock_ahead
+    if every is not None and every < 1:
+        raise StereocalError(f"--every is {every}: it must be 1 or more.")
+    settings = VideoSettings("every" if every else "still", every or 1, ahead, coloured)
     first, second = parsed.videos
 
     def write(name: str, content: bytes) -> None:
         write_atomically(parsed.dataset / name, content)
 
-    found = in_stages(partial(extract, (first, second), settings, write))
-    for sentence in found.sentences:
+    for sentence in in_stages(partial(extract, (first, second), settings, write)).sentences:
         say(sentence)

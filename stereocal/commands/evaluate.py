@@ -1,7 +1,5 @@
 """`stereocal evaluate`: FCP and 3D error over random splits."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from functools import partial
@@ -64,17 +62,15 @@ def run(parsed: argparse.Namespace) -> None:
     with workers_from(parsed, partial(evaluate_runs, kept[0], settings, 0, [0])) as executor:
         runs = with_bar("runs", partial(evaluate, kept, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
-    answers = [
-        answer_of(dataset, settings, own)
-        for dataset, own in zip(datasets, by_dataset.values(), strict=True)
-    ]
+    of_each = zip(datasets, by_dataset.values(), strict=True)
+    answers = [_answer_of(dataset, settings, own) for dataset, own in of_each]
     forecasts = [found.forecasts if found else {} for found in answers]
     only = answers[0] if len(answers) == 1 else None
     recommended = (only.calibration, only.recommendation) if only else None
     about = datasets, settings, screenings
     files = {
-        parsed.out / "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
-        parsed.out / "report.html": report_html(pooled, by_dataset, *about, recommended).encode(),
+        "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
+        "report.html": report_html(pooled, by_dataset, *about, recommended).encode(),
     }
     lines = [
         f"{screening.full_dataset.name}: {line}"
@@ -85,10 +81,10 @@ def run(parsed: argparse.Namespace) -> None:
     if caution := why_validation_not_trusted(pooled, screenings):
         lines.append(f"Do not rely on this result: {caution}")
     recommendation = [f"Recommendation: {only.recommendation.text}"] if only else []
-    finish(files, *lines, validation_answer(pooled), *recommendation)
+    finish(parsed.out, files, *lines, validation_answer(pooled), *recommendation)
 
 
-def answer_of(
+def _answer_of(
     dataset: Dataset, settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
 ) -> Answer | None:
     """What the files that `calibrate` writes from all frames do; None if there are none."""

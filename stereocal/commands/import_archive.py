@@ -1,10 +1,9 @@
 """`stereocal import`: a data set from the files of other programs."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from stereocal.commands.console import Options, report
 from stereocal.commands.options import (
@@ -12,11 +11,11 @@ from stereocal.commands.options import (
     answers,
     contents,
     image_size,
+    number_of,
     questions,
     two_cameras,
     with_sigmas,
 )
-from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.every_camera import ENDS, gather_all
 from stereocal.formats.archives.gather import WANTED, gather
@@ -53,53 +52,37 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     """Read the files, write the data set, print what was taken and what is missing."""
+    size, name, distance = image_size(parsed.image_size), parsed.out.name, parsed.distance
+    options = ExchangeOptions((size, size), layout=parsed.layout, **answers(parsed))
     if parsed.cameras == EVERY:
-        _import_every(parsed)
-        return
-    baseline = _baseline(parsed.baseline)
-    size = image_size(parsed.image_size)
-    found = gather(
-        contents(parsed.files),
-        ExchangeOptions(
-            image_sizes=(size, size),
-            cameras=None if parsed.cameras is None else two_cameras(parsed.cameras),
-            layout=parsed.layout,
-            **answers(parsed),
-        ),
-        baseline_known=baseline is not None,
-    )
-    missing = found.missing(baseline, parsed.distance)
-    lines = [*_not_replaced(found, baseline, parsed.distance), *missing]
-    print(table_of(lines))
-    dataset = with_sigmas(found.dataset(parsed.out.name, baseline, parsed.distance), parsed)
-    files = {parsed.out / name: content for name, content in pack_dataset(dataset).items()}
-    if found.throw is not None:
-        files[parsed.out / THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()
-    write_all(files)
-    report(notes=notes_on(found, dataset), written=[parsed.out])
+        lengths = {} if distance is None else {ENDS[1]: distance}
+        every = gather_all(contents(parsed.files), options, name, lengths)
+        _show(every.taken)
+        files, notes = pack_recording(every.recording), [*every.remarks]
+    else:
+        free, wanted = parsed.baseline == FREE, f"a length in metres, or {FREE}"
+        baseline = math.inf if free else number_of(parsed.baseline, "--baseline", wanted)
+        if parsed.cameras is not None:
+            options = replace(options, cameras=two_cameras(parsed.cameras))
+        found = gather(contents(parsed.files), options, baseline_known=baseline is not None)
+        stated = _not_replaced(found, baseline, distance)
+        _show([*stated, *found.missing(baseline, distance)])
+        dataset = with_sigmas(found.dataset(name, baseline, distance), parsed)
+        files, notes = pack_dataset(dataset), _notes_on(found, dataset)
+        if found.throw is not None:
+            files[THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()
+    write_all({parsed.out / name: content for name, content in files.items()})
+    report(notes=notes, written=[parsed.out])
 
 
-def _import_every(parsed: argparse.Namespace) -> None:
-    """The same of all cameras: a data set of format 2."""
-    size = image_size(parsed.image_size)
-    options = ExchangeOptions(image_sizes=(size, size), layout=parsed.layout, **answers(parsed))
-    lengths = {} if parsed.distance is None else {ENDS[1]: parsed.distance}
-    found = gather_all(contents(parsed.files), options, parsed.out.name, lengths)
-    print(table_of(found.taken))
-    packed = pack_recording(found.recording)
-    write_all({parsed.out / name: content for name, content in packed.items()})
-    report(notes=found.remarks, written=[parsed.out])
-
-
-def table_of(lines: Sequence[Taken]) -> str:
-    """The report as a table."""
+def _show(lines: Sequence[Taken]) -> None:
+    """Print what was found and what is missing, as a table."""
     rows = [("what", "taken", "from"), *((t.what, t.taken, t.origin) for t in lines)]
     widths = [max(len(row[k]) for row in rows) for k in (0, 1)]
-    return "\n".join(f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c}" for a, b, c in rows)
+    report(*(f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c}" for a, b, c in rows))
 
 
-def notes_on(found: Archive, dataset: Dataset) -> list[str]:
-    """What to know about the data set."""
+def _notes_on(found: Archive, dataset: Dataset) -> list[str]:
     notes = list(found.remarks)
     if found.baseline_m is not None and dataset.baseline_m == found.baseline_m:
         notes.append(
@@ -114,30 +97,14 @@ def notes_on(found: Archive, dataset: Dataset) -> list[str]:
     return notes
 
 
-def _baseline(text: str | None) -> float | None:
-    """The stated baseline; infinite if it is free, None if it is not stated."""
-    if text is None or text == FREE:
-        return None if text is None else math.inf
-    try:
-        return float(text)
-    except ValueError:
-        raise StereocalError(
-            f'--baseline is "{text}"; it must be a length in metres, or {FREE}.'
-        ) from None
-
-
 def _not_replaced(found: Archive, baseline: float | None, distance: float | None) -> list[Taken]:
     """The report without what the options replace, and with the options."""
-    lines = [
-        line
-        for line in found.taken
-        if not (line.what == "baseline" and baseline is not None)
-        and not (line.what == "distance A-B" and distance is not None)
-    ]
+    stated = []
     if distance is not None:
-        lines.append(Taken("distance A-B", f"{distance:g} m", "--distance"))
+        stated.append(Taken("distance A-B", f"{distance:g} m", "--distance"))
     if baseline is not None:
         free = math.isinf(baseline)
         words = "free: the lengths of the bars give the scale" if free else f"{baseline:g} m"
-        lines.append(Taken("baseline", words, "--baseline"))
-    return lines
+        stated.append(Taken("baseline", words, "--baseline"))
+    replaced = {line.what for line in stated}
+    return [*(line for line in found.taken if line.what not in replaced), *stated]

@@ -1,7 +1,5 @@
 """`stereocal intrinsics`, and boards in `stereocal detect`: lenses and poses from a board."""
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from concurrent.futures import Executor
@@ -17,8 +15,8 @@ from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dataset_files import read_cameras
 from stereocal.formats.recording_files import DESCRIPTION, pack_recording, write_points
 from stereocal.frames.pairing import pair_names
-from stereocal.intrinsics.boards import BoardSearch, find_boards
-from stereocal.intrinsics.calibrate_lens import LensCalibration, LensSettings, calibrate_lens
+from stereocal.intrinsics.boards import find_boards
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.intrinsics.quality import (
@@ -42,9 +40,6 @@ from stereocal.system.atomic_files import write_all, write_atomically
 from stereocal.system.described import descriptions
 from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
 
-OPENCV_SUFFIXES = (".yml", ".yaml")
-
-
 OPTIONS: Options = {
     "images IMAGES...": "photographs, folders, zips",
     **BOARD,
@@ -67,17 +62,18 @@ def run(parsed: argparse.Namespace) -> None:
             boards = _search(photographs, pattern, executor)
             cameras = _lenses_of(boards, settings, executor)
             write_recording(out, recording_of(boards, cameras, out.name))
-            print(f"wrote {out}")
             return
         boards_in = partial(find_boards, photographs, pattern, executor)
         search = with_bar("photographs searched", boards_in)
         lens = with_bar("draws calibrated", partial(calibrate_lens, search, settings, executor))
-    of_opencv = out.suffix.lower() in OPENCV_SUFFIXES
-    write_atomically(
-        out,
-        write_opencv_camera(lens.camera) if of_opencv else write_camera(lens.camera, about(lens)),
-    )
-    report(*_lines(search, lens), written=[out])
+    of_opencv, camera = out.suffix.lower() in (".yml", ".yaml"), lens.camera
+    content = write_opencv_camera(camera) if of_opencv else write_camera(camera, about(lens))
+    write_atomically(out, content)
+    refused = (f"Not used: {item.name}: {item.reason}." for item in search.refused)
+    table = (LENS_COLUMNS, *lens_rows(lens))
+    rows = (" ".join(f"{each:>16}" for each in row) for row in table)
+    notes = (*advice(lens), hint(lens), note_on_model(search, lens.settings))
+    report(*refused, lens_answer(lens), *rows, notes=notes, written=[out])
 
 
 def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Photographs:
@@ -88,16 +84,6 @@ def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Phot
         for name, path in own.items():
             found[name if name not in found else str(source / name)] = path
     return {name: path for name, path in found.items() if name not in leave_out}
-
-
-def _lines(search: BoardSearch, lens: LensCalibration) -> list[str]:
-    notes = (*advice(lens), hint(lens), note_on_model(search, lens.settings))
-    return [
-        *(f"Not used: {item.name}: {item.reason}." for item in search.refused),
-        lens_answer(lens),
-        *(" ".join(f"{each:>16}" for each in row) for row in (LENS_COLUMNS, *lens_rows(lens))),
-        *(f"Note: {note}" for note in notes if note),
-    ]
 
 
 def detect_board(parsed: argparse.Namespace, target: Board) -> None:
@@ -124,14 +110,15 @@ def detect_board(parsed: argparse.Namespace, target: Board) -> None:
         recording = replace(recording, **{name: getattr(known, name) for name in names})
     if parsed.out.suffix.lower() == ".csv":
         write_atomically(parsed.out, write_points(recording))
+        report(written=[parsed.out])
     else:
         write_recording(parsed.out, recording)
-    print(f"wrote {parsed.out}")
 
 
 def write_recording(folder: Path, recording: Recording) -> None:
     """Write a data set into a folder."""
     write_all({folder / name: content for name, content in pack_recording(recording).items()})
+    report(written=[folder])
 
 
 def _search(photographs: Photographs, pattern: BoardPattern, executor: Executor) -> StereoBoards:

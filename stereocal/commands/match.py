@@ -3,8 +3,6 @@
 Options for point files of other programs are the same as the questions on the page.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import replace
@@ -35,7 +33,7 @@ from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PARQUET, PointTable
 from stereocal.matching.several_files import match_rig
 from stereocal.network.rig_file import RigFile
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 
@@ -104,25 +102,15 @@ def run(parsed: argparse.Namespace) -> None:
         raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         primary, secondary = (
-            _ours(path)
+            _ours(getattr(parsed, which))
             if parsed.layout is None
-            else _theirs(parsed, which, path, camera, Path(folder))
-            for which, (path, camera) in enumerate(
-                ((parsed.primary, rig.primary), (parsed.secondary, rig.secondary))
-            )
+            else _theirs(parsed, which, getattr(rig, which), Path(folder))
+            for which in CAMERAS
         )
-        about = (
-            rig,
-            primary,
-            secondary,
-            parsed.out,
-            threshold,
-            tuple(parsed.depth),
-            parsed.unmatched,
-        )
+        about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth)
+        files = partial(match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px)
         with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
-            tables = partial(match_tables, *about, executor=executor, sigma_px=parsed.sigma_px)
-            matched = with_bar("frames", tables)
+            matched = with_bar("frames", partial(files, executor=executor))
     sentences = matched.chosen.sentence(), matched.sentence()
     report(*sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
 
@@ -154,17 +142,16 @@ def _ours(path: Path) -> PointTable:
         name = layout_name(content, str(path))
         if name is None or propose_layout(content, str(path)).program == point_answers.OURS:
             raise
-        raise StereocalError(f"{path}: looks like the layout {name}: give --layout {name}.") from (
-            error
-        )
+        hint = f"{path}: looks like the layout {name}: give --layout {name}."
+        raise StereocalError(hint) from error
 
 
 def _theirs(
-    parsed: argparse.Namespace, which: int, path: Path, camera: Camera, folder: Path
+    parsed: argparse.Namespace, which: CameraName, camera: Camera, folder: Path
 ) -> PointTable:
     """A table of another program, converted into `folder`."""
-    source = str(path)
-    content = point_text(read_whole(path), source)
+    source, at = str(getattr(parsed, which)), CAMERAS.index(which)
+    content = point_text(read_whole(source), source)
     if parsed.layout == BY_HAND:
         layout = point_answers.layout_by_hand(content, source)
     else:
@@ -175,27 +162,24 @@ def _theirs(
         **answers(parsed),
         "px_per_unit": parsed.px_per_unit,
         "least_likelihood": parsed.least_likelihood,
-        "camera": _camera(parsed.cameras, layout.cameras, which, source),
+        "camera": _camera(parsed.cameras, layout.cameras, at, source),
         "columns": _columns(parsed.columns, layout, content, source),
     }
     own = replace(
-        point_answers.first_answers(layout, which, camera.image_size[1]),
+        point_answers.first_answers(layout, at, camera.image_size[1]),
         **{name: value for name, value in stated.items() if value is not None},
     )
     layout = point_answers.answered(layout, own, content, source)
     table = read_points(content, layout, own.camera, own.image_height, source)
     if table.empty:
         raise StereocalError(f"{source}: there is no point of {own.camera} in the file.")
+    corner = own.corner.replace("-", " ")
     flip = f", v = {own.flip} - v'" if own.corner == "lower-left" else ""
-    left_out = (
-        f", points below likelihood {own.least_likelihood:g} left out"
-        if any(each.likelihood is not None for each in layout.columns)
-        else ""
-    )
-    print(
-        f"{source}: read as {layout.program}, {own.camera}, counted from the "
-        f"{own.corner.replace('-', ' ')}{flip}, first pixel {own.first_pixel:g}{left_out}."
-    )
+    told = f"{source}: read as {layout.program}, {own.camera}, counted from the {corner}{flip}"
+    told += f", first pixel {own.first_pixel:g}"
+    if any(each.likelihood is not None for each in layout.columns):
+        told += f", points below likelihood {own.least_likelihood:g} left out"
+    print(f"{told}.")
     written = folder / f"{which}.csv"
     table.to_csv(written, index=False, lineterminator="\n")
     return PointTable(written, POINT, source)
@@ -228,15 +212,14 @@ def _columns(
         raise StereocalError(f"--columns is for --layout {BY_HAND} and table only.")
     rows, _ = first_rows(content, source)
     head = [name.strip() for name in rows[layout.header_rows - 1]] if layout.header_rows else []
+    known = {str(number): at for at, number in enumerate(range(1, len(names) + 1))}
+    known |= {name: head.index(name) for name in head}
 
     def column(name: str) -> int:
-        if name in head:
-            return head.index(name)
-        if not name.isdecimal() or not 1 <= int(name) <= len(names):
-            raise StereocalError(
-                f"{source}: there is no column {name!r}; it has {len(names)} columns."
-            )
-        return int(name) - 1
+        if name not in known:
+            count = len(names)
+            raise StereocalError(f"{source}: there is no column {name!r}; it has {count} columns.")
+        return known[name]
 
     frame, u, v = given
     return None if frame == COUNTED else column(frame), column(u), column(v)

@@ -1,7 +1,5 @@
 """Options that several commands share."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -33,14 +31,14 @@ def settings_options(*kinds: type) -> Options:
     found: dict[str, Any] = {}
     for name, about in (each for kind in kinds for each in descriptions(kind).items()):
         usual, told = about.default, dict[str, Any](dest=name, help=about.help)
-        if isinstance(usual, tuple):
+        if isinstance(usual, bool):
+            told["action"] = "store_true"
+        elif isinstance(usual, tuple):
             told |= {"type": int, "nargs": "+", "default": usual, "metavar": "FRAME"}
-        elif not isinstance(usual, bool):
-            told["help"] += f" (default: {usual})"
+        else:
             told |= {"choices": about.choices} if about.choices else {"metavar": "N"}
             told |= {"type": type(usual), "default": usual}
-        else:
-            told["action"] = "store_true"
+            told["help"] += f" (default: {usual})"
         found[f"--{(about.option or name).replace('_', '-')}"] = told
     return found
 
@@ -78,10 +76,13 @@ WORKERS: Options = {
 }
 
 
-def finish(files: Mapping[Path, bytes], *lines: str, notes: Iterable[str] = ()) -> None:
-    """Write the files, then print what was found, its notes, and the files."""
-    write_all(files)
-    report(*lines, notes=notes, written=files)
+def finish(
+    folder: Path, files: Mapping[str, bytes], *lines: str, notes: Iterable[str | None] = ()
+) -> None:
+    """Write files into a folder, then print what was found, its notes, and the files."""
+    placed = {folder / name: content for name, content in files.items()}
+    write_all(placed)
+    report(*lines, notes=notes, written=placed)
 
 
 def answers(parsed: argparse.Namespace) -> dict[str, Any]:
@@ -148,7 +149,7 @@ def world_from(parsed: argparse.Namespace) -> Pose | None:
 
 @contextmanager
 def workers_from(
-    parsed: argparse.Namespace, compile_first: Callable[[], object] | None = None
+    parsed: argparse.Namespace, compile_first: Callable[[], object] = lambda: None
 ) -> Iterator[Executor]:
     """The executor of `WORKERS`.
 
@@ -156,19 +157,18 @@ def workers_from(
         compile_first: called before worker processes start, to fill the cache of compiled code.
     """
     with engine(parsed.workers, parsed.scheduler) as executor:
-        if parsed.workers and compile_first is not None:
+        if parsed.workers:
             compile_first()
         yield executor
 
 
 def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
     """The data set with the standard errors of its lengths from the options."""
-    stated = {
-        "baseline_sigma_m": parsed.baseline_sigma,
-        "target_distance_sigma_m": parsed.distance_sigma,
-    }
-    known = {name: value for name, value in stated.items() if value is not None}
-    return replace(dataset, **known) if known else dataset
+    if parsed.baseline_sigma is not None:
+        dataset = replace(dataset, baseline_sigma_m=parsed.baseline_sigma)
+    if parsed.distance_sigma is not None:
+        dataset = replace(dataset, target_distance_sigma_m=parsed.distance_sigma)
+    return dataset
 
 
 def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
@@ -191,12 +191,7 @@ def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
     """The settings of `SEARCH`, and of the command."""
-    described = (*descriptions(SearchSettings), *descriptions(CalibrationSettings))
-    return CalibrationSettings.from_json(
-        {
-            **{name: getattr(parsed, name) for name in described},
-            "calibration_frames": calibration_frames,
-            "known_points": parsed.known_points,
-            "time_offset": parsed.time_offset or parsed.time_drift,
-        }
-    )
+    stated = {told["dest"]: getattr(parsed, told["dest"]) for told in SEARCH.values()}
+    stated |= {"calibration_frames": calibration_frames, "known_points": parsed.known_points}
+    stated["time_offset"] = parsed.time_offset or parsed.time_drift
+    return CalibrationSettings.from_json(stated)

@@ -1,7 +1,5 @@
 """`stereocal plan`: what a planned field day will measure, and how well."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 
@@ -35,8 +33,6 @@ def run(parsed: argparse.Namespace) -> None:
     plan = read_plan(parsed.plan, parsed.lens_model)
     with workers_from(parsed, partial(draw_rigs, plan, 0, 0, 2)) as executor:
         found = with_bar("rigs", partial(forecast, plan, executor, parsed.seed, parsed.rigs))
-    files = {
-        parsed.out / "forecast.json": found.dumps(),
-        parsed.out / "report.html": plan_report(found).encode(),
-    }
-    finish(files, answer(found), *(f"  {sentence}" for sentence in found.advice.sentences))
+    files = {"forecast.json": found.dumps(), "report.html": plan_report(found).encode()}
+    lines = (f"  {sentence}" for sentence in found.advice.sentences)
+    finish(parsed.out, files, answer(found), *lines)

@@ -1,7 +1,5 @@
 """`stereocal print`: targets and boards to print at true scale, and the field sheet of a plan."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """`stereocal reconstruct`: 3D points of matched pairs."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 

@@ -1,7 +1,5 @@
 """`stereocal reproduce`: the parameter files of an archive, computed again and compared."""
 
-from __future__ import annotations
-
 import argparse
 
 from stereocal.commands.calibrate import evaluation_of
@@ -36,15 +34,15 @@ def run(parsed: argparse.Namespace) -> int:
     """Compute the files again, write them, and print how each compares; the exit status."""
     archived = read_archive(parsed.archive)
     compile_apart()
-    sets = computed_again(archived)
-    files = {parsed.out / name: rig.dumps().encode() for name, rig in sets.items()}
+    sets = _computed_again(archived)
+    files = {name: rig.dumps().encode() for name, rig in sets.items()}
     found = compare(archived, sets)
-    others = [] if all(one.identical for one in found) else [elsewhere(archived)]
-    finish(files, *map(line_of, found), *others)
+    others = [] if all(one.identical for one in found) else [_elsewhere(archived)]
+    finish(parsed.out, files, *map(_line_of, found), *others)
     return 0 if all(one.agrees for one in found) else DIFFERENT
 
 
-def computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
+def _computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
     """The parameter files by name, without those that cannot be computed any more."""
     calibration = calibrate(archived.dataset, archived.calibration, refined=archived.refined)
     settings = archived.validation
@@ -54,28 +52,24 @@ def computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
     return {name: sets[method] for name, method in methods.items() if method in sets}
 
 
-def line_of(found: Comparison) -> str:
-    """How a file compares, in words."""
+def _line_of(found: Comparison) -> str:
     if found.identical:
         return f"{found.name}: identical (SHA-256 {found.digest})"
     if found.agrees:
         return f"{found.name}: within the tolerance ({found.tolerance})"
-    shown = [f"  {one}" for one in found.differences[:MOST_SHOWN]]
-    more = len(found.differences) - len(shown)
-    count = f"{len(found.differences)} value{'s' * (len(found.differences) > 1)}"
-    rest = [f"  and {more} more"] if more else []
-    head = f"{found.name}: different, in {count} beyond the tolerance ({found.tolerance}):"
-    return "\n".join([head, *shown, *rest])
+    count = len(found.differences)
+    values = f"{count} value{'s' * (count > 1)}"
+    head = f"{found.name}: different, in {values} beyond the tolerance ({found.tolerance}):"
+    shown, more = [f"  {one}" for one in found.differences[:MOST_SHOWN]], count - MOST_SHOWN
+    return "\n".join([head, *shown, *([f"  and {more} more"] if more > 0 else [])])
 
 
-def elsewhere(archived: ReproducibleResult) -> str:
+def _elsewhere(archived: ReproducibleResult) -> str:
     """Whether versions and processor are those of the archive."""
+    then = {**archived.software, **archived.processor}
+    now = {**software_versions(), **processor_kind()}
     changed = [
         f"{name} {before} there, {now.get(name, 'none')} here"
-        for then, now in (
-            (archived.software, software_versions()),
-            (archived.processor, processor_kind()),
-        )
         for name, before in then.items()
         if now.get(name) != before
     ]

@@ -1,7 +1,5 @@
 """`stereocal rig`: one rig of three cameras and more."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 
@@ -48,5 +46,4 @@ def run(parsed: argparse.Namespace) -> None:
             rig.about["pairs"][pair].update(own)
     files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, name).encode(), **pairs}
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
-    placed = {parsed.out / own: content for own, content in files.items()}
-    finish(placed, *sentences, notes=(*rig_notes(rig), *notes))
+    finish(parsed.out, files, *sentences, notes=(*rig_notes(rig), *notes))

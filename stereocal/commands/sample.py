@@ -1,7 +1,5 @@
 """`stereocal sample`: write sample data to try the commands with."""
 
-from __future__ import annotations
-
 import argparse
 
 from stereocal.commands.console import Options

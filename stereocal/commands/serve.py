@@ -1,7 +1,5 @@
 """`stereocal serve`: the dashboard in a browser."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import os

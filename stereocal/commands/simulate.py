@@ -1,12 +1,10 @@
 """`stereocal simulate`: write the synthetic sample data."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path
 
-from stereocal.commands.console import Options
+from stereocal.commands.console import Options, report
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.dataset import Dataset
@@ -30,12 +28,12 @@ def run(parsed: argparse.Namespace) -> None:
             raise StereocalError(f"--{name} must be at least {lowest}.")
     field, nineteen = parsed.out / "field", parsed.out / "nineteen"
     write_field(field, parsed.seed)
-    print(f"wrote {field}")
+    report(written=[field])
     made = simulate_nineteen(parsed.seed, parsed.datasets, parsed.frames)
     for number, (scene, dataset) in enumerate(made, start=1):
         truth = json.dumps(truth_of(scene, NOISE_PX, parsed.seed), indent=1)
         _write(nineteen / f"{number:02d}", dataset, truth)
-    print(f"wrote {nineteen}")
+    report(written=[nineteen])
 
 
 def write_field(folder: Path, seed: int) -> None:

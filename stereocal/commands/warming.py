@@ -1,7 +1,5 @@
 """`stereocal compile`: compilation of all numba functions ahead of their first use."""
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

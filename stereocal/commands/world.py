@@ -1,15 +1,14 @@
 """`stereocal world`: where up is, from surveyed points, lines or a throw."""
 
-from __future__ import annotations
-
 import argparse
 
-from stereocal.commands.console import Options
-from stereocal.commands.options import contents, finish
+from stereocal.commands.console import Options, report
+from stereocal.commands.options import contents
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
 from stereocal.formats.world_file import read_observed, write_world
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import write_atomically
 
 OPTIONS: Options = {
     "observed SURVEY.csv|PLUMB.csv|THROW.csv": "surveyed points (point,x,y,z and pixels of both "
@@ -40,17 +39,12 @@ def run(parsed: argparse.Namespace) -> None:
     rig = RigParameters.load(parsed.parameters)
     (content,) = contents([parsed.observed]).values()
     observed = read_observed(content, str(parsed.observed), parsed.frame_rate)
-    settings = WorldSettings(
-        Axes(parsed.origin, parsed.x_axis, parsed.heading),
-        parsed.sigma_px,
-        parsed.survey_sigma,
-        not parsed.no_drag,
-        parsed.upside_down,
-    )
-    found = find_world(rig, observed, settings)
+    axes, drag = Axes(parsed.origin, parsed.x_axis, parsed.heading), not parsed.no_drag
+    noise = parsed.sigma_px, parsed.survey_sigma
+    found = find_world(rig, observed, WorldSettings(axes, *noise, drag, parsed.upside_down))
     residuals = [
         f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m"
         for name, (x, y, z) in found.about.get("residuals_m", {}).items()
     ]
-    files = {parsed.out: write_world(found, rig)}
-    finish(files, found.sentence, *residuals, notes=found.notes)
+    write_atomically(parsed.out, write_world(found, rig))
+    report(found.sentence, *residuals, notes=found.notes, written=[parsed.out])

@@ -1,7 +1,5 @@
 """The Apply page: choice of points, parameter sets and threshold, and the computation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple

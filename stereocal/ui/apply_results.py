@@ -1,7 +1,5 @@
 """Results of the Apply page: answer, frame by frame, downloads, and closer looks."""
 
-from __future__ import annotations
-
 import bisect
 import io
 import time

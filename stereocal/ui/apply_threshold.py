@@ -1,7 +1,5 @@
 """The threshold of the Apply page, by the noise of the points or stated; depths; and that noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """The Check page: parameters and new images, the answer, and the repaired parameters."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 

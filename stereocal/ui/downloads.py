@@ -4,8 +4,6 @@ Streamlit drops such a file as soon as two more runs of any session have ended: 
 work within 0.1 s, and the browser got "404 not found" (8 of 20).
 """
 
-from __future__ import annotations
-
 import itertools
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A figure on a page; and how to scroll to what a press has opened, which may stand far below."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The documentation of this version, from its own files: nothing is fetched."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -4,8 +4,6 @@ Jobs are stored in the project (`projects.jobs`). If the server ends before a jo
 offers to resume it.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import threading
@@ -212,11 +210,6 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
         job.kept, job.state = None, state
 
 
-def on_page(stages: tuple[str, ...]) -> Job:
-    """A job that runs while its page is drawn, without checkpoints."""
-    return Job(stages, pool())
-
-
 def bring_up_to_date(
     work: Work, current: bool, short: bool, spinner: str, label: str, key: str, cancelled: str
 ) -> None:
@@ -231,7 +224,7 @@ def bring_up_to_date(
         discard_finished(work)
     elif short:
         with ErrorsShown(), st.spinner(spinner):
-            work.run(on_page(work.stages))
+            work.run(Job(work.stages, pool()))
     elif not (is_running(work.project, work.kind) or can_go_on(work)):
         start_button(work, label, key)
     show_job(work.project, work.kind, cancelled, work)
@@ -244,15 +237,12 @@ def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) ->
         cancelled: message for a cancelled job.
         work: the work that the page asks for now: an interrupted job resumes only if it is equal.
     """
-    job = job_of(project, kind)
-    if job is not None and job.state == "running":
+    if is_running(project, kind):
         # Only now: a permanent timer would interrupt every longer run of the page.
-        _show_progress(job, kind)
+        _show_progress(project, kind)
         return
-    found = stored_jobs.find(project.database, kind)
-    if found is not None and found[0] == "running":
-        _show_elsewhere(project, kind)
-    elif found is not None and found[0] == "interrupted":
+    job, found = job_of(project, kind), stored_jobs.find(project.database, kind)
+    if found is not None and found[0] == "interrupted":
         _show_interrupted(project, kind, found[1], work)
     elif found is not None:
         st.error(escape_markdown(found[1].sentence))
@@ -303,32 +293,30 @@ def discard_finished(work: Work) -> None:
 
 
 @st.fragment(run_every=0.5)
-def _show_progress(job: Job, kind: Kind) -> None:
-    if job.state != "running":
+def _show_progress(project: Project, kind: Kind) -> None:
+    """Of a job of this server, or of another with the same projects."""
+    if not is_running(project, kind):
         st.rerun()
-    left, counted = "", job.done - job.begun_with
-    if counted > 0 and job.stages[job.at] != UNEVEN:
-        pace = (time.monotonic() - job.started) / counted
-        left = f", about {pace * (job.total - job.done):.0f} s left"
-    _show_bars(job, left)
-    st.button("Cancel", key=f"cancel_{kind}", on_click=setattr, args=(job, "cancelled", True))
-
-
-@st.fragment(run_every=1.0)
-def _show_elsewhere(project: Project, kind: Kind) -> None:
-    found = stored_jobs.find(project.database, kind)
-    if found is None or found[0] != "running":
-        st.rerun()
-    _show_bars(found[1], "")
-    stop = callback(partial(stored_jobs.ask_to_stop, project.database, kind))
-    st.button("Cancel", key=f"stop_{kind}", on_click=stop)
-
-
-def _show_bars(job: Job | Record, left: str) -> None:
-    for number, stage in enumerate(job.stages):
-        if number < job.at:
+    job, left = job_of(project, kind), ""
+    shown: Job | Record | None = job
+    if job is None or job.state != "running":
+        found = stored_jobs.find(project.database, kind)
+        shown, key = found and found[1], f"stop_{kind}"
+        stop: Callable[[], None] = callback(partial(abandon, project, kind))
+    else:
+        key, stop = f"cancel_{kind}", partial(setattr, job, "cancelled", True)
+        counted = job.done - job.begun_with
+        if counted > 0 and job.stages[job.at] != UNEVEN:
+            pace = (time.monotonic() - job.started) / counted
+            left = f", about {pace * (job.total - job.done):.0f} s left"
+    if shown is None:
+        return
+    for number, stage in enumerate(shown.stages):
+        if number < shown.at:
             st.progress(1.0, f"{stage.capitalize()}: all")
-        elif number == job.at and (job.done or (job.total and stage == UNEVEN)):
-            st.progress(job.done / max(job.total, 1), f"{job.done} of {job.total} {stage}{left}")
+        elif number == shown.at and (shown.done or (shown.total and stage == UNEVEN)):
+            words = f"{shown.done} of {shown.total} {stage}{left}"
+            st.progress(shown.done / max(shown.total, 1), words)
         else:
-            st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
+            st.progress(0.0, "Starting" if number == shown.at else f"{stage.capitalize()}: not yet")
+    st.button("Cancel", key=key, on_click=stop)

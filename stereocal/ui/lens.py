@@ -1,7 +1,5 @@
 """The Lenses page: board photographs or a camera file, the lens calibration, and its results."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial

@@ -3,8 +3,6 @@
 Streamlit runs callbacks before the page: an error in one would replace the page by a traceback.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

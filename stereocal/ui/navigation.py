@@ -1,7 +1,5 @@
 """How a page is run: its messages and errors, the way to the next, and the server's own work."""
 
-from __future__ import annotations
-
 import logging
 import os
 import threading

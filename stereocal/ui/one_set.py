@@ -1,7 +1,5 @@
 """The page One set or two: verdict, what disagrees, trade-off, accuracy, the refined set."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from dataclasses import replace
 

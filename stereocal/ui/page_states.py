@@ -1,7 +1,5 @@
 """The state of each page, for the menu: done, out of date, or not done yet."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from typing import Literal, NamedTuple

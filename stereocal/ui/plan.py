@@ -1,7 +1,5 @@
 """The Plan page: the forecast of the plan, plans side by side, files, and a project from it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial

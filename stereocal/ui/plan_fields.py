@@ -1,7 +1,5 @@
 """The controls of the Plan page, and the plan that they state."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The project and data set that a page needs."""
 
-from __future__ import annotations
-
 import streamlit as st
 
 from stereocal.projects.inputs import Inputs

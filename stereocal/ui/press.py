@@ -4,8 +4,6 @@ Short work is done while the page is drawn; longer work is a job. The job valida
 that is stored when it starts; if another one is stored meanwhile, it begins again with that one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -89,7 +87,7 @@ class Press:
         else:
             shown = ErrorsShown(lambda why: st.info(f"Not validated: {why}"))
             with shown, st.spinner("Validating."):
-                self._validate(jobs.on_page(STAGES))
+                self._validate(jobs.Job(STAGES, jobs.pool()))
 
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> Calibration:
         how: dict[str, Any] = {"trace": True, "progress": step, "refined": None}

@@ -1,7 +1,5 @@
 """Downloads to print: the board, the targets or tags of the bar, and the field sheet."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -3,8 +3,6 @@
 Answers about long recordings are computed in jobs, because no draw of a page may wait for them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -24,7 +22,7 @@ from stereocal.refined.refine import RefinedResult, refine, settings_for
 from stereocal.refined.results import Calibration
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
@@ -46,19 +44,28 @@ ANSWER_STEPS = ("refined", "forecast")
 PAPERS: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
 
 
-def key_of(calibration: Calibration) -> str:
-    """Identifies a calibration with its refined set: equal for equal content."""
-    refined = calibration.refined
-    assert refined is not None
-    key = [_key(calibration.dataset, refined.settings), refined.q.tolist(), _poses(calibration)]
-    return json.dumps(key)
+def key_of(*about: object) -> str:
+    """Identifies what a kept result was made of: equal for equal content.
+
+    Includes name and notes of a data set: another project with equal numbers must not show them.
+    """
+    content = [BY_CONTENT[type(one)](one) if type(one) in BY_CONTENT else one for one in about]
+    return json.dumps(content, sort_keys=True)
+
+
+def _of_calibration(found: Calibration) -> list[Any]:
+    poses = [[*own.pose.angles, own.pose.baseline] for own in found.methods.values()]
+    refined = found.refined and [found.refined.settings.to_json(), found.refined.q.tolist()]
+    about = found.dataset.identity, found.settings.to_json(), found.frames.tolist()
+    return [*about, poses, refined]
 
 
 BY_CONTENT: dict[str | type, Callable[[Any], Any]] = {
     Dataset: lambda dataset: dataset.identity,
     RefineSettings: RefineSettings.to_json,
     CalibrationSettings: CalibrationSettings.to_json,
-    Calibration: key_of,
+    Calibration: _of_calibration,
+    Evaluation: lambda evaluation: evaluation.settings.to_json(),
 }
 """What tells inputs of kept results apart: Streamlit would hash only a sample of large arrays."""
 
@@ -108,9 +115,11 @@ def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
 def _fields(project: Project) -> tuple[Field, Field]:
     """The image noise, and the cameras whose distortion is free, in the order of `CAMERAS`."""
     noise = setting(project, "refine_sigma_px", 0.0, Number(0.0, 1e5))
-    return noise, setting(
-        project, "free_distortion", [], lambda value: [name for name in CAMERAS if name in value]
-    )
+
+    def in_order(value: Any) -> list[CameraName]:
+        return [name for name in CAMERAS if name in value]
+
+    return noise, setting(project, "free_distortion", [], in_order)
 
 
 @st.cache_resource(show_spinner="Refining.", max_entries=16, hash_funcs=BY_CONTENT)
@@ -143,7 +152,7 @@ def answer_of(project: Project, calibration: Calibration) -> Answer | None:
         return None if make is None else make()
 
 
-def answer_maker(project: Project, calibration: Calibration) -> Callable[[], Answer] | None:
+def answer_maker(project: Project, calibration: Calibration) -> partial[Answer] | None:
     """As `answer_of`, for a download: without a page when it is called.
 
     The validation gives the threshold: what is shown or downloaded before would be of another one.
@@ -183,7 +192,7 @@ def answer_for(
         outlook = None if whole.refined is None else outlook_for(whole)
         return jobs.compute(answer, whole, outlook, evaluation)
 
-    found: Answer = _made().once(_answer_key(calibration, settings, evaluation), make)
+    found: Answer = _made().once(key_of(calibration, settings, evaluation), make)
     return found
 
 
@@ -193,30 +202,30 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
     Returns:
         None while the job runs, or if it did not come to its end.
     """
-    if not is_long(calibration.dataset) or jobs.is_running(project, "calibration"):
+    make = answer_maker(project, calibration) if is_long(calibration.dataset) else None
+    if make is None:
         return answer_of(project, calibration)
-    evaluation = readable(lambda: project.calibration_evaluation)
-    settings = refine_settings(project, calibration.dataset)
 
     def run(job: jobs.Job) -> bool:
         def step(name: str) -> None:
             job.progress(ANSWER_STEPS.index(name), len(ANSWER_STEPS))
 
-        found = answer_for(calibration, settings, evaluation, step)
+        found = make(step=step)
         # For One set or two, which shows it: 9 s for 20,000 frames.
         return found.outlook is None or bool(found.outlook.advice)
 
-    key = _answer_key(calibration, settings, evaluation)
-    work = jobs.Work(project, "answer", ("steps",), {"key": key}, run)
-    made: Answer | None = _when_made(key, work)
+    made: Answer | None = _when_made(project, "answer", "steps", key_of(*make.args), run)
     return made
 
 
-def _when_made(key: str, work: jobs.Work) -> Any:
+def _when_made(
+    project: Project, kind: jobs.Kind, counted: str, key: str, run: Callable[[jobs.Job], bool]
+) -> Any:
     """What is made already; else its job is started, unless it has failed or was cancelled."""
     found = _made().get(key)
     if found is not None:
         return found
+    work = jobs.Work(project, kind, (counted,), {"key": key}, run)
     last = jobs.job_of(work.project, work.kind)
     ended = last is not None and last.state in ("failed", "cancelled")
     if not ended:  # what was made is kept in memory: after a restart it is made again
@@ -225,19 +234,6 @@ def _when_made(key: str, work: jobs.Work) -> Any:
     if ended:
         jobs.start_button(work, "Compute it", f"again_{work.kind}", primary=False)
     return None
-
-
-def _answer_key(
-    calibration: Calibration, settings: RefineSettings, evaluation: Evaluation | None
-) -> str:
-    made_with = None if evaluation is None else evaluation.settings.to_json()
-    frames, poses = calibration.frames.tolist(), _poses(calibration)
-    about = [calibration.settings.to_json(), frames, made_with, poses]
-    return json.dumps([_key(calibration.dataset, settings), *about])
-
-
-def _poses(calibration: Calibration) -> list[list[float]]:
-    return [[*found.pose.angles, found.pose.baseline] for found in calibration.methods.values()]
 
 
 @st.cache_resource(show_spinner=False)
@@ -265,28 +261,25 @@ def curves_when_ready(
     project: Project, dataset: Dataset, settings: RefineSettings
 ) -> TradeOff | None:
     """The trade-off: at once, or for a long recording from a job, as in `answer_when_ready`."""
-    key = _key(dataset, settings)
+    key = key_of(dataset, settings)
     found: TradeOff | None
+
+    def trace(**how: Any) -> TradeOff | None:
+        return jobs.compute(trade_off, dataset, settings, **how)
+
     if not is_long(dataset):
         with st.spinner("Tracing the trade-off."):
-            found = _made().once(key, lambda: jobs.compute(trade_off, dataset, settings))
+            found = _made().once(key, trace)
         return found
 
     def run(job: jobs.Job) -> bool:
-        how: dict[str, Any] = {"progress": job.progress, "cancelled": lambda: job.cancelled}
-        traced = jobs.compute(trade_off, dataset, settings, **how)
+        traced = trace(progress=job.progress, cancelled=lambda: job.cancelled)
         if traced is not None:
             _made().keep(key, traced)
         return traced is not None
 
-    found = _when_made(key, jobs.Work(project, "trade_off", ("fits",), {"key": key}, run))
+    found = _when_made(project, "trade_off", "fits", key, run)
     return found
-
-
-def _key(dataset: Dataset, settings: RefineSettings | CalibrationSettings) -> str:
-    """Includes name and notes: another project with equal numbers must not show them."""
-    words = [*dataset.identity, settings.to_json()]
-    return json.dumps(words, sort_keys=True)
 
 
 def set_in_use(project: Project, use: Use, answer: Answer) -> Field:

@@ -1,7 +1,5 @@
 """The Calibrate page: the result with its downloads, and closer looks at it, one at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

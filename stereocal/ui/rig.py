@@ -1,7 +1,5 @@
 """The Rig page: all cameras of a recording together."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

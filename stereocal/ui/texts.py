@@ -1,7 +1,5 @@
 """Longer texts of the pages."""
 
-from __future__ import annotations
-
 import re
 
 import pandas as pd

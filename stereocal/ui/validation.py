@@ -1,7 +1,5 @@
 """The Validate page: choice of data and protocol, computation and results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial

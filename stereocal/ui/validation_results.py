@@ -1,7 +1,5 @@
 """Results of the Validate page: answer, figure, downloads, table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
