@@ -30,8 +30,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray
 from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
-from tests.matching.test_matching_files import RIG_2D
-from tests.soak.seeds import hdf5
+from tests.matching.test_matching import RIG_2D
 
 FRAMES = 9
 VIEWS = tuple(view.reshape(FRAMES, 2, 2) for view in images(bar_ends(FRAMES)))
@@ -100,6 +99,15 @@ def sleap(side: int, score: float = 0.9) -> bytes:
         rows.append(["track_0", FIRST + k, 0.8, *cells[0], *cells[1]])
     head = "track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score"
     return csv(head, rows)
+
+
+def hdf5(**arrays: object) -> bytes:
+    """An HDF5 file of these arrays."""
+    packed = io.BytesIO()
+    with h5py.File(packed, "w", libver="latest") as file:
+        for name, values in arrays.items():
+            file[name] = values
+    return packed.getvalue()
 
 
 def sleap_h5(side: int, **more: object) -> bytes:

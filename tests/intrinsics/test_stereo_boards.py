@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
 from stereocal.detection.target import parse_board, parse_target
@@ -18,21 +19,18 @@ from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.formats.recording_files import pack_recording
 from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
-from stereocal.intrinsics.calibrate_lens import LensSettings
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.stereo_boards import (
     Seen,
     StereoBoards,
     find_stereo_boards,
     in_one_order,
-    lenses_of_boards,
     orders_of,
     recording_of,
     stereo_boards,
 )
-from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.refine import refine
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.photograph import read_photograph
@@ -70,10 +68,10 @@ def turned_at_random(boards: list[Seen], pattern: BoardPattern, seed: int = 0) -
     return found
 
 
-@pytest.mark.parametrize("roll", [0.0, np.pi / 2, np.pi, 2.0])
+@pytest.mark.parametrize("roll", [np.pi / 2, np.pi, 2.0])
 @pytest.mark.parametrize("pattern", [PATTERN, SQUARE, EVEN])
 def test_corners_are_in_one_order_however_cameras_hang(roll: float, pattern: BoardPattern) -> None:
-    right = seen(stereo(roll), 12, pattern)
+    right = seen(stereo(roll), 6, pattern)
     found = in_one_order(turned_at_random(right, pattern), (SMALL, SMALL), pattern)
     for own, true in zip(found, right, strict=True):
         np.testing.assert_array_equal(own.views[1].ids, true.views[1].ids)
@@ -126,9 +124,19 @@ def found_boards(boards: list[Seen]) -> StereoBoards:
     return stereo_boards(pair_names(named), tuple(searches))
 
 
+def assert_near(found: Pose, rig: Pose) -> None:
+    """To 0.3 degrees and 1 %; measured: 0.02 degrees and 0.04 %."""
+    assert np.degrees(Rotation.from_matrix(found.R @ rig.R.T).magnitude()) < 0.3
+    assert found.baseline == pytest.approx(rig.baseline, rel=0.01)
+
+
+def mirror(paths: Iterable[Path]) -> None:
+    for path in paths:
+        cv2.imwrite(str(path), read_photograph(path)[:, ::-1])
+
+
 def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Upside-down secondary, one board hidden in half, one photographed twice: the rig to 0.3
-    degrees and 1 % (measured: 0.02 degrees and 0.04 %)."""
+    """Upside-down secondary, one board hidden in half, one photographed twice."""
     rig = stereo(np.pi - 0.1)
     files = photographs(rig, 11, 3)
     files |= {f"{side}11.png": files[f"{side}02.png"] for side in ("left", "right")}
@@ -149,26 +157,15 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     known = data.primary.uncertainty
     assert known is not None
     assert {*known.without} == {*map(str, result.frames), "left04.png"}
-    assert not np.allclose(result.covariance, covariance_by_model(result), rtol=0.05)
+    unknowns = result.unknowns
+    C = unknowns.covariance(result.information / result.design_effect)
+    as_of_other_boards = unknowns.M @ C @ unknowns.M.T
+    assert not np.allclose(result.covariance, as_of_other_boards, rtol=0.05)
     assert_near(result.pose, rig)
 
 
-def assert_near(found: Pose, rig: Pose) -> None:
-    """To 0.3 degrees and 1 %."""
-    off = np.degrees(np.arccos(np.clip((np.trace(found.R @ rig.R.T) - 1) / 2, -1, 1)))
-    assert off < 0.3
-    assert found.baseline == pytest.approx(rig.baseline, rel=0.01)
-
-
-def covariance_by_model(result: RefinedResult) -> FloatArray:
-    """As if other boards had given the lenses."""
-    C = result.unknowns.covariance(result.information / result.design_effect)
-    return np.asarray(result.unknowns.M @ C @ result.unknowns.M.T)
-
-
 def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """In every third frame a part is hidden; the rig to 0.3 degrees and 1 % (measured: 0.02 degrees
-    and 0.04 %)."""
+    """In every third frame a part is hidden."""
     rig = stereo(np.pi - 0.2)
     for name, content in photographs(rig, 10, 2, charuco(), hidden=240).items():
         (tmp_path / name).write_bytes(content)
@@ -184,11 +181,6 @@ def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixt
     mirror(tmp_path.glob("left*.png"))
     assert main([*command, "charuco:8x6:0.03:4X4_50:0.022"]) == 2
     assert "left00.png is mirrored" in capsys.readouterr().err
-
-
-def mirror(paths: Iterable[Path]) -> None:
-    for path in paths:
-        cv2.imwrite(str(path), read_photograph(path)[:, ::-1])
 
 
 def test_a_table_with_the_lenses_of_the_data_set(
@@ -258,15 +250,19 @@ class TestOpencvsSample:
         assert proposed_board(dict([*files.items()][:3])) == ProposedBoard(9, 6)
 
     def test_all_boards_serve(self, files: dict[str, Path]) -> None:
-        boards = find_stereo_boards(files, BoardPattern(9, 6, 0.03), AtOnce())
+        """Narrow squares on one side."""
+        pattern = BoardPattern(9, 6, 0.03)
+        boards = find_stereo_boards(files, pattern, AtOnce())
         assert boards is not None
         assert len(boards.common) == 13
-        assert not boards.refused
-        assert not boards.repeated
-        lenses = lenses_of_boards(boards, LensSettings(repeats=4, fix_k3=True), AtOnce())
-        assert lenses is not None
-        recording = recording_of(boards, (lenses[0].camera, lenses[1].camera), "x")
-        assert len(recording.frame) == 13 * 54 * 2
+        assert not boards.refused and not boards.repeated
+        for search in boards.searches:
+            corners = [view.corners.astype(np.float32) for view in search.views]
+            points = [pattern.points.astype(np.float32)] * 13
+            rms, *_ = cv2.calibrateCamera(points, corners, (640, 480), np.eye(3), np.zeros(5))
+            # Measured: 0.181 and 0.187 px. OpenCV's own corners fit to 0.25 (sector based finder),
+            # 0.195 and 0.207 (classical, windows of 5 px), 0.41 and 0.46 (windows of 11 px).
+            assert rms < 0.195
 
     def test_columns_and_rows_exchanged_are_the_same_board(self, files: dict[str, Path]) -> None:
         """The corners are the same, in an order of their own in both photographs."""
@@ -278,8 +274,7 @@ class TestOpencvsSample:
 
 
 def test_sizes_of_lens_files_and_photographs() -> None:
-    boards = seen(stereo(0.0), 3)
-    found = found_boards(boards)
+    found = found_boards(seen(stereo(0.0), 3))
     with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
         recording_of(found, (replace(SMALL, image_size=(800, 600)), SMALL), "x")
 
@@ -298,7 +293,7 @@ def test_large_2x2_targets_are_no_board(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("squares", "dictionary", "marker"),
-    [((9, 7), "DICT_4X4_50", 0.73), ((10, 7), "DICT_5X5_50", 0.75), ((6, 8), "DICT_6X6_50", 0.8)],
+    [((9, 7), "DICT_4X4_50", 0.73), ((6, 8), "DICT_6X6_50", 0.8)],
 )
 def test_a_charuco_board_is_proposed(
     squares: tuple[int, int], dictionary: str, marker: float, tmp_path: Path

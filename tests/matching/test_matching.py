@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import assign, match_points, purpose_warning, refuse_different_rigs
 from stereocal.matching.pair_candidates import pairs_within
-from stereocal.matching.threshold import choose_threshold
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -136,24 +135,6 @@ class TestMatches:
         np.testing.assert_array_equal(own.secondary, same.secondary)
         with pytest.raises(StereocalError, match="contains no matching threshold"):
             match_points(replace(RIG_2D, matching_threshold_px=None), first, second)
-
-
-class TestThresholdFromThePoints:
-    @pytest.mark.parametrize(("points", "frames"), [(3, 300), (30, 40), (200, 10)])
-    def test_it_loses_few_pairs_and_lets_few_in(self, points: int, frames: int) -> None:
-        """0.3 px noise; a tenth of the points missing in each camera."""
-        data = []
-        for k in range(frames):
-            first, second = cloud(points, k, noise_px=0.3)
-            keep = np.random.default_rng(k).random((2, points)) > 0.1
-            data.append((first[keep[0]], second[keep[1]]))
-        chosen = choose_threshold(RIG_2D, data)
-        assert chosen.noise is not None and chosen.shares is not None
-        assert chosen.noise.source == "estimated"
-        assert chosen.noise.sigma_px == pytest.approx(0.3, rel=0.12)
-        assert chosen.shares.lost < 0.03
-        # Errors of correct pairs are a half-normal of 0.21 px.
-        assert 3 < chosen.threshold_px / 0.21 < 14
 
 
 class TestPurposeAndRig:

@@ -50,6 +50,7 @@ from tests.archives import caliscope_files, easywand_fields, kalibr_chain, stere
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.formats.test_exchange import RICHEST
+from tests.formats.test_formats import NODES, with_storage
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
 from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.soak import seeds
@@ -72,81 +73,88 @@ class Reader(NamedTuple):
 def readers() -> dict[str, Reader]:
     """All readers by name."""
     return {
-        **_tables(),
-        **_descriptions(),
-        **{f"project, {name}": _inner(name) for name in FILES},
+        name: Reader(*how) for name, how in {**_tables(), **_descriptions(), **_others()}.items()
+    }
+
+
+def these(*contents: bytes) -> Seeds:
+    return lambda: contents
+
+
+def _tables() -> dict[str, tuple[str, Seeds, Read]]:
+    observed, correspondences = seeds.observed(), these(*seeds.correspondences())
+    return {
+        **{f"points, {name}": ("text", these(*x), _points) for name, x in seeds.layouts().items()},
+        "correspondences.csv": ("text", correspondences, _correspondences),
+        "table of points": ("text", seeds.points, partial(_table, "t.csv")),
+        "world, table": ("text", these(seeds.world("", "")), partial(_world, "w.csv")),
+        **{f"world from {name}": ("text", these(x), _observed) for name, x in observed.items()},
+        "Parquet": ("image", seeds.parquet, partial(_table, "t.parquet")),
+        "points, HDF5": ("image", seeds.sleap, _hdf5),
+    }
+
+
+def _descriptions() -> dict[str, tuple[str, Seeds, Read]]:
+    ours = these(write_camera(PRIMARY), seeds.uncertain_camera())
+    rigs = these(*(rig.dumps().encode() for rig in list(RICHEST.values())[:3]))
+    opencv = {**NODES, "distortion_coefficients": PRIMARY.distortion[None].copy()}
+    worlds = these(seeds.world("[", "]"), seeds.world_json())
+    files = {
+        (name, file): x for name in RICHEST for file, x in export_files(RICHEST[name], name).items()
+    }
+    return {
+        "camera, OpenCV YAML": ("text", these(write_opencv_camera(PRIMARY)), _camera),
+        "camera, OpenCV XML": ("text", these(with_storage(".xml", **opencv)), _camera),
+        "archive, Kalibr": ("text", these(kalibr_chain()), partial(_archive, "c.yaml")),
+        "archive, TOML": ("text", caliscope_files, partial(_archive, "c.toml")),
+        "camera, ours": ("json", ours, _camera),
+        "camera, OpenCV JSON": ("json", these(with_storage(".json", **opencv)), _camera),
+        "world, JSON": ("json", worlds, partial(_world, "w.json")),
+        "parameters": ("json", rigs, _parameters),
+        "dataset.json": ("json", these(seeds.field()["dataset.json"]), _dataset),
+        "plan": ("json", _plans, _plan),
+        "archive, fields of easyWand": (
+            "json",
+            these(_packed_fields(easywand_fields())),
+            _easywand,
+        ),
+        "archive, fields of MATLAB": ("json", these(_packed_fields(stereo_struct())), _stereo),
         **{
-            f"photograph, {name}": Reader(
-                "png" if name == "PNG" else "image", partial(list, found), _photograph
+            f"{name}, {file}": (
+                "json" if file.endswith(".json") else "text",
+                these(x),
+                partial(_exchange, name, file),
             )
-            for name, found in seeds.photographs().items()
+            for (name, file), x in files.items()
         },
-        **_zips(),
-        **_browser(),
     }
 
 
-def _tables() -> dict[str, Reader]:
-    texts: dict[str, tuple[Seeds, Read]] = {
-        **{f"points, {name}": (partial(list, x), _points) for name, x in seeds.layouts().items()},
-        "correspondences.csv": (seeds.correspondences, _correspondences),
-        "table of points": (seeds.points, _table("t.csv")),
-        "world, table": (lambda: [seeds.world("", "")], _world("w.csv")),
-        **{
-            f"world from {name}": (partial(list, [content]), _observed)
-            for name, content in seeds.observed().items()
-        },
-    }
+def _others() -> dict[str, tuple[str, Seeds, Read]]:
+    two = seeds.zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)})
+    addresses = these(b"0" * 32, b"0123456789abcdef" * 2)
     return {
-        **{name: Reader("text", *how) for name, how in texts.items()},
-        "Parquet": Reader("image", seeds.parquet, _table("t.parquet")),
-        "points, HDF5": Reader("image", seeds.sleap, _hdf5),
-    }
-
-
-def _descriptions() -> dict[str, Reader]:
-    ours = [write_camera(PRIMARY), seeds.uncertain_camera()]
-    rigs = [rig.dumps().encode() for rig in list(RICHEST.values())[:3]]
-    texts: dict[str, tuple[Seeds, Read]] = {
-        "camera, OpenCV YAML": (lambda: [write_opencv_camera(PRIMARY)], _camera),
-        "camera, OpenCV XML": (lambda: [seeds.storage(".xml")], _camera),
-        "archive, Kalibr": (lambda: [kalibr_chain()], _archive("c.yaml")),
-        "archive, TOML": (caliscope_files, _archive("c.toml")),
-    }
-    trees: dict[str, tuple[Seeds, Read]] = {
-        "camera, ours": (lambda: ours, _camera),
-        "camera, OpenCV JSON": (lambda: [seeds.storage(".json")], _camera),
-        "world, JSON": (lambda: [seeds.world("[", "]"), seeds.world_json()], _world("w.json")),
-        "parameters": (lambda: rigs, _parameters),
-        "dataset.json": (
-            lambda: [seeds.field()["dataset.json"]],
-            lambda content, _: parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip"),
-        ),
-        "plan": (_plans, lambda content, _: parse_plan(content, "plan.json", lambda _: ours[0])),
-        "archive, fields of easyWand": (lambda: [_packed_fields(easywand_fields())], _easywand),
-        "archive, fields of MATLAB": (
-            lambda: [_packed_fields(stereo_struct())],
-            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat", ExchangeOptions()),
-        ),
-    }
-    return {
-        **{name: Reader("text", *how) for name, how in texts.items()},
-        **{name: Reader("json", *how) for name, how in trees.items()},
         **{
-            f"{name}, {file}": _exchange(name, file)
-            for name in RICHEST
-            for file in export_files(RICHEST[name], name)
+            f"project, {name}": (file.kind, file.seeds, partial(_inner, name))
+            for name, file in FILES.items()
         },
+        **{
+            f"photograph, {name}": ("png" if name == "PNG" else "image", these(*x), _photograph)
+            for name, x in seeds.photographs().items()
+        },
+        "data set, zip": ("zip", _data_sets, lambda content, _: parse_zip(content, "a.zip")),
+        "data set, zip on disk": ("zip", _data_sets, _dataset_on_disk),
+        "photographs, zip": ("zip", these(two), _photographs),
+        "project, zip": ("zip", _projects, read_project_zip),
+        "address": ("text", addresses, _address),
+        "click": ("json", these(b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'), _click),
+        "settings": ("text", these(b"1", b"90.5"), _settings),
     }
 
 
-def _archive(name: str) -> Read:
-    def read(content: bytes, _: Path) -> None:
-        gather(
-            {name: content, "wand.csv": wand_csv(5)}, ExchangeOptions(cameras=("1", "3"), unit="m")
-        )
-
-    return read
+def _archive(name: str, content: bytes, _: Path) -> None:
+    options = ExchangeOptions(cameras=("1", "3"), unit="m")
+    gather({name: content, "wand.csv": wand_csv(5)}, options)
 
 
 def _packed_fields(fields: dict[str, Any]) -> bytes:
@@ -175,71 +183,65 @@ def _easywand(content: bytes, _: Path) -> None:
     read_easywand(file, ExchangeOptions()).dataset("a", 1.0, 1.0)
 
 
+def _stereo(content: bytes, _: Path) -> None:
+    stereo_of({"s": _fields_of(content)}, "a.mat", ExchangeOptions())
+
+
+def _dataset(content: bytes, _: Path) -> None:
+    parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip")
+
+
+def _data_sets() -> list[bytes]:
+    return [dataset_zip()]
+
+
+def _projects() -> list[bytes]:
+    return [project_zip()]
+
+
+def _dataset_on_disk(content: bytes, folder: Path) -> None:
+    read_dataset(_kept(content, folder / "a.zip"))
+
+
 def _plans() -> list[bytes]:
     named = {"primary": "a.json", "secondary": contents()["cameras"]["secondary"]}
     known = plan(stated_primary=PRIMARY, stated_pose=FIELD_PLAN.pose)
     return [write_plan(FIELD_PLAN), write_plan(known), json.dumps(contents(cameras=named)).encode()]
 
 
-def _exchange(name: str, file: str) -> Reader:
-    sound = export_files(RICHEST[name], name)
+def _plan(content: bytes, _: Path) -> None:
+    parse_plan(content, "plan.json", lambda _: write_camera(PRIMARY))
+
+
+def _exchange(name: str, file: str, content: bytes, _: Path) -> None:
     sizes = (PRIMARY.image_size, SECONDARY.image_size)
     options = ExchangeOptions(sizes, corner="lower-left", unit="m", lens_model="brown")
-
-    def read(content: bytes, _: Path) -> object:
-        files = {**sound, file: content}
-        refused: StereocalError | None = None
-        for given in (options, ExchangeOptions()):
-            try:
-                import_files(files, name, given).dumps()
-            except StereocalError as error:
-                refused = error
-        if refused is not None:
-            raise refused
-        return None
-
-    return Reader("json" if file.endswith(".json") else "text", lambda: [sound[file]], read)
-
-
-def _zips() -> dict[str, Reader]:
-    two = seeds.zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)})
-    found: dict[str, tuple[Seeds, Read]] = {
-        "data set, zip": (lambda: [dataset_zip()], lambda content, _: parse_zip(content, "a.zip")),
-        "data set, zip on disk": (
-            lambda: [dataset_zip()],
-            lambda content, folder: read_dataset(_kept(content, folder / "a.zip")),
-        ),
-        "photographs, zip": (lambda: [two], _photographs),
-        "project, zip": (lambda: [project_zip()], read_project_zip),
-    }
-    return {name: Reader("zip", *how) for name, how in found.items()}
-
-
-def _browser() -> dict[str, Reader]:
-    addresses = [b"0" * 32, b"0123456789abcdef" * 2]
-    click = b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'
-    return {
-        "address": Reader("text", lambda: addresses, _address),
-        "click": Reader("json", lambda: [click], lambda content, _: pick_of(_plain(content))),
-        "settings": Reader("text", lambda: [b"1", b"90.5"], _settings),
-    }
+    files = {**export_files(RICHEST[name], name), file: content}
+    refused: StereocalError | None = None
+    for given in (options, ExchangeOptions()):
+        try:
+            import_files(files, name, given).dumps()
+        except StereocalError as error:
+            refused = error
+    if refused is not None:
+        raise refused
 
 
 def _address(content: bytes, folder: Path) -> None:
     Project.open(folder, content.decode("utf-8", "surrogateescape"))
 
 
+def _click(content: bytes, _: Path) -> None:
+    try:
+        pick_of(json.loads(content))
+    except (ValueError, RecursionError):
+        pick_of(content.decode("utf-8", "replace"))
+
+
 def _settings(content: bytes, _: Path) -> None:
     text = content.decode("utf-8", "replace")
     ServerSettings.from_environment({"STEREOCAL_KEEP_DAYS": text})
     Limits.from_environment({"STEREOCAL_MOST_RATIO": text})
-
-
-def _plain(content: bytes) -> Any:
-    try:
-        return json.loads(content)
-    except (ValueError, RecursionError):
-        return content.decode("utf-8", "replace")
 
 
 def _camera(content: bytes, _: Path) -> None:
@@ -291,18 +293,15 @@ def _hdf5(content: bytes, folder: Path) -> None:
     _points(analysis_table(path, "a.h5") if is_hdf5(content) else content, folder)
 
 
-def _table(name: str) -> Read:
-    def read(content: bytes, folder: Path) -> None:
-        table = PointTable(_kept(content, folder / name), ("u", "v"), name)
-        table.check()
-        for _, rows in table.frames():
-            rows.to_csv(index=False)
-
-    return read
+def _table(name: str, content: bytes, folder: Path) -> None:
+    table = PointTable(_kept(content, folder / name), ("u", "v"), name)
+    table.check()
+    for _, rows in table.frames():
+        rows.to_csv(index=False)
 
 
-def _world(name: str) -> Read:
-    return lambda content, folder: read_world(_kept(content, folder / name))
+def _world(name: str, content: bytes, folder: Path) -> None:
+    read_world(_kept(content, folder / name))
 
 
 def _observed(content: bytes, _: Path) -> None:
@@ -318,8 +317,8 @@ def _photographs(content: bytes, folder: Path) -> None:
         read_photograph(path, name)
 
 
-def _inner(name: str) -> Reader:
-    return Reader(FILES[name].kind, FILES[name].seeds, lambda content, _: read_inner(name, content))
+def _inner(name: str, content: bytes, _: Path) -> None:
+    read_inner(name, content)
 
 
 def _kept(content: bytes, path: Path) -> Path:

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import h5py
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.rig.parameters import RigParameters
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
-from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
+from tests.formats import test_other_programs_points as other
+from tests.formats.test_other_programs_points import hdf5
+from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.rigs.worlds import Place, plumb_lines, surveyed, thrown, world_of_cameras
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -29,44 +30,17 @@ def field() -> Mapping[str, bytes]:
     return {path.name: path.read_bytes() for path in FIELD.iterdir()}
 
 
-def wand(header: str = "") -> bytes:
-    """Three cameras, both ends, from the lower left; the third sees nothing."""
-    first, second = images(bar_ends(6))
-    below = [np.column_stack([v[:, 0], h - v[:, 1]]) for v, h in ((first, 1200), (second, 1024))]
-    both = np.hstack([*below, np.full((12, 2), np.nan)]).reshape(6, -1)
-    both[-1] = 0.0
-    rows = [",".join("NaN" if np.isnan(x) else repr(float(x)) for x in row) for row in both]
-    return ("\n".join([*([header] if header else []), *rows]) + "\n").encode()
-
-
 def layouts() -> Mapping[str, Sequence[bytes]]:
     """Point files by the program that writes them."""
     return {
-        "wand": [wand(), wand("a1x,a1y,a2x,a2y,a3x,a3y,b1x,b1y,b2x,b2y,b3x,b3y")],
-        "dltdv": [
-            b"pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1.5,2,3,4\n5,6,NaN,NaN\n",
-            b"tail_cam1_U,tail_cam1_V,nose_cam1_U,nose_cam1_V\n1,2,3,4\n5,6,7,8\n",
-        ],
-        "deeplabcut": [
-            b"scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
-            b"0,1.5,2.5,0.99\n1,3,4,0.1\n"
-        ],
-        "sleap": [
-            b"track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score\n"
-            b"track_0,0,0.9,1.5,2.5,0.9,3,4,0.8\n,1,0.9,,,,5,6,0.7\n"
-        ],
-        "tracktor": [b",frame,pos_x,pos_y,id\n0,1,1.5,2.5,0\n1,1,3,4,1\n"],
-        "argus": [b"Track 1_cam_1_x,Track 1_cam_1_y,Track 1_cam_2_x,Track 1_cam_2_y\n1,2,3,4\n"],
-        "trackmate": [
-            b"LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Spot ID,Track ID,X,Y,Frame\n"
-            b"Label,Spot ID,Track ID,X,Y,Frame\n,,,(micron),(micron),\nID1,1,0,1.5,2.5,0\n"
-        ],
-        "long table": [
-            b"frame,u,v,bird\n1,1,2,a\n2,3,4,b\n",
-            b"time;x;y\n1;1,5;2\n",
-            b"1 2\n3 4\n",
-            b"a,b\n1,2\n3,4\n",
-        ],
+        "wand": [other.WAND, b"a1x,a1y,a2x,a2y,b1x,b1y,b2x,b2y\n" + other.WAND],
+        "dltdv": [other.DLTDV5, other.DLTDV8],
+        "deeplabcut": [other.deeplabcut(0)],
+        "sleap": [other.sleap(0)],
+        "tracktor": [other.tracktor(0)],
+        "argus": [other.ARGUS],
+        "trackmate": [other.trackmate(0, "micron", 0.65)],
+        "long table": [b"frame,u,v,bird\n1,1,2,a\n2,3,4,b\n", b"time;x;y\n1;1,5;2\n", other.odd(0)],
     }
 
 
@@ -77,27 +51,12 @@ def sleap() -> Sequence[bytes]:
     The names have a fixed length: HDF5's library hangs on spoilt heaps of others, which only the
     child process of the server survives.
     """
-    names = np.array([b"nose", b"wing", b"tail"])
+    names, tags = np.array([b"nose", b"wing", b"tail"]), np.array([b"a", b"b"])
     tracks = np.arange(48, dtype=np.float64).reshape(2, 2, 3, 4) + 0.25
     tracks[1, :, :, 2] = np.nan
-    return [
-        hdf5(
-            tracks=tracks,
-            node_names=names,
-            track_names=np.array([b"a", b"b"]),
-            point_scores=np.full((2, 3, 4), 0.9),
-        ),
-        hdf5(tracks=tracks[:1], node_names=names),
-    ]
-
-
-def hdf5(**arrays: Any) -> bytes:
-    """An HDF5 file of these arrays."""
-    packed = io.BytesIO()
-    with h5py.File(packed, "w", libver="latest") as file:
-        for name, values in arrays.items():
-            file[name] = values
-    return packed.getvalue()
+    scores = np.full((2, 3, 4), 0.9)
+    whole = hdf5(tracks=tracks, node_names=names, track_names=tags, point_scores=scores)
+    return [whole, hdf5(tracks=tracks[:1], node_names=names)]
 
 
 def points() -> Sequence[bytes]:
@@ -148,16 +107,6 @@ def uncertain_camera() -> bytes:
     content = json.loads(write_camera(PRIMARY))
     sigmas = {"fx": 1, "fy": 1, "cx": 2, "cy": 2, "distortion": [0.1] * 5}
     return json.dumps({**content, "uncertainty": sigmas}).encode()
-
-
-def storage(ending: str) -> bytes:
-    """A camera of OpenCV."""
-    file = cv2.FileStorage(ending, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    file.write("image_width", 1600)
-    file.write("image_height", 1200)
-    file.write("camera_matrix", PRIMARY.K.copy())
-    file.write("distortion_coefficients", PRIMARY.distortion.reshape(1, -1).copy())
-    return str(file.releaseAndGetString()).encode()
 
 
 def photographs() -> Mapping[str, Sequence[bytes]]:
