@@ -128,8 +128,8 @@ def sleap_h5(side: int, **more: object) -> bytes:
 
 def deeplabcut(side: int) -> bytes:
     rows: list[list[object]] = [
-        [FIRST + k, *VIEWS[side][k, 0].tolist(), 0.99, *VIEWS[side][k, 1].tolist(), 0.99]
-        for k in range(FRAMES)
+        [FIRST + k, *view[0].tolist(), 0.99, *view[1].tolist(), 0.99]
+        for k, view in enumerate(VIEWS[side])
     ]
     head = (
         "scorer,n,n,n,n,n,n\nbodyparts,nose,nose,nose,tail,tail,tail\n"
@@ -140,7 +140,7 @@ def deeplabcut(side: int) -> bytes:
 
 def trackmate(side: int, unit: str, scale: float) -> bytes:
     rows: list[list[object]] = [
-        ["ID", end, scale * u, scale * v, k] for k, end, u, v in points_of(side)
+        ["ID", end, scale * u, scale * v, k] for k, end, u, v in points_of(side)[::-1]
     ]
     head = (
         "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Track ID,X,Y,Frame\n"
@@ -223,11 +223,8 @@ class TestNumbers:
         rows = [row[:4] for row in rig_columns(lower_left)]
         content = csv("Track 1_cam_1_x,Track 1_cam_1_y,Track 1_cam_2_x,Track 1_cam_2_y", rows)
         layout = layout_of(content, "points")
-        assert (layout.program, layout.cameras, layout.points) == (
-            "Argus",
-            ("cam1", "cam2"),
-            ("Track 1",),
-        )
+        assert (layout.program, layout.points) == ("Argus", ("Track 1",))
+        assert layout.cameras == ("cam1", "cam2")
         assert not holds_bars(content, "points")
         for side in (0, 1):
             found = pixels(content, side)[["u", "v"]].to_numpy()
@@ -251,23 +248,16 @@ def test_deeplabcut_with_several_animals() -> None:
     assert propose_layout(content, "dlc.csv").points == ("a nose",)
 
 
-@pytest.mark.parametrize(("unit", "asks"), [("(pixel)", False), ("(micron)", True)])
+@pytest.mark.parametrize(("unit", "asks"), [("pixel", False), ("micron", True)])
 def test_trackmate(unit: str, asks: bool) -> None:
-    content = (
-        "LABEL,ID,TRACK_ID,QUALITY,POSITION_X,POSITION_Y,POSITION_Z,FRAME\n"
-        "Label,Spot ID,Track ID,Quality,X,Y,Z,Frame\n"
-        "Label,Spot ID,Track ID,Quality,X,Y,Z,Frame\n"
-        f",,,(quality),{unit},{unit},{unit},\n"
-        "ID7,7,3,1.5,100.5,50.25,0,2\nID8,8,3,1.5,101.5,51.25,0,1\n"
-    ).encode()
+    content = trackmate(0, unit, 0.5)
     layout = propose_layout(content, "spots.csv")
     assert layout.program == "TrackMate"
     assert any("micron" in question for question in layout.questions) == asks
     table = read_points(content, replace(layout, px_per_unit=2.0), "cam1")
     assert list(table) == ["frame", "u", "v", "track"]
-    assert table["frame"].tolist() == [1, 2]  # in the order of the frames
-    assert table["u"].tolist() == [203.0, 201.0]
-    assert table["track"].tolist() == ["3", "3"]
+    assert table["frame"].tolist() == [FIRST + k for k in range(FRAMES) for _ in (0, 1)]
+    np.testing.assert_allclose(table["u"][table["track"] == "1"], VIEWS[0][:, 1, 0])
 
 
 @pytest.mark.parametrize(
@@ -322,7 +312,7 @@ class TestHdf5:
         with pytest.raises(StereocalError, match="h5py is needed"):
             point_text(content, "a.h5")
         with pytest.raises(StereocalError, match="DeepLabCut"):  # that needs no h5py
-            point_text(hdf5_bytes_of_deeplabcut(), "dlc.h5")
+            point_text(b"\x89HDF\r\n\x1a\n" + bytes(90) + b"df_with_missing" + bytes(90), "dlc.h5")
         assert point_text(b"frame,u,v\n", "a.csv") == b"frame,u,v\n"
 
     def test_links_to_other_files_are_not_followed(self, tmp_path: Path) -> None:
@@ -334,11 +324,6 @@ class TestHdf5:
             file["node_names"] = [b"nose", b"tail"]
         with pytest.raises(StereocalError, match="without 'tracks'"):
             point_text(packed.getvalue(), "a.h5")
-
-
-def hdf5_bytes_of_deeplabcut() -> bytes:
-    """As much of one as tells it, made without h5py."""
-    return b"\x89HDF\r\n\x1a\n" + bytes(90) + b"df_with_missing" + bytes(90)
 
 
 def run_match(tmp_path: Path, contents: tuple[bytes, bytes], *more: str) -> int:

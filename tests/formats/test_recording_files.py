@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
@@ -23,8 +23,6 @@ from stereocal.formats.dataset_files import (
 )
 from stereocal.formats.recording_files import pack_recording, parse_recording
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from tests.rigs.objects import BOARD, recorded
@@ -32,38 +30,21 @@ from tests.rigs.objects import BOARD, recorded
 FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
 
 
-def recording_of(dataset: Dataset, third: Camera | None = None) -> Recording:
-    """A data set of two cameras as a recording; with a third camera, which sees frame 1 alone."""
-    rows = dataset.correspondences
-    n = len(rows)
-    cameras = {"left": dataset.primary, "right": dataset.secondary}
-    found = Recording(
-        name=dataset.name,
-        cameras=cameras,
-        object=RigidObject.bar(dataset.target_distance_m, dataset.target_distance_sigma_m),
-        frame=np.tile(rows.frame, 2),
-        camera=np.repeat([0, 1], n),
-        target=np.tile(rows.target, 2),
-        points=np.vstack([rows.primary, rows.secondary]),
-        sigma_px=np.full(2 * n, np.nan),
-        baselines_m={("left", "right"): dataset.baseline_m},
-        baseline_sigma_m=dataset.baseline_sigma_m,
-        notes="windy",
-    )
-    if third is None:
-        return found
-    return replace(
-        found,
-        cameras={**cameras, "top": third},
-        frame=np.append(found.frame, rows.frame[0]),
-        camera=np.append(found.camera, 2),
-        target=np.append(found.target, rows.target[0]),
-        points=np.vstack([found.points, [[700.0, 500.0]]]),
-        sigma_px=np.append(found.sigma_px, 0.25),
-    )
-
-
-THREE = recording_of(FIELD, FIELD.primary)
+TWO = replace(
+    Recording.of_pair(replace(FIELD, notes="windy")),
+    cameras={"left": FIELD.primary, "right": FIELD.secondary},
+    baselines_m={("left", "right"): FIELD.baseline_m},
+)
+THREE = replace(
+    TWO,
+    cameras={**TWO.cameras, "top": FIELD.primary},
+    frame=np.append(TWO.frame, TWO.frame[0]),
+    camera=np.append(TWO.camera, 2),
+    target=np.append(TWO.target, TWO.target[0]),
+    points=np.vstack([TWO.points, [[700.0, 500.0]]]),
+    sigma_px=np.append(TWO.sigma_px, 0.25),
+)
+"""The third camera sees frame 1 alone."""
 FILES = pack_recording(THREE)
 
 
@@ -75,7 +56,7 @@ def changed(**keys: Any) -> dict[str, bytes]:
 
 
 def test_two_cameras_are_a_data_set_like_any_other(tmp_path: Path) -> None:
-    for name, content in pack_recording(recording_of(FIELD)).items():
+    for name, content in pack_recording(TWO).items():
         (tmp_path / name).write_bytes(content)
     found = read_dataset(tmp_path)
     assert found.sha256 == FIELD.sha256
@@ -110,6 +91,7 @@ def test_a_baseline_that_was_not_measured_is_free() -> None:
 
 
 @given(st.data())
+@settings(max_examples=40)
 def test_there_and_back(data: st.DataObject) -> None:
     """Any table of points is read as it was written, to the last bit."""
     cameras = dict.fromkeys(data.draw(st.sets(NAMES, min_size=2, max_size=4)), FIELD.primary)

@@ -19,31 +19,24 @@ from tests.known_rig import PRIMARY, RIG, SECONDARY
 WORLD = Pose.from_angles(Angles(0.3, -0.4, 1.2, 0.1, 0.2), 5.0)
 
 
-class TestWorldFile:
-    table = np.vstack([np.column_stack([WORLD.R, WORLD.T]), [0, 0, 0, 1]])
+TABLE = np.vstack([np.column_stack([WORLD.R, WORLD.T]), [0, 0, 0, 1]])
 
-    @pytest.mark.parametrize("name", ["w.json", "w.csv"])
-    def test_json_and_csv(self, tmp_path: Path, name: str) -> None:
-        text = json.dumps(self.table.tolist())
-        if name.endswith("csv"):
-            text = "\n".join(",".join(map(repr, row)) for row in self.table.tolist())
-        (tmp_path / name).write_text(text)
-        np.testing.assert_array_equal(read_world(tmp_path / name).R, WORLD.R)
-        np.testing.assert_array_equal(read_world(tmp_path / name).T, WORLD.T)
 
-    def test_world_json_is_read_back_exactly(self, tmp_path: Path) -> None:
-        frame = WorldFrame(WORLD, "plumb", {"vertical_deg": 0.1}, "Found.", ("a note",))
-        rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {"sha256": "ab"})
-        content = write_world(frame, rig)
-        (tmp_path / "w.json").write_bytes(content)
-        read = read_world(tmp_path / "w.json")
-        np.testing.assert_array_equal(np.column_stack([read.R, read.T]), self.table[:3])
-        data = json.loads(content)
-        assert data["format"] == WORLD_FORMAT
-        assert data["world_from_primary"] == self.table.tolist()
-        assert data["source"] == "plumb"
-        assert data["uncertainty"] == {"vertical_deg": 0.1}
-        assert data["name"] == name_of_world(read)
+def test_tables_and_world_json_are_read_exactly(tmp_path: Path) -> None:
+    frame = WorldFrame(WORLD, "plumb", {"vertical_deg": 0.1}, "Found.", ("a note",))
+    rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {"sha256": "ab"})
+    content = write_world(frame, rig)
+    csv = "\n".join(",".join(map(repr, row)) for row in TABLE.tolist())
+    files = {"w.json": content, "t.json": json.dumps(TABLE.tolist()), "t.csv": csv}
+    for name, text in files.items():
+        (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+        read = read_world(tmp_path / name)
+        np.testing.assert_array_equal(np.column_stack([read.R, read.T]), TABLE[:3])
+    data = json.loads(content)
+    assert (data["format"], data["source"]) == (WORLD_FORMAT, "plumb")
+    assert data["world_from_primary"] == TABLE.tolist()
+    assert data["uncertainty"] == {"vertical_deg": 0.1}
+    assert data["name"] == name_of_world(read)
 
 
 SURVEY = (

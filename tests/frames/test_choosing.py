@@ -28,10 +28,9 @@ def among(boards: FloatArray, doubts: tuple[str, ...] = ()) -> Detection:
 
 def seen(points: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Pixels (m, 2) of points in both cameras, with noise."""
-    first, second = (
-        image + NOISE_PX * rng.normal(size=image.shape) for image in rig.images(points)
-    )
-    return first, second
+    first, second = rig.images(points)
+    noise = NOISE_PX * rng.normal(size=(2, *first.shape))
+    return first + noise[0], second + noise[1]
 
 
 def sure_frames(frames: int = 20, seed: int = 7) -> tuple[FloatArray, FloatArray]:
@@ -81,24 +80,19 @@ def right_choices(
 
 @pytest.mark.parametrize(
     ("kind", "least", "most"),
-    [
-        ("elsewhere", 88, 100),
-        ("on the line", 70, 100),
-        ("as far as the bar", 0, 0),
-        ("hidden", 0, 0),
-    ],
+    [("elsewhere", 40, 50), ("on the line", 32, 50), ("as far as the bar", 0, 0), ("hidden", 0, 0)],
 )
 def test_what_the_others_decide_is_right(kind: str, least: int, most: int) -> None:
-    """100 frames with a third board that moves and both cameras see, each after 20 sure ones.
+    """50 frames with a third board that moves and both cameras see, each after 20 sure ones.
 
-    Measured: 93 and 77 decided; in the others nothing tells which two are the bar's: the third is
+    Measured: 93 and 77 % decided; in the others nothing tells which two are the bar's: the third is
     as far from A as B is, or the secondary hides B. Over 12 seeds with 8 or 20 sure frames, 3,840
     frames in all, none was decided wrongly.
     """
     _, sure = sure_frames()
     rng = np.random.default_rng(11)
     boards = []
-    for ends in rig.bar_ends(100, seed=8).reshape(-1, 2, 3):
+    for ends in rig.bar_ends(50, seed=8).reshape(-1, 2, 3):
         first, second = seen(np.vstack([ends, third_board(kind, ends, rng)]), rng)
         boards.append((first, second[[0, 2]] if kind == "hidden" else second))
     decided = right_choices(sure, boards)

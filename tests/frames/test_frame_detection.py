@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,11 +14,13 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.detection.detect import Detection, detect_targets
+from stereocal.detection.target import BAR, Target
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
+from stereocal.rig.camera import Camera
 from tests.bar_photographs import bar_set, write
 
 BARS = bar_set(7)
@@ -25,24 +28,28 @@ CAMERAS = (BARS.rig.primary, BARS.rig.secondary)
 FILES = BARS.files()
 
 
-@pytest.fixture
-def pool() -> Iterator[ThreadPoolExecutor]:
-    with ThreadPoolExecutor(2) as executor:
-        yield executor
-
-
 def detect(
     files: dict[str, bytes],
     folder: Path,
-    pool: ThreadPoolExecutor,
+    cameras: tuple[Camera, Camera] = CAMERAS,
+    target: Target = BAR,
     cancelled: Callable[[], bool] = lambda: False,
+    names: Iterable[str] = FILES,
 ) -> list[Frame] | None:
+    """The frames of photographs, which are looked for by their names."""
     write(files, folder)
     photographs = {name: folder / name for name in files}
-    pairs = pair_names(FILES).pairs
-    return detect_frames(
-        pairs, photographs, CAMERAS, pool, lambda _: None, lambda *_: None, cancelled
-    )
+    with ThreadPoolExecutor(2) as pool:
+        return detect_frames(
+            pair_names(names).pairs,
+            photographs,
+            cameras,
+            pool,
+            lambda _: None,
+            lambda *_: None,
+            cancelled,
+            target=target,
+        )
 
 
 def png(image: np.ndarray) -> bytes:
@@ -54,8 +61,8 @@ def away(frame: Frame, camera: int, truth: np.ndarray, swap: bool) -> float:
     return float(np.linalg.norm(found - (truth[::-1] if swap else truth), axis=1).max())
 
 
-def test_found_where_they_are_and_labelled_alike(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
-    frames = detect(FILES, tmp_path, pool)
+def test_found_where_they_are_and_labelled_alike(tmp_path: Path) -> None:
+    frames = detect(FILES, tmp_path)
     assert frames is not None
     for frame, pair in zip(frames, BARS.pairs, strict=True):
         assert (frame.frame, frame.state, frame.use) == (pair.frame, "found", True)
@@ -65,7 +72,7 @@ def test_found_where_they_are_and_labelled_alike(tmp_path: Path, pool: ThreadPoo
         assert min(map(max, errors)) < 0.05
 
 
-def test_what_is_bad_refuses_its_own_frame(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
+def test_what_is_bad_refuses_its_own_frame(tmp_path: Path) -> None:
     height, width = BARS.pairs[0].primary.shape
     hidden = BARS.pairs[6].secondary.copy()
     u, v = BARS.pairs[6].centres_secondary[0].astype(int)
@@ -79,7 +86,7 @@ def test_what_is_bad_refuses_its_own_frame(tmp_path: Path, pool: ThreadPoolExecu
         "secondary/right7.png": png(hidden),
     }
     del bad["primary/left6.png"]
-    frames = detect(bad, tmp_path, pool)
+    frames = detect(bad, tmp_path)
     assert frames is not None
     assert [frame.state for frame in frames] == ["refused"] * 7
     assert not any(frame.use for frame in frames)
@@ -94,14 +101,14 @@ def test_what_is_bad_refuses_its_own_frame(tmp_path: Path, pool: ThreadPoolExecu
     assert frames[6].centres[0][0] is not None and frames[6].centres[1] == (None, None)
 
 
-def test_cancelled(tmp_path: Path, pool: ThreadPoolExecutor) -> None:
+def test_cancelled(tmp_path: Path) -> None:
     asked = threading.Event()
 
     def cancelled() -> bool:
         asked.set()
         return True
 
-    assert detect(FILES, tmp_path, pool, cancelled) is None
+    assert detect(FILES, tmp_path, cancelled=cancelled) is None
     assert asked.is_set()
 
 
@@ -116,23 +123,23 @@ def test_a_compiled_search_finds_the_drawn_boards() -> None:
     assert seen[0].targets is not None
 
 
-def test_photographs_to_parameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    survey, out = tmp_path / "survey", str(tmp_path / "out")
-    write(FILES, survey)
-    for name, camera in zip(("primary", "secondary"), CAMERAS, strict=True):
-        (survey / f"{name}.json").write_bytes(write_camera(camera))
-    (survey / "dataset.json").write_text(
-        '{"format": "stereocal-dataset/1", "baseline_m": 2, "target_distance_m": 0.9, '
-        '"cameras": {"primary": "primary.json", "secondary": "secondary.json"}}'
-    )
-    assert main(["calibrate", str(survey), "--out", out]) == 2
-    said = capsys.readouterr().err
-    assert "photographs and no correspondences.csv yet; find the targets" in said
-    assert main(["detect", str(survey), "--out", str(survey / "correspondences.csv")]) == 0
+def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = dict(zip(("primary.json", "secondary.json"), map(write_camera, CAMERAS), strict=True))
+    description = {
+        "format": "stereocal-dataset/1",
+        "baseline_m": 2,
+        "target_distance_m": 0.9,
+        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
+    }
+    write(FILES | files | {"dataset.json": json.dumps(description).encode()}, tmp_path)
+    out = tmp_path / "correspondences.csv"
+    assert main(["detect", str(tmp_path), "--out", str(out)]) == 0
     said = capsys.readouterr().err
     assert "14 photographs. 7 pairs by name" in said
     assert "frame 7: found, sigma at most 0.0" in said
     assert "7 frames: 7 found, 0 doubtful, 0 refused" in said
-    rows = read_table((survey / "correspondences.csv").read_bytes(), "t").strict("t")
+    rows = read_table(out.read_bytes(), "t").strict("t")
     assert len(rows) == 14 and rows.has_sigmas and (rows.source == 0).all()
-    assert main(["calibrate", str(survey), "--out", out]) == 0
+    out.unlink()
+    assert main(["detect", str(tmp_path), "--target", "tag:3", "--out", str(out)]) == 2
+    assert "tags:4X4_50:3,7" in capsys.readouterr().err and not out.exists()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.formats.correspondences_csv import read_table, write_table
@@ -47,6 +47,7 @@ frames = st.builds(
 
 
 @given(st.lists(frames, max_size=5))
+@settings(max_examples=30)
 def test_there_and_back(given_frames: list[Frame]) -> None:
     assert unpack_frames(pack_frames(given_frames)) == given_frames
 

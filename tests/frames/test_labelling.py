@@ -51,8 +51,7 @@ def agree(labelling: list[FrameLabels], *both: npt.NDArray[np.float64]) -> list[
     ]
 
 
-@pytest.mark.parametrize("wrong", [0.0, 0.2, 0.5, 1.0])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("wrong", "seed"), [(0.0, 0), (0.2, 1), (0.5, 0), (0.5, 1), (1.0, 0)])
 def test_any_share_of_exchanged_labels_is_put_right(wrong: float, seed: int) -> None:
     primary, secondary = bars()
     exchanged = np.random.default_rng(seed).permutation(FRAMES) < wrong * FRAMES

@@ -3,54 +3,39 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from stereocal.cli import main
 from stereocal.detection.balls import choose
 from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, Tags, Target, parse_target
-from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import EXCHANGED, frames_of, without_still
-from stereocal.frames.pairing import Pair, pair_names
-from stereocal.frames.search import detect_frames
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.frames.pairing import Pair
+from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.resources import ROOT
 from tests.ball_bars import CAMERA as BALL_CAMERA
 from tests.ball_bars import COLOURS, ball_bars
-from tests.bar_photographs import write
+from tests.frames.test_frame_detection import detect
 from tests.tagged_bars import BAR_M, CAMERA, IDS, RIG, tagged_bars
 
 FILES, TRUTH = tagged_bars(8)
-TAGS = "tags:4X4_50:3,7"
 TARGET = Tags("4X4_50", IDS)
 
 
-def detect(
+def found_frames(
     files: dict[str, bytes], folder: Path, target: Target = TARGET, camera: Camera = CAMERA
 ) -> list[Frame]:
-    write(files, folder)
-    with ThreadPoolExecutor(2) as pool:
-        found = detect_frames(
-            pair_names(files).pairs,
-            {name: folder / name for name in files},
-            (camera, camera),
-            pool,
-            lambda _: None,
-            lambda *_: None,
-            target=target,
-        )
-    assert found is not None
-    return found
+    frames = detect(files, folder, (camera, camera), target, names=files)
+    assert frames is not None
+    return frames
 
 
 def test_tags_are_found_and_named(tmp_path: Path) -> None:
-    for frame in detect(FILES, tmp_path):
+    for frame in found_frames(FILES, tmp_path):
         assert frame.state == "found" and frame.use, frame.reason
         for name, centres in zip(frame.files, frame.centres, strict=True):
             found = np.array([(c.u, c.v) for c in centres if c])
@@ -60,7 +45,7 @@ def test_tags_are_found_and_named(tmp_path: Path) -> None:
 
 def test_what_does_not_fit_the_others_is_doubtful(tmp_path: Path) -> None:
     other = {"primary/0002.png": FILES["primary/0003.png"]}
-    mirrored = detect(FILES | other | {"secondary/0004.png": b"a text"}, tmp_path)
+    mirrored = found_frames(FILES | other | {"secondary/0004.png": b"a text"}, tmp_path)
     states = {frame.frame: frame.state for frame in mirrored}
     assert states[2] == "doubtful" and states[4] == "refused"
     assert [states[k] for k in (1, 3, 5, 6, 7, 8)] == ["found"] * 6
@@ -96,35 +81,16 @@ def test_one_target_in_both_photographs_is_kept_for_the_user() -> None:
     assert [frame.state for frame in frames[2:5]] == ["doubtful", "found", "refused"]
 
 
-def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    description = {
-        "format": "stereocal-dataset/1",
-        "name": "tags",
-        "baseline_m": RIG.pose.baseline,
-        "target_distance_m": BAR_M,
-        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
-    }
-    cameras = {f"{which}.json": write_camera(CAMERA) for which in CAMERAS}
-    write(FILES | cameras | {"dataset.json": json.dumps(description).encode()}, tmp_path)
-    out = tmp_path / "correspondences.csv"
-    assert main(["detect", str(tmp_path), "--target", TAGS, "--out", str(out)]) == 0
-    table = read_table(out.read_bytes(), out.name).correspondences
-    assert len(table) == 16 and table.sigma_primary_px is not None
-    out.unlink()
-    assert main(["detect", str(tmp_path), "--target", "tag:3", "--out", str(out)]) == 2
-    assert "tags:4X4_50:3,7" in capsys.readouterr().err and not out.exists()
-
-
 def test_balls_are_found_among_clutter(tmp_path: Path) -> None:
-    files, truth = ball_bars(12)
-    frames = detect(files, tmp_path, parse_target(COLOURS), BALL_CAMERA)
+    files, truth = ball_bars(6, 7)
+    frames = found_frames(files, tmp_path, parse_target(COLOURS), BALL_CAMERA)
     wrong = 0
     for frame in frames:
         for name, centres in zip(frame.files, frame.centres, strict=True):
             found = np.array([(c.u, c.v) if c else (np.nan, np.nan) for c in centres])
             wrong += frame.use and not np.abs(found - truth[name]).max() < 1.0
     # Measured with 200 pairs (benchmarks/balls.py): 98 % right, none wrong and in use.
-    assert not wrong and sum(frame.use for frame in frames) >= 10
+    assert not wrong and sum(frame.use for frame in frames) >= 5
 
 
 def test_the_sample_is_found_where_it_is_true(tmp_path: Path) -> None:

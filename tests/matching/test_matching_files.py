@@ -15,35 +15,20 @@ from stereocal.matching.matching_files import match_tables
 from stereocal.matching.pairs import PAIR_COLUMNS, PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, reconstruct_table
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
-from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import images
+from tests.matching.test_matching import RIG_2D
+from tests.matching.test_point_noise import seen
 
-RIG_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 FRAMES = 12
 POINTS = 20
 FURTHER = ["bird_primary", "size", "bird_secondary"]
 
 
-def tables(frames: int = FRAMES, points: int = POINTS) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Points of both cameras, shuffled within each frame; `bird` tells which is which."""
-    rng = np.random.default_rng(4)
-    sides: tuple[list[pd.DataFrame], list[pd.DataFrame]] = ([], [])
-    for frame in range(3, 3 + frames):
-        seen = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
-        for side, pixels in zip(sides, seen, strict=True):
-            order = rng.permutation(points)
-            noisy = pixels[order] + 0.1 * rng.standard_normal(pixels.shape)
-            side.append(
-                pd.DataFrame({"frame": frame, "u": noisy[:, 0], "v": noisy[:, 1], "bird": order})
-            )
-    return pd.concat(sides[0], ignore_index=True), pd.concat(sides[1], ignore_index=True)
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two tables and two parameter files."""
-    first, second = tables()
+    first, second = seen(0.1, FRAMES, POINTS, missing=0.0)
     first["size"] = "large"
     first.to_csv(tmp_path / "p.csv", index=False)
     second.to_csv(tmp_path / "s.csv", index=False)
@@ -70,23 +55,22 @@ class TestMatch:
         assert list(pairs) == [*PAIR_COLUMNS, *PAIR_SIGMAS, *FURTHER]
         assert (pairs["bird_primary"] == pairs["bird_secondary"]).mean() > 0.97
         assert len(pairs) > 0.97 * FRAMES * POINTS
-        assert (pairs["error_px"] <= 0.9).all()  # the threshold is 0.86 px
-        assert set(pairs["frame"]) == set(range(3, 3 + FRAMES))
+        assert (pairs["error_px"] <= 0.94).all()  # the threshold is 0.934 px
+        assert set(pairs["frame"]) == set(range(FRAMES))
         given = pd.read_csv(folder / "p.csv").set_index(["frame", "bird"])
         row = pairs.iloc[7]
         assert given.loc[(row["frame"], row["bird_primary"]), "u"] == row["u_primary"]
         printed = capsys.readouterr()
         assert f"{len(pairs)} pairs in {FRAMES} frames at a threshold of" in printed.out
-        assert "Your points scatter by 0.09" in printed.out
+        assert "Your points scatter by 0.104" in printed.out
         assert f"{FRAMES}/{FRAMES} frames" in printed.err
 
-    @pytest.mark.parametrize("rows", [7, 20, 33])
     def test_frames_across_the_blocks_of_reading(
-        self, folder: Path, rows: int, monkeypatch: pytest.MonkeyPatch
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         assert run_match(folder) == 0
         whole = (folder / "pairs.csv").read_text()
-        monkeypatch.setattr(point_table, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(point_table, "BLOCK_ROWS", 33)  # of 20 a frame
         for ending in ("csv", "parquet"):
             assert run_match(folder, ending=ending) == 0
         assert (folder / "pairs.csv").read_text() == whole
@@ -109,8 +93,16 @@ class TestMatch:
     ) -> None:
         assert run_match(folder, parameters="3d") == 0
         printed = capsys.readouterr().out
-        assert "Your points scatter by" in printed
-        assert "This is the 3D set" in printed
+        assert "Your points scatter by" in printed and "This is the 3D set" in printed
+
+    def test_scaled_images_are_noticed(
+        self, folder: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        for path in (folder / "p.csv", folder / "s.csv"):
+            table = pd.read_csv(path)
+            table.assign(u=table["u"] / 4, v=table["v"] / 4).to_csv(path, index=False)
+        assert run_match(folder) == 0
+        assert "were the images scaled down?" in capsys.readouterr().out
 
     def test_cancelled_leaves_nothing(self, folder: Path) -> None:
         sides = [PointTable(folder / f"{side}.csv", ("u", "v")) for side in "ps"]
@@ -159,11 +151,3 @@ class TestReconstruct:
         points = pd.read_csv(folder / "points.csv")
         assert points[OUTSIDE_VOLUME].tolist() == [True, False, True]
         assert points["x"].isna().tolist() == [True, False, False]
-
-
-def test_scaled_images_are_noticed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for path in (folder / "p.csv", folder / "s.csv"):
-        half = pd.read_csv(path)
-        half.assign(u=half["u"] / 4, v=half["v"] / 4).to_csv(path, index=False)
-    assert run_match(folder) == 0
-    assert "were the images scaled down?" in capsys.readouterr().out

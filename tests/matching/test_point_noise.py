@@ -22,15 +22,15 @@ PIXELS = ["u_primary", "v_primary", "u_secondary", "v_secondary"]
 
 
 def seen(
-    noise_px: float, frames: int = 150, points: int = 4, seed: int = 1
+    noise_px: float, frames: int = 150, points: int = 4, missing: float = 0.1
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Points of both cameras, a tenth of them missing; `bird` tells which is which."""
-    rng = np.random.default_rng([seed, round(1000 * noise_px)])
+    """Points of both cameras, shuffled, some of them missing; `bird` tells which is which."""
+    rng = np.random.default_rng([1, round(1000 * noise_px)])
     sides: tuple[list[pd.DataFrame], list[pd.DataFrame]] = ([], [])
     for frame in range(frames):
         both = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
         for side, pixels in zip(sides, both, strict=True):
-            kept = np.flatnonzero(rng.random(points) > 0.1)
+            kept = rng.permutation(points)[rng.random(points) > missing]
             noisy = pixels[kept] + noise_px * rng.standard_normal((len(kept), 2))
             columns = {"frame": frame, "u": noisy[:, 0], "v": noisy[:, 1], "bird": kept}
             side.append(pd.DataFrame(columns))
