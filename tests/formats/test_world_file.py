@@ -27,9 +27,9 @@ def test_tables_and_world_json_are_read_exactly(tmp_path: Path) -> None:
     rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {"sha256": "ab"})
     content = write_world(frame, rig)
     csv = "\n".join(",".join(map(repr, row)) for row in TABLE.tolist())
-    files = {"w.json": content, "t.json": json.dumps(TABLE.tolist()), "t.csv": csv}
-    for name, text in files.items():
-        (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    texts = {"w.json": content.decode(), "t.json": json.dumps(TABLE.tolist()), "t.csv": csv}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
         read = read_world(tmp_path / name)
         np.testing.assert_array_equal(np.column_stack([read.R, read.T]), TABLE[:3])
     data = json.loads(content)

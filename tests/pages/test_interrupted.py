@@ -15,7 +15,7 @@ from stereocal.ui import jobs, validation
 from tests.pages.stored_projects import SLOW, messages, project_of
 from tests.pages.test_pages import open_sample
 from tests.pages.waiting import ended
-from tests.projects.test_checkpoints import same_runs
+from tests.projects.test_checkpoints import bits
 
 STOPPED = "The server stopped while this ran"
 
@@ -88,7 +88,7 @@ def test_it_goes_on_to_the_same_result(
     assert found is not None and found.settings.runs == 40
     dataset = project.dataset
     assert dataset is not None
-    assert same_runs(list(found.runs[0]), evaluate_runs(dataset, found.settings, 0, range(40)))
+    assert bits(list(found.runs[0])) == bits(evaluate_runs(dataset, found.settings, 0, range(40)))
 
 
 def test_a_job_of_another_server_is_shown_and_can_be_stopped(app: AppTest, home: Path) -> None:

@@ -12,14 +12,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.inputs import read_input
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.projects.project import Project
 from tests.projects.test_project import FIELD, filled
 from tests.projects.test_projects import calibrated
-
-
-def packed(project: Project, target: Path) -> Path:
-    pack_project(project, target)
-    return target
 
 
 def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
@@ -28,7 +22,8 @@ def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
     project.keep_settings({"delta": 0.002})
     survey = (FIELD.parent / "world" / "survey.csv").read_bytes()
     ProjectApplication(project).keep_world("survey.csv", survey)
-    path = packed(project, tmp_path / "swifts.zip")
+    path = tmp_path / "swifts.zip"
+    pack_project(project, path)
     with zipfile.ZipFile(path) as archive:
         assert "dataset.json" in archive.namelist()
     there = unpack_project(path, path.name, tmp_path / "there")
@@ -45,7 +40,8 @@ def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
 
 def test_the_command_line_opens_it(tmp_path: Path) -> None:
     project = filled(tmp_path)
-    path = packed(project, tmp_path / "project.zip")
+    path = tmp_path / "project.zip"
+    pack_project(project, path)
     assert read_input(path).sha256 == read_input(FIELD).sha256
     with pytest.raises(StereocalError, match="as a zip"):
         read_input(project.database.path)

@@ -45,8 +45,7 @@ def test_id_is_unguessable_and_nothing_else_opens(tmp_path: Path) -> None:
 def test_missing_parts_are_named_until_complete(tmp_path: Path) -> None:
     project = Project.create(tmp_path)
     assert len(project.inputs.missing) == 5
-    project.give({}, baseline_m=4.5)
-    project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())})
+    project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())}, baseline_m=4.5)
     assert project.inputs.missing == [
         "the table of points",
         "the secondary camera's file",
