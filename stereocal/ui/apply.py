@@ -140,9 +140,9 @@ def _choose_sets(
     for use, place in zip(USES, places, strict=True):
         kept = None if source.is_project else store.set_of(use)
         if answer:
-            chosen, best = set_in_use(source.project, use, answer), answer.recommendation.use[use]
+            chosen = set_in_use(source.project, use, answer)
             titles = {name: METHOD_NAMES[name] for name in answer.sets}
-            titles[best] += " · recommended"
+            titles[answer.recommendation.use[use]] += " · recommended"
             named = titles.__getitem__
             place.selectbox(PURPOSES[use], titles, format_func=named, **chosen.widget())
             found.append(answer.sets[chosen.value()])
@@ -159,12 +159,9 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
         return store.run(work, job.begin, job.progress, lambda: job.cancelled, job.executor)
 
     result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
-    jobs.bring_up_to_date(
-        jobs.Work(project, "apply", STAGES, {"application": work.digest}, run),
-        current=result is not None and result[0].digest == work.digest,
-        short=work.expected_seconds <= INSTANT_S,
-        spinner="Matching and measuring.",
-        label=f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)",
-        key="apply_run",
-        cancelled="Cancelled. What is shown is the last finished result.",
-    )
+    current = result is not None and result[0].digest == work.digest
+    job = jobs.Work(project, "apply", STAGES, {"application": work.digest}, run)
+    label = f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)"
+    short, doing = work.expected_seconds <= INSTANT_S, "Matching and measuring."
+    last = "Cancelled. What is shown is the last finished result."
+    jobs.bring_up_to_date(job, current, short, doing, label, "apply_run", last)

@@ -65,11 +65,11 @@ def show_application(project: Project, store: ProjectApplication, chosen: Chosen
     """
     work = None if chosen is None else chosen.work
     result, tables = store.result, None
+    looks: dict[str, Callable[[], None]] = {}
     if result is not None:
         tables = _show_result(project, store, *result, work)
     elif work is not None:
         st.info("No result yet.")
-    looks: dict[str, Callable[[], None]] = {}
     if tables is not None and result is not None:
         # A length that is known of the points, if they are the bar's.
         known_m = project.inputs.target_distance_m if _are_own(store, result[0]) else None
@@ -296,14 +296,13 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
     with st.container(horizontal=True, vertical_alignment="bottom"):
         view = choose(project, "apply_seen_from", "Seen from", VIEWS)
         with st.popover("Colour, lines"):
-            titles = measured.TITLES
+            titles, named = measured.TITLES, measured.TITLES.__getitem__
             colour: measured.Colour = choose(
-                project, "apply_colour", "Colour", titles, format_func=titles.__getitem__
+                project, "apply_colour", "Colour", titles, format_func=named
             )
             title, ways = "Lines connect points of the same", [NOTHING, *result.track_columns]
-            column: str = choose(
-                project, "apply_tracks", title, ways, usual or NOTHING, as_menu=True
-            )
+            same = usual or NOTHING
+            column = choose(project, "apply_tracks", title, ways, same, as_menu=True)
     tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
     figure = measured.plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
     words = measured.describe_points(points, tracks, outcome.world)

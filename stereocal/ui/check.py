@@ -85,8 +85,7 @@ def choose_inputs(project: Project) -> Chosen | None:
         )
     if found is None or given is None:
         return None
-    rig, parameters = found
-    label, content = given
+    (rig, parameters), (label, content) = found, given
     digest = hashlib.sha256(f"{digest_of(rig)} {label} ".encode() + content).hexdigest()
     images = _images_of(digest, rig, label, content)
     if not images.bars:
@@ -140,30 +139,31 @@ def _choose_parameters(
 def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
     usual, told = Smallest(), "“Same” is reported only if such a {} would have been found."
     degrees = round(float(np.degrees(usual.turn_rad)), 6)
-    field = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0))
-    title = "Turn that matters (°)"
-    turn = field.number_input(title, left, step=0.05, help=told.format("turn"))
-    percent, bounds = 100 * usual.baseline, Number(0.001, 50.0)
-    field = setting(project, "check_baseline_percent", percent, bounds)
+    turn = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0)).number_input(
+        "Turn that matters (°)", left, step=0.05, help=told.format("turn")
+    )
     told = f"{told.format('change of the baseline')} Matched points alone do not show it."
-    change = field.number_input("Baseline change (%)", right, step=0.1, help=told)
+    percent = 100 * usual.baseline
+    change = setting(project, "check_baseline_percent", percent, Number(0.001, 50.0)).number_input(
+        "Baseline change (%)", right, step=0.1, help=told
+    )
     return Smallest(float(np.radians(turn)), change / 100)
 
 
 def show_check(chosen: Chosen) -> None:
     """The answer as a sentence, the errors frame by frame, the repaired parameters."""
-    found, residuals = checked(chosen)
+    found, residuals = _checked(chosen)
     VERDICTS[found.verdict](escape_markdown(sentence(found)))
     since = found.since if found.changed else None
     show_figure(plot_check(residuals, since), describe_check(residuals, since), "check_residuals")
     if found.offers_repair:
-        given, key = chosen.parameters, "download_repaired"
-        sha256 = None if given is None else hashlib.sha256(given).hexdigest()
+        given = chosen.parameters
 
         def repaired() -> str:
+            sha256 = None if given is None else hashlib.sha256(given).hexdigest()
             return repaired_parameters(found, sha256).dumps()
 
-        offer(f"{REPAIRED} · for both", repaired, REPAIRED, key, primary=True)
+        offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired", primary=True)
         st.caption(
             "To match and to measure, until the rig is calibrated again. On the Apply page, give "
             "it as a parameter file."
@@ -177,8 +177,7 @@ def show_check(chosen: Chosen) -> None:
     max_entries=16,
     hash_funcs={Chosen: lambda one: (one.digest, one.images.stated_px, one.smallest)},
 )
-def checked(chosen: Chosen) -> tuple[Recheck, Residuals]:
-    """The check, and the errors frame by frame."""
+def _checked(chosen: Chosen) -> tuple[Recheck, Residuals]:
     found = jobs.compute(recheck, prior_of(chosen.rig), chosen.images, chosen.smallest)
     return found, residuals_of(found)
 

@@ -31,7 +31,7 @@ MIMES = {
 
 def offer(
     label: str,
-    content: bytes | str | Callable[[], bytes | str],
+    content: bytes | str | Callable[[], bytes | str] | None,
     name: str,
     key: str,
     *,
@@ -42,12 +42,18 @@ def offer(
     """A download button.
 
     Args:
-        content: made when the button is pressed, if it is a function.
+        content: made when the button is pressed, if it is a function; None while there is none.
         name: of the file.
         place: where the button stands; None: here.
         button: passed on to `st.download_button`.
     """
+    draw: Any = place or st
+    shown = {"icon": ":material/download:", **button}
+    if content is None:
+        draw.button(label, disabled=True, key=f"no_{key}", **shown)
+        return
     mime = MIMES.get(name.rsplit(".", 1)[-1], "text/plain")
+    kind = "primary" if primary else "secondary"
 
     def data() -> bytes:
         made = content() if callable(content) else content
@@ -55,16 +61,8 @@ def offer(
         _hold(packed, name, mime)
         return packed
 
-    (place or st).download_button(
-        label,
-        data if callable(content) else content,
-        name,
-        mime,
-        key=key,
-        on_click="ignore",
-        type="primary" if primary else "secondary",
-        **{"icon": ":material/download:", **button},
-    )
+    given = data if callable(content) else content
+    draw.download_button(label, given, name, mime, key=key, on_click="ignore", type=kind, **shown)
 
 
 def _hold(content: bytes, name: str, mime: str) -> None:

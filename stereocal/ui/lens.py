@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
+from typing import Any
 
 import streamlit as st
 
@@ -54,12 +55,9 @@ def show_cameras_in_use(project: Project | None) -> None:
                 st.markdown("No lens yet.")
                 continue
             width, height = camera.image_size
-            known = camera.uncertainty
-            sigma = f" ± {rounded(known.fx)}" if known else ""
-            st.markdown(
-                f"{escape_markdown(labels[which])}: fx {camera.K[0, 0]:.2f}{sigma} px, "
-                f"image {width} × {height} px"
-            )
+            sigma = f" ± {rounded(camera.uncertainty.fx)}" if camera.uncertainty else ""
+            said = f"fx {camera.K[0, 0]:.2f}{sigma} px, image {width} × {height} px"
+            st.markdown(f"{escape_markdown(labels[which])}: {said}")
 
 
 def choose_camera(project: Project | None) -> tuple[CameraName, str]:
@@ -68,7 +66,13 @@ def choose_camera(project: Project | None) -> tuple[CameraName, str]:
     shown = partial(choose, place=left, format_func=str.capitalize)
     which: CameraName = shown(project, "lens_camera", "Camera", CAMERAS)
     how: str = choose(project, "lens_how", "I have", (BOARD, FILE), place=right)
-    if how == BOARD and has_sample_photographs() and not (project and _has_boards(project)):
+    has_boards = False
+    if project is not None:
+        try:
+            has_boards = any(ProjectLens(project, each).photographs for each in CAMERAS)
+        except StereocalError:  # reported where they are shown
+            has_boards = True
+    if how == BOARD and has_sample_photographs() and not has_boards:
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
     return which, how
 
@@ -86,13 +90,14 @@ def from_file(project: Project | None, which: CameraName) -> None:
 
 def from_photographs(which: CameraName) -> ProjectLens | None:
     """The uploader, the forms and the calibration; None while there are no photographs."""
-    intake.emptied_uploader(
-        f"Photographs of the board by the {which} camera, or a zip of them",
-        intake.PHOTOGRAPH_KINDS,
-        f"upload_boards_{which}",
-        partial(_take_boards, which),
-        counter=_ROUND,
-    )
+
+    def take(uploads: Sequence[intake.Upload]) -> None:
+        own = ProjectLens(project_to_write(), which)
+        intake.take_photographs(intake.photographs_of(uploads), own)
+
+    title = f"Photographs of the board by the {which} camera, or a zip of them"
+    kinds, key = intake.PHOTOGRAPH_KINDS, f"upload_boards_{which}"
+    intake.emptied_uploader(title, kinds, key, take, counter=_ROUND)
     project, work = current_project(), None
     if project is None:
         return None
@@ -104,25 +109,19 @@ def from_photographs(which: CameraName) -> ProjectLens | None:
             return None
         left, right = st.columns([3, 1], vertical_alignment="center")
         left.markdown(f"Of the {which} camera: {count(len(photographs), 'photograph')}.")
-        right.button("Remove them", on_click=clear, key=key)
+        right.button("Remove them", key, on_click=clear)
         with ErrorsShown():
-            work = _act(store, board_form(project), lens_form(project))
+            work = _act(store, board_form(project), _lens_form(project))
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove them", on_click=clear, key=key)
+        st.button("Remove them", key, on_click=clear)
         return None
     last = "Cancelled. What is shown is the last finished lens."
     jobs.show_job(project, JOB_KINDS[which], last, work)
     return store
 
 
-def _take_boards(which: CameraName, uploads: Sequence[intake.Upload]) -> None:
-    store = ProjectLens(project_to_write(), which)
-    intake.take_photographs(intake.photographs_of(uploads), store)
-
-
-def lens_form(project: Project) -> LensSettings:
-    """The form of the calibration's settings, in an expander."""
+def _lens_form(project: Project) -> LensSettings:
     settings = descriptions(LensSettings)
     fields = {name: field_of(project, f"lens_{name}", about) for name, about in settings.items()}
     held = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
@@ -139,19 +138,15 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
     """The photographs to leave out, and the press; returns what it begins."""
     search, lens = readable(lambda: store.search), readable(lambda: store.calibration)
     leave_out: list[str] = []
-    ready = search is not None and search.pattern == pattern
-    current = False
+    ready, current = search is not None and search.pattern == pattern, False
     if search is not None and ready:
         names = [view.name for view in search.views]
         chosen = setting(store.project, f"leave_out_{store.which}", [], some_of(names)).widget()
         title = "Photographs to leave out"
         leave_out = st.multiselect(title, names, placeholder="none", **chosen)
-        left = [view.name for view in search.without(leave_out).views]
-        current = (
-            lens is not None
-            and lens.settings == settings
-            and left == [view.name for view in lens.search.views]
-        )
+        left = [name for name in names if name not in leave_out]
+        made_with = lens and (lens.settings, [view.name for view in lens.search.views])
+        current = made_with == (settings, left)
     kind = JOB_KINDS[store.which]
     about = {
         "photographs": {name: path.name for name, path in store.photographs.items()},
@@ -198,18 +193,10 @@ def _calibrate(
 
 
 def _clear(store: ProjectLens) -> None:
-    jobs.discard(
-        store.project, JOB_KINDS[store.which]
-    )  # first: a running job needs the photographs
+    # First: a running job needs the photographs.
+    jobs.discard(store.project, JOB_KINDS[store.which])
     store.clear()
     st.session_state[_ROUND] += 1
-
-
-def _has_boards(project: Project) -> bool:
-    try:
-        return any(ProjectLens(project, which).photographs for which in CAMERAS)
-    except StereocalError:  # reported where they are shown
-        return True
 
 
 @st.cache_data(show_spinner=False, max_entries=8)
@@ -236,19 +223,16 @@ def show_lens(store: ProjectLens) -> None:
     if text := quality.hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)
-    results, without = f"The {lens.settings.repeats} results", "Without distortion"
+    results, each, leaves, without = (
+        f"The {lens.settings.repeats} results",
+        "Photograph by photograph",
+        "What the lens leaves",
+        "Without distortion",
+    )
     views = {
         results: (figures.plot_draws, figures.describe_draws, "draws"),
-        "Photograph by photograph": (
-            figures.plot_view_errors,
-            figures.describe_view_errors,
-            "view_errors",
-        ),
-        "What the lens leaves": (
-            figures.plot_residual_field,
-            figures.describe_residual_field,
-            "residual_field",
-        ),
+        each: (figures.plot_view_errors, figures.describe_view_errors, "view_errors"),
+        leaves: (figures.plot_residual_field, figures.describe_residual_field, "residual_field"),
     }
     view = choose(store.project, "lens_view", "Look at", [*views, without])
     if view == without:
@@ -275,18 +259,12 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
         key=f"use_lens_{store.which}",
         icon=":material/check:" if used else None,
     )
-    for label, content, suffix, kind, place, text in (
-        ("camera.json", write_camera(lens.camera, files.about(lens)), "json", "json", ours, "With"),
-        ("OpenCV YAML", write_opencv_camera(lens.camera), "yml", "yaml", opencv, "Without"),
-    ):
-        offer(
-            f"Download {label}",
-            content,
-            f"{store.which}.{suffix}",
-            f"lens_{kind}_{store.which}",
-            place=place,
-            help=f"{text} the standard errors.",
-        )
+    name, content = f"{store.which}.json", write_camera(lens.camera, files.about(lens))
+    shown: dict[str, Any] = {"place": ours, "help": "With the standard errors."}
+    offer("Download camera.json", content, name, f"lens_json_{store.which}", **shown)
+    name, content = f"{store.which}.yml", write_opencv_camera(lens.camera)
+    shown = {"place": opencv, "help": "Without the standard errors."}
+    offer("Download OpenCV YAML", content, name, f"lens_yaml_{store.which}", **shown)
 
 
 def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:

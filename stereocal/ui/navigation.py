@@ -28,8 +28,6 @@ from stereocal.ui.page_states import page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
 
-_ORDER = [name for name in TITLES if name != "help"]
-
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
 button:focus-visible, a:focus-visible, summary:focus-visible {
@@ -135,8 +133,8 @@ def _take_focus(page: StreamlitPage) -> None:
 
 def _show_next(page: StreamlitPage) -> None:
     """The button to the next page; none on Start, which has its own, and on the last page."""
-    name = OTHER_ADDRESSES.get(page.url_path, page.url_path)
-    following = dict(pairwise(_ORDER)).get(name)
+    order = [name for name in TITLES if name != "help"]
+    following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     if following is not None:
         label, on = f"Next: {TITLES[following]}", partial(go_to, following, True)
         icon = ":material/arrow_forward:"
@@ -170,24 +168,21 @@ class WarmUp:
 
     def run(self) -> None:
         """Delete old projects, compile, and delete old projects every hour."""
-        _sweep()
-        try:
-            compile_all(self._count)
-        except Exception:  # reported again where the function is used
-            _LOG.exception("The server could not compile everything ahead.")
-        self.over = True
+
+        def count(done: int, total: int) -> None:
+            self.done, self.total = done, total
+
         while True:
+            with suppress(StereocalError, OSError):  # as on a read-only disk: until the next time
+                settings = ServerSettings.from_environment()
+                sweep(default_home(), settings.undo_days, settings.keep_days)
+            if not self.over:
+                try:
+                    compile_all(count)
+                except Exception:  # reported again where the function is used
+                    _LOG.exception("The server could not compile everything ahead.")
+                self.over = True
             time.sleep(SWEEP_EVERY_S)
-            _sweep()
-
-    def _count(self, done: int, total: int) -> None:
-        self.done, self.total = done, total
-
-
-def _sweep() -> None:
-    with suppress(StereocalError, OSError):  # as on a read-only disk: until the next time
-        settings = ServerSettings.from_environment()
-        sweep(default_home(), settings.undo_days, settings.keep_days)
 
 
 @st.cache_resource(show_spinner=False)

@@ -73,7 +73,11 @@ def show_page() -> None:
     if answer is None:
         found = replace(refined.calibrated(dataset, protocol.calibration), refined=result)
         answer = refined.answer_for(found, settings, None)
-    _show_verdict(answer)
+    show_recommendation(answer)
+    if outlook := answer.outlook:
+        own, check = outlook.verdict.figures, outlook.check
+        lines = [own, check.text if check and check.holds else "", outlook.advice]
+        st.caption(escape_markdown("\n\n".join(filter(None, lines))))
     place = st.container()
     _show_download(project, answer, calibrated_now)
     st.header("What disagrees", divider="gray")
@@ -90,16 +94,6 @@ def show_page() -> None:
     views[choose(project, "one_set_view", "Look at", views)]()
     with place:  # last, because the trials take the processor from the rest of the page
         _show_seeds(answer)
-
-
-def _show_verdict(answer: Answer) -> None:
-    show_recommendation(answer)
-    outlook = answer.outlook
-    if outlook is None:
-        return
-    check = outlook.check
-    lines = [outlook.verdict.figures, check.text if check and check.holds else "", outlook.advice]
-    st.caption(escape_markdown("\n\n".join(filter(None, lines))))
 
 
 def _show_disagreement(inputs: list[Input]) -> None:
@@ -145,13 +139,12 @@ def _wait_for_seeds(tried: Future[str]) -> None:
 
 
 def _show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
+    left_out = result.outlying_frames
     if screening.left_out:
         st.warning(escape_markdown(left_out_line(screening)))
-    left_out = result.outlying_frames
-    if not left_out and screening.left_out:
-        return
-    if not left_out:
+    elif not left_out:
         st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
+    if not left_out:
         return
     # Those that only the refined set left out.
     named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
@@ -189,9 +182,8 @@ def _show_trade_off(
     words = one_set.describe_trade_off(curves, costs)
     show_figure(one_set.plot_trade_off(curves, costs, chosen), words, "trade_off")
     own = chosen.parameters(dataset)
-    fcp, median = figures_of_set(
-        count_set(replace(dataset, primary=own.primary, secondary=own.secondary), own.pose)
-    )
+    seen = replace(dataset, primary=own.primary, secondary=own.secondary)
+    fcp, median = figures_of_set(count_set(seen, own.pose))
     st.markdown(
         f"At the slider's point: wrong pairs that look right (FCP) **{percent(fcp)} %**, 3D error "
         f"(median) **{percent(median)} %**, on the frames it was fitted to."

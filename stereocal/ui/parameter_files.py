@@ -86,13 +86,12 @@ def parameter_downloads(answer: Answer | None) -> None:
     """A download button for each file; those to use stand out. None: buttons without files yet."""
     with st.container(horizontal=True):
         for method, (name, purpose) in FILES.items():
-            label = f"{name} · {purpose}"
+            label, key = f"{name} · {purpose}", f"download_{method}"
             if answer is None:
-                key = f"no_download_{method}"
-                st.button(label, disabled=True, icon=":material/download:", key=key)
+                offer(label, None, name, key)
             elif method in answer.sets:
-                content, to_use = answer.sets[method].dumps, answer.recommendation.use.values()
-                offer(label, content, name, f"download_{method}", primary=method in to_use)
+                to_use = method in answer.recommendation.use.values()
+                offer(label, answer.sets[method].dumps, name, key, primary=to_use)
 
 
 def other_formats(project: Project, answer: Answer) -> None:

@@ -48,21 +48,20 @@ def _forecasts() -> Latest[PlanForecast]:
     return Latest(KEPT_FORECASTS)
 
 
-def forecast_of(plan: Plan) -> PlanForecast:
-    """The forecast of a plan, with progress where it takes long."""
-    key = write_plan(plan).decode()
-    found = _forecasts().get(key)
-    if found is None:
-        place = st.empty()
+def _forecast_of(plan: Plan) -> PlanForecast:
+    """With progress where it takes long."""
+    place = st.empty()
 
-        def show(done: int, total: int) -> None:
-            if plan.frames > INSTANT_FRAMES:
-                place.progress(done / total, f"{done} of {total} rigs drawn and calibrated.")
+    def show(done: int, total: int) -> None:
+        if plan.frames > INSTANT_FRAMES:
+            place.progress(done / total, f"{done} of {total} rigs drawn and calibrated.")
 
+    def make() -> PlanForecast:
         show(0, 1)
-        found = forecast(plan, pool(), progress=show)
-        place.empty()
-        _forecasts().keep(key, found)
+        return forecast(plan, pool(), progress=show)
+
+    found = _forecasts().once(write_plan(plan).decode(), make)
+    place.empty()
     return found
 
 
@@ -96,7 +95,7 @@ def open_plan(project: Project | None) -> None:
 
 def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
-    found = forecast_of(plan)
+    found = _forecast_of(plan)
     st.success(f"**{escape_markdown(answer(found))}**")
     if found.rigs.failed:
         st.warning(
@@ -111,7 +110,7 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
     others = []
     for text in _compared(project).value():
         with suppress(StereocalError):  # of an older version
-            others.append(forecast_of(parse_plan(text.encode(), "plan", str.encode)))
+            others.append(_forecast_of(parse_plan(text.encode(), "plan", str.encode)))
     plans = [found, *others]
     left, right = st.columns(2, gap="medium")
     with left:
@@ -124,15 +123,12 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         show_figure(figures.plot_plan_baselines(found), words, "plan_baselines")
     _compare(project, found, others)
     with st.container(horizontal=True):
-        st.button(
-            "Start a project from it",
-            type="primary",
-            key="plan_start",
-            on_click=_start_project,
-            args=(found,),
-            help="A new project with these cameras and uncertainties, and with these lengths until "
-            "they are measured. The forecast is then shown beside the result.",
+        begin = partial(_start_project, found)
+        told = (
+            "A new project with these cameras and uncertainties, and with these lengths until they "
+            "are measured. The forecast is then shown beside the result."
         )
+        st.button("Start a project from it", "plan_start", told, begin, type="primary")
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
         offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")
         report = partial(figures.plan_report, found)
@@ -200,13 +196,11 @@ def _start_project(found: PlanForecast) -> None:
     """Create a project as the plan states it, and open its Data page (a callback)."""
     project = Project.create(default_home())
     plan, own = found.plan, found.plan.uncertainty
-    files: dict[Slot, tuple[str, bytes]] = {}
-    known = {}
-    stated = (plan.stated_primary, plan.stated_secondary)
-    for which, camera in zip(CAMERAS, stated, strict=True):
-        if isinstance(camera, Camera):
-            files[which] = (f"{which}.json", write_camera(camera))
-            known[which] = [own.focal, own.centre_px]
+    files: dict[Slot, tuple[str, bytes]] = {
+        which: (f"{which}.json", write_camera(camera))
+        for which, camera in zip(CAMERAS, (plan.stated_primary, plan.stated_secondary), strict=True)
+        if isinstance(camera, Camera)
+    }
     project.give(
         files,
         name=plan.name,
@@ -215,7 +209,7 @@ def _start_project(found: PlanForecast) -> None:
         planned=list(LENGTHS),
         baseline_sigma_m=own.baseline_m or None,
         target_distance_sigma_m=own.bar_m or None,
-        lens_known=known,
+        lens_known={which: [own.focal, own.centre_px] for which in files},
     )
     project.keep_settings({PLAN: write_plan(plan).decode(), FORECAST: found.to_json()})
     show_plan(project, plan)
@@ -232,8 +226,5 @@ def show_planned(project: Project) -> None:
             for method, title in (("2d", "2D"), ("3d", "3D"), ("refined", "refined"))
             for own in (kept["methods"][method]["median_error_3d"],)
         ]
-        line = (
-            f"The plan expected these median length errors: {', '.join(methods)}; 95 % of field "
-            "days are within the brackets."
-        )
-        st.caption(escape_markdown(line))
+        expected = f"The plan expected these median length errors: {', '.join(methods)}"
+        st.caption(escape_markdown(f"{expected}; 95 % of field days are within the brackets."))

@@ -41,6 +41,7 @@ MM = Number(SMALLEST_MM, LARGEST_MM)
 TOE_IN_DEG = (-10.0, 60.0)
 LONGEST_NAME = 200
 TOE_IN, HIGHER = "Each camera turned in by (°)", "Secondary higher by (m)"
+CENTRES = "Image centres, ± px"
 BAR, NOISE = "Bar: distance of the two targets (m)", "Noise of a target in the image (px)"
 NOISES = "0.1 to 0.3 px for detected targets; 1 px or more for clicked points."
 Stated = Camera | SensorLens
@@ -72,9 +73,7 @@ _NUMBERS = {
     "frames": _Control("frames", "Frames of the bar", 25, Number(1), FRAMES),
     "noise_px": _Control("noise_px", NOISE, 0.2, Number(0.0, 20.0), step=0.05, help=NOISES),
     "focal_percent": _Control("uncertainty.focal", "Focal lengths, ± %", USUAL.focal, scale=100),
-    "centre_px": _Control(
-        "uncertainty.centre_px", "Image centres, ± px", USUAL.centre_px, step=1.0
-    ),
+    "centre_px": _Control("uncertainty.centre_px", CENTRES, USUAL.centre_px, step=1.0),
     "baseline_mm": _Control(
         "uncertainty.baseline_m", "Baseline, ± mm", USUAL.baseline_m, scale=1000, step=1.0
     ),
@@ -205,9 +204,8 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
     if chosen == FILE:
         with right:
             return _from_file(project, which)
-    focal = _focal(project, which, chosen).number_input(
-        "Focal length (mm)", right, step=1.0, help="The lens's own, not the 35 mm equivalent."
-    )
+    own, told = _focal(project, which, chosen), "The lens's own, not the 35 mm equivalent."
+    focal = own.number_input("Focal length (mm)", right, step=1.0, help=told)
     if chosen != OTHER:
         return COMMON[chosen].lens(focal)
     width, height, across, down = (
@@ -240,9 +238,8 @@ def _pose(project: Project | None) -> Pose | AimedPose:
     if stated.value() is not None:
         pose = _pose_of(stated.value())
         left, right = st.columns([3, 2], vertical_alignment="center")
-        left.markdown(
-            f"Pose of the cameras: R and T of the plan, baseline {rounded(pose.baseline, 4)} m."
-        )
+        baseline = f"baseline {rounded(pose.baseline, 4)} m"
+        left.markdown(f"Pose of the cameras: R and T of the plan, {baseline}.")
         aim = callback(partial(stated.set, None))
         right.button("State baseline and toe-in instead", key="plan_aim", on_click=aim)
         return pose

@@ -22,7 +22,7 @@ from stereocal.ui import jobs
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import is_long
-from stereocal.ui.validation import INSTANT, digests_of, evaluated, kept_protocol
+from stereocal.ui.validation import digests_of, evaluated, is_short, kept_protocol
 from stereocal.workflow import calibrate
 
 KIND: jobs.Kind = "calibration"
@@ -47,7 +47,7 @@ class Press:
 
     @cached_property
     def work(self) -> jobs.Work:
-        """The work of a press with these inputs and settings."""
+        """As a job."""
         large, given = is_long(self.dataset), [self.settings.to_json(), self.protocol.to_json()]
 
         def run(job: jobs.Job) -> bool:
@@ -77,12 +77,11 @@ class Press:
         if is_long(self.dataset):
             jobs.start(self.work)
             return
-        runs, frames = self.protocol.runs, len(self.dataset.correspondences.frames)
         with st.spinner("Calibrating."):
             self._calibrate()
-        if frames < FEWEST_TO_VALIDATE:
+        if len(self.dataset.correspondences.frames) < FEWEST_TO_VALIDATE:
             self._conclude()
-        elif errors_first or runs * frames / 25 > INSTANT:
+        elif errors_first or not is_short([self.dataset], self.protocol):
             jobs.start(self.work)
         else:
             shown = ErrorsShown(lambda why: st.info(f"Not validated: {why}"))

@@ -22,7 +22,7 @@ from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Number, choose, setting
+from stereocal.ui.fields import Field, Number, choose, setting
 from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, corner_fields, held_kind, held_tags
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.texts import escape_markdown
@@ -73,7 +73,8 @@ def _board(project: Project | None) -> None:
 def _bar(project: Project | None, focal_px: float | None) -> None:
     left, right = st.columns(2)
     named = _paper(project, left, "targets")
-    side_mm = _size(project, right, "Side of a target (mm)", "print_side_mm", 180.0)
+    own = setting(project, "print_side_mm", 180.0, SIDE_MM)
+    side_mm = _size(right, "Side of a target (mm)", own)
     seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
     _sheet(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
 
@@ -81,7 +82,8 @@ def _bar(project: Project | None, focal_px: float | None) -> None:
 def _tags(project: Project | None) -> None:
     paper, side, tags = st.columns(3)
     named = _paper(project, paper, "tags")
-    side_mm = _size(project, side, "Side of a black square (mm)", "print_tag_mm", 80.0)
+    own = setting(project, "print_tag_mm", 80.0, SIDE_MM)
+    side_mm = _size(side, "Side of a black square (mm)", own)
     text = tags.text_input(TAGS_TITLE, **held_tags(project, "print_tags").widget())
 
     def sheet() -> Sheet:
@@ -92,16 +94,7 @@ def _tags(project: Project | None) -> None:
     _sheet(sheet, "tags")
 
 
-def _size(
-    project: Project | None,
-    place: DeltaGenerator,
-    title: str,
-    key: str,
-    usual: float,
-    bounds: Number = SIDE_MM,
-    help_: str | None = None,
-) -> float:
-    own = setting(project, key, usual, bounds)
+def _size(place: DeltaGenerator, title: str, own: Field, help_: str | None = None) -> float:
     size: float = own.number_input(title, place, step=5.0, format="%.10g", help=help_)
     return size
 
@@ -113,7 +106,8 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
         named = _paper(project, left, "targets")
         title = "Width in the image at the far end (px)"
         tilted = "50 px are located well, also tilted; 20 px are the least."
-        least_px = _size(project, right, title, "print_px", GOOD_PX, Number(*DETECTED_PX), tilted)
+        own = setting(project, "print_px", GOOD_PX, Number(*DETECTED_PX))
+        least_px = _size(right, title, own, tilted)
         size = planned_target(plan, least_px)
         _sheet(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 

@@ -64,8 +64,12 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
         show_recommendation(answer)
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
-    screening.show_left_out(project, found, partial(look_at_frame, project, found))
-    _show_tiles(answer)
+    screening.show_left_out(project, found, partial(_look_at_frame, project, found))
+    for title, column in zip(TILES, st.columns(3), strict=True):
+        with column, st.container(border=True):
+            value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
+            st.metric(title, value)
+            st.caption(words)
     parameter_downloads(answer)
     _offer_kit(project, answer)
     _show_rig(project, found, answer)
@@ -82,15 +86,6 @@ def show_recommendation(answer: Answer) -> None:
     accused = any(item.accused for item in answer.inputs)
     sound = recommendation.forecast_holds and not recommendation.caution and not accused
     (st.success if sound else st.info)("\n\n".join([f"**{first}**", *others]))
-
-
-def _show_tiles(answer: Answer | None) -> None:
-    """Wrong pairs let in, length error, and threshold; empty until there is an answer."""
-    for title, column in zip(TILES, st.columns(3), strict=True):
-        with column, st.container(border=True):
-            value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
-            st.metric(title, value)
-            st.caption(words)
 
 
 def _tile(title: str, answer: Answer) -> tuple[str, str]:
@@ -122,18 +117,16 @@ def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, s
 
 
 def _offer_kit(project: Project, answer: Answer | None) -> None:
-    label, icon = "Paper kit · methods, figures, table, archive", ":material/article:"
-    if answer is None:
-        st.button(label, disabled=True, icon=icon, key="no_download_kit")
-        return
     applied = readable(lambda: ProjectApplication(project).result)
 
     def make() -> bytes:
         from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
 
+        assert answer is not None
         return paper_kit(answer, None if applied is None else applied[0])
 
-    offer(label, make, "paper_kit.zip", "download_kit", icon=icon)
+    label, icon = "Paper kit · methods, figures, table, archive", ":material/article:"
+    offer(label, make if answer else None, "paper_kit.zip", "download_kit", icon=icon)
 
 
 def dataset_download(dataset: Dataset) -> None:
@@ -144,26 +137,24 @@ def dataset_download(dataset: Dataset) -> None:
 
 @fragment
 def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> None:
-    methods = [name for name in found.methods if name != "essential"]
-    methods += ["refined"] if found.refined else []
+    methods = ["2d", "3d", *(["refined"] if found.refined else [])]
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
     usual = answer.recommendation.measure.method if answer else "3d"
     name = "rig_method" if answer else "rig_method_before"  # so that the answer's set is shown
-    method = choose(
-        project, name, "Set", methods, usual, place=left, format_func=METHOD_NAMES.__getitem__
-    )
+    named = METHOD_NAMES.__getitem__
+    method = choose(project, name, "Set", methods, usual, place=left, format_func=named)
     view = choose(project, "rig_view", "Seen from", VIEWS, place=right)
     wide, narrow = (plot_rig(found, method, view, small) for small in (False, True))
     show_figure(wide, describe_rig(found, method), "rig", narrow=narrow)
 
 
 def _view(project: Project) -> Field:
-    return setting(project, "view", FRAMES, one_of(list(LOOKS)), tabs_own=True)
+    return setting(project, "view", FRAMES, one_of([*LOOKS]), tabs_own=True)
 
 
 @callback
-def look_at_frame(project: Project, calibration: Calibration, frame: int) -> None:
+def _look_at_frame(project: Project, calibration: Calibration, frame: int) -> None:
     """Open a frame (a callback)."""
     _view(project).set(FRAMES)
     scroll_to(OPENED)
@@ -179,7 +170,7 @@ def open_clicked_frame(project: Project) -> None:
     if screening.photographed(project):
         look_closely(ProjectPhotographs(project), frame)
     elif calibration is not None:
-        look_at_frame(project, calibration, frame)
+        _look_at_frame(project, calibration, frame)
         go_to("calibrate")
     else:
         raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
@@ -215,9 +206,8 @@ def _show_frames(project: Project, found: Calibration, answer: Answer | None) ->
     with scrolled_part(OPENED):
         frame = screening.choose_frame(project, found)
         views = views_of(found, frame)
-        st.markdown(
-            escape_markdown(f"{screening.state_of(found, frame)} {_in_words(found, views)}")
-        )
+        words = f"{screening.state_of(found, frame)} {_in_words(found, views)}"
+        st.markdown(escape_markdown(words))
         method = answer.recommendation.match.method if answer else "2d"
         _show_images(project, frame, views, method, st.columns(2))
 
@@ -245,10 +235,8 @@ def _show_images(
 def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
     frame = screening.choose_frame(project, found)
     views = views_of(found, frame)
-    methods = list(views)
-    method = choose(
-        project, "two_sets_method", "Set", methods, format_func=METHOD_NAMES.__getitem__
-    )
+    named = METHOD_NAMES.__getitem__
+    method = choose(project, "two_sets_method", "Set", views, format_func=named)
     st.markdown(f"**{escape_markdown(_in_words(found, views))}**")
     *images, space = st.columns(3)
     _show_images(project, frame, views, method, images)

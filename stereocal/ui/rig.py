@@ -35,7 +35,7 @@ TIME_OFFSETS = "rig_time_offsets"
 
 
 class _CancelledError(Exception):
-    """A person has cancelled the job."""
+    pass
 
 
 def work_of(project: Project, time_offsets: bool) -> jobs.Work:
@@ -53,10 +53,10 @@ def work_of(project: Project, time_offsets: bool) -> jobs.Work:
         if recording is None:
             raise StereocalError("This project holds no recording of several cameras.")
         try:
-            rig = calibrate_rig(recording, RigSettings(time_offsets=time_offsets), report)
+            settings = RigSettings(time_offsets=time_offsets)
+            found = rig_file(calibrate_rig(recording, settings, report))
         except _CancelledError:
             return False
-        found = rig_file(rig)
         files, _, _ = files_of_pairs(recording, found)
         store.keep_rig(found.dumps(), pack_zip(files))
         return True

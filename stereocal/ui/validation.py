@@ -72,9 +72,9 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
     about = ABOUT["calibration_frames"]
     right.slider(about.title, *bounds, help=about.help, **frames.widget())
-    about, titles = ABOUT["splits"], SPLITS.__getitem__
-    shown = {"required": True, "help": about.help, **splits.widget()}
-    st.segmented_control(about.title, SPLITS, format_func=titles, **shown)
+    about, shown = ABOUT["splits"], {"required": True, **splits.widget()}
+    named = SPLITS.__getitem__
+    st.segmented_control(about.title, SPLITS, help=about.help, format_func=named, **shown)
     search_form(project)
     return kept_protocol(project, datasets)
 
@@ -116,17 +116,15 @@ def without_refined(
     `bring_up_to_date` shows what there is.
     """
     last, own = _last(project), replace(settings, refined=None)
-    if is_current(last, datasets, settings) or not _is_short(datasets, settings):
+    if is_current(last, datasets, settings) or not is_short(datasets, settings):
         return None
-    if is_current(last, datasets, own):
-        return last
-    try:
-        kept = [each.dataset for each in screenings_of(datasets, settings.calibration)]
-        runs = evaluate(kept, own, jobs.pool())
-        # Kept at once: the next move of a slider may end this run before the refined sets come.
-        _keep(project, datasets, own, runs)
-    except StereocalError:
-        return None
+    if not is_current(last, datasets, own):
+        try:
+            kept = [each.dataset for each in screenings_of(datasets, settings.calibration)]
+            # Kept at once: the next move of a slider may end this run before the refined sets come.
+            _keep(project, datasets, own, evaluate(kept, own, jobs.pool()))
+        except StereocalError:
+            return None
     return _last(project)
 
 
@@ -134,23 +132,19 @@ def bring_up_to_date(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> None:
     """Compute short work at once; for long work show a button and progress."""
-    current, short = is_current(_last(project), datasets, settings), _is_short(datasets, settings)
+    current, short = is_current(_last(project), datasets, settings), is_short(datasets, settings)
     if not (current or short) and wait_for_answer(project):
         return  # the press on Calibrate ends in a validation
     about = {"datasets": list(map(digests_of, datasets)), "settings": settings.to_json()}
     run = partial(_validate, project, datasets, settings)
-    jobs.bring_up_to_date(
-        jobs.Work(project, "evaluation", STAGES, about, run),
-        current,
-        short,
-        spinner="Validating.",
-        label=f"Validate ({settings.runs * len(datasets)} runs)",
-        key="validate",
-        cancelled="Cancelled. What is shown is the last finished validation.",
-    )
+    work = jobs.Work(project, "evaluation", STAGES, about, run)
+    label = f"Validate ({settings.runs * len(datasets)} runs)"
+    last = "Cancelled. What is shown is the last finished validation."
+    jobs.bring_up_to_date(work, current, short, "Validating.", label, "validate", last)
 
 
-def _is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:
+def is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:
+    """Whether a validation is computed as the controls move."""
     frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
     return settings.runs * frames / 25 <= INSTANT
 

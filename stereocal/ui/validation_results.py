@@ -84,7 +84,7 @@ def show_evaluation(
     Args:
         datasets, settings: what the form says now.
     """
-    made_with = describe_protocol(evaluation)
+    made_with = _describe_protocol(evaluation)
     if not is_current(evaluation, datasets, settings):
         st.warning(
             "The form or the data have changed since this validation. It was computed "
@@ -98,15 +98,16 @@ def show_evaluation(
     if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
         st.info(escape_markdown(note))
     columns, picture = _choose_view(project, refined)
-    charts = [("fits", "validation", columns)]
+    charts = {"fits": {"validation": columns}}
     if len(columns) > 1:
         st.html(WIDE_OR_NARROW)
-        charts = [("narrow", f"validation_{column}", [column]) for column in columns]
-        charts.append(("wide", "validation", columns))
-    places = {key: st.container(key=key) for key in dict.fromkeys(place for place, _, _ in charts)}
-    for place, name, shown in charts:
-        config = _saved_as(picture, name)
-        places[place].plotly_chart(plot_validation(pooled, shown), key=name, config=config)
+        each = {f"validation_{column}": [column] for column in columns}
+        charts = {"narrow": each, "wide": {"validation": columns}}
+    for place, of_place in charts.items():
+        with st.container(key=place):
+            for name, shown in of_place.items():
+                config = _saved_as(picture, name)
+                st.plotly_chart(plot_validation(pooled, shown), key=name, config=config)
     with st.expander("In words"):
         st.caption(escape_markdown(describe_validation(pooled, columns)))
     if screenings:
@@ -174,8 +175,7 @@ def _show_answer(
     (st.info if caution else st.success)(answer)
 
 
-def describe_protocol(evaluation: Evaluation) -> str:
-    """Data and settings of an evaluation in one line."""
+def _describe_protocol(evaluation: Evaluation) -> str:
     settings, names = evaluation.settings, evaluation.names
     named = escape_markdown(", ".join(names[:3])) + " and more" * (len(names) > 3)
     return (
@@ -185,13 +185,10 @@ def describe_protocol(evaluation: Evaluation) -> str:
 
 
 def _downloads(
-    project: Project,
-    screenings: Sequence[Screening],
-    evaluation: Evaluation,
-    pooled: Any,
-    by_dataset: Any,
+    project: Project, screenings: Sequence[Screening], evaluation: Evaluation, *summaries: Any
 ) -> None:
     left, right = st.columns(2)
+    pooled, by_dataset = summaries
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
     # With the answer of Calibrate, if that is of the same data and final.
     calibration, make = readable(lambda: project.calibration), None
@@ -199,8 +196,8 @@ def _downloads(
         make = answer_maker(project, calibration)
 
     def report() -> str:
-        found = None if make is None else make()
-        recommended = None if found is None else (found.calibration, found.recommendation)
+        found = make() if make else None
+        recommended = (found.calibration, found.recommendation) if found else None
         return report_html(pooled, by_dataset, *about, recommended)
 
     offer("Download report.html", report, "report.html", "download_report", place=left)

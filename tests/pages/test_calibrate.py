@@ -16,7 +16,7 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
-from stereocal.ui import press
+from stereocal.ui import press, validation
 from stereocal.ui.refined import answer_of
 from stereocal.ui.validation import evaluated
 from stereocal.verdict.in_words import digits
@@ -139,7 +139,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
         assert may_end.wait(SLOW)
         return evaluated(*given, **named)
 
-    monkeypatch.setattr(press, "INSTANT", 0)
+    monkeypatch.setattr(validation, "INSTANT", 0)
     monkeypatch.setattr(press, "evaluated", waiting)
     open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
