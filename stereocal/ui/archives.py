@@ -1,7 +1,5 @@
 """The Data page's three uploaders of single files, and questions about one with both cameras."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

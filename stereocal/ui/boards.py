@@ -1,7 +1,5 @@
 """A board in the photographs of both cameras, on the Data page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial

@@ -1,7 +1,5 @@
 """Contact sheet of all frames: cutouts around the targets, with their standard errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar

@@ -7,8 +7,6 @@ Streamlit 1.67 identifies a widget by its page and key: a session value written 
 on the next, where the widget starts at its minimum. So the value is written to the key in each run.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -103,6 +101,17 @@ class Field:
         draw: Any = place or st
         return draw.number_input(title, low, high, **empty, **shown)
 
+    def menu(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
+        """As `number_input`, a menu of the options of `fit`."""
+        assert isinstance(self.fit, Options)
+        return (place or st).selectbox(title, self.fit.options, **widget, **self.widget())
+
+    def buttons(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
+        """As `menu`, by buttons, of which one is always pressed."""
+        assert isinstance(self.fit, Options)
+        widget |= {"required": True, **self.widget()}
+        return (place or st).segmented_control(title, self.fit.options, **widget)
+
     @property
     def changed(self) -> Callable[[], None]:
         """The callback of the widget: stores its value."""
@@ -167,10 +176,20 @@ class Number:
         return type(self.low)(value)
 
 
-def one_of(options: Sequence[Any]) -> Fit:
+@dataclass(frozen=True)
+class Options:
     """One of some options."""
 
-    return lambda value: options[options.index(value)]
+    options: tuple[Any, ...]
+
+    def __call__(self, value: Any) -> Any:
+        """The option that is equal; raises as `Fit`."""
+        return self.options[self.options.index(value)]
+
+
+def one_of(options: Iterable[Any]) -> Options:
+    """One of some options."""
+    return Options(tuple(options))
 
 
 def some_of(options: Sequence[Any]) -> Fit:
@@ -203,12 +222,10 @@ def choose(
         place: where it stands; None: here.
         widget: passed on to Streamlit.
     """
-    known = list(options)
-    first = known[0] if usual is None else usual
-    widget |= setting(values, key, first, one_of(known), tabs_own=tabs_own).widget()
-    if as_menu:
-        return (place or st).selectbox(title, known, **widget)
-    return (place or st).segmented_control(title, known, required=True, **widget)
+    fit = one_of(options)
+    first = fit.options[0] if usual is None else usual
+    own = setting(values, key, first, fit, tabs_own=tabs_own)
+    return (own.menu if as_menu else own.buttons)(title, place, **widget)
 
 
 choose_from_menu = partial(choose, as_menu=True, tabs_own=False)

@@ -1,7 +1,5 @@
 """The settings of the search: their forms, and whether a result is still current for them."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import cycle
@@ -118,14 +116,7 @@ def search_form(project: Project) -> None:
 def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False) -> Any:
     """The widget of a described setting; its value."""
     if about.choices:
-        return place.segmented_control(
-            about.title,
-            about.choices,
-            required=True,
-            format_func=str.capitalize,
-            help=about.help,
-            **own.widget(),
-        )
+        return own.buttons(about.title, place, format_func=str.capitalize, help=about.help)
     if isinstance(about.default, bool):
         return place.toggle(about.title, help=about.help, disabled=disabled, **own.widget())
     shown = {} if isinstance(about.default, int) else {"format": "%.10g"}

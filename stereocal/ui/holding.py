@@ -1,7 +1,5 @@
 """What is held: a bar with 2x2 targets, balls of two colours or tags, or a board."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from contextlib import suppress
@@ -51,7 +49,7 @@ CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 
 
 def _kind(project: Project | None) -> Field:
-    return setting(project, "held", "bar2x2", one_of(tuple(KINDS)))
+    return setting(project, "held", "bar2x2", one_of(KINDS))
 
 
 def _colours(project: Project) -> Field:
@@ -139,13 +137,7 @@ def ask_what_is_held(store: ProjectPhotographs, pair: Pair | None, fold: bool) -
         The target; None until it is stated, and for a board.
     """
     project = store.project
-    kind = st.segmented_control(
-        "What do you hold?",
-        tuple(KINDS),
-        required=True,
-        format_func=KINDS.__getitem__,
-        **_kind(project).widget(),
-    )
+    kind = _kind(project).buttons("What do you hold?", format_func=KINDS.__getitem__)
     if kind == BOARD:
         return None
     if kind == "bar2x2":

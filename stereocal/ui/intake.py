@@ -1,7 +1,5 @@
 """Uploads: data sets as zips or folders, single files, photographs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The measured lengths and the lenses on the Data page: values, units, how well they are known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -70,7 +68,7 @@ def _give(
 def length_field(project: Project | None, name: str, label: str) -> None:
     """A length with its unit; the project stores metres."""
     # Each tab may show the length in its own unit.
-    kept = setting(project, f"{name}_unit", "m", one_of(list(words.METRES_PER)), tabs_own=True)
+    kept = setting(project, f"{name}_unit", "m", one_of(words.METRES_PER), tabs_own=True)
     key = f"{name}_value"
 
     def read() -> float | None:
@@ -92,7 +90,7 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     unit = replace(kept, write=lambda chosen: take(number.shown(), chosen))
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
-    right.selectbox("Unit", list(words.METRES_PER), **unit.widget())
+    unit.menu("Unit", right)
 
 
 def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
@@ -107,64 +105,51 @@ def length_uncertainty(project: Project | None, name: str, assumed: str) -> None
     key, baseline = f"{name}_known", name == "baseline_m"
     sigma = f"{name.removesuffix('_m')}_sigma_m"
 
-    def sigma_m() -> float | None:
-        return getattr(project.inputs, sigma) if project else None
+    def mm() -> float | None:
+        return _scaled(getattr(project.inputs, sigma) if project else None, 1000)
 
     def read() -> str:
         if baseline and project is not None and project.inputs.baseline_free:
             return FREE
         chosen = project and project.settings.get(key)
-        if (stated := sigma_m()) is None:
+        if (stated := mm()) is None:
             return TYPED if chosen == TYPED else NOT_STATED
-        return str(chosen) if PRESETS_MM.get(str(chosen)) == _shown(1000 * stated) else TYPED
+        return str(chosen) if PRESETS_MM.get(str(chosen)) == stated else TYPED
 
     def choose(option: str) -> None:
-        mm = PRESETS_MM.get(option)
-        given: dict[str, Any] = {} if option == TYPED else {sigma: mm and mm / 1000}
-        if FREE in (option, read()):
-            given["baseline_free"] = option == FREE
-        _give({key: option}, given)
+        free = {"baseline_free": option == FREE} if FREE in (option, read()) else {}
+        preset = PRESETS_MM.get(option)
+        stated = {} if option == TYPED else {sigma: preset and preset / 1000}
+        _give({key: option}, {**stated, **free})
 
     def take(stated: float | None) -> None:
-        _give({key: TYPED}, {sigma: stated})
+        _give({key: TYPED}, {sigma: stated and stated / 1000})
 
     left, right = st.columns([3, 2], vertical_alignment="bottom")
-    chosen = left.selectbox(
-        "How well is it known?",
-        [NOT_STATED, *PRESETS_MM, TYPED, *([FREE] if baseline else [])],
-        format_func=TITLES.__getitem__,
-        help=HELP.format(assumed=assumed) + HELP_ON_FREE * baseline,
-        **Field(key, key, read, choose).widget(),
-    )
-    if chosen == TYPED:
-        _ask_number(f"{name}_sigma_mm", "± mm", right, 1000, sigma_m, take, least=LEAST_MM)
+    titles = {option: title for option, title in TITLES.items() if option != FREE or baseline}
+    told = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
+    known = Field(key, key, read, choose, fit=one_of(titles))
+    named = titles.__getitem__
+    if known.menu("How well is it known?", left, format_func=named, help=told) == TYPED:
+        _ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
 
 
 def _ask_number(
-    key: str,
     title: str,
-    place: DeltaGenerator,
-    scale: float,
+    key: str,
     read: Callable[[], float | None],
     take: Callable[[float | None], None],
+    place: DeltaGenerator,
     least: float = 0.0,
     told: str | None = None,
 ) -> None:
-    """The field of a number that may be missing, and is stored as 1 / `scale` of what it shows."""
-
-    def shown() -> float | None:
-        stored = read()
-        return None if stored is None else _shown(scale * stored)
-
-    def keep(value: float | None) -> None:
-        take(None if value is None else float(value) / scale)
-
-    own = Field(key, key, shown, keep, fit=Number(least, or_none=True))
+    own = Field(key, key, read, take, fit=Number(least, or_none=True))
     own.number_input(title, place, format="%.6g", placeholder="not stated", help=told)
 
 
-def _shown(value: float) -> float:
-    return float(f"{value:.6g}")
+def _scaled(value: float | None, scale: float) -> float | None:
+    """As shown, to six digits."""
+    return None if value is None else float(f"{scale * value:.6g}")
 
 
 def lens_uncertainties(project: Project | None) -> None:
@@ -189,46 +174,35 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
         return OWN if known == OWN else (TYPED if known else NOT_STATED)
 
     def choose(option: str) -> None:
-        known = stated()
-        known.pop(which, None)
+        stay = {lens: known for lens, known in stated().items() if lens != which}
         if option == TYPED:
             prior = camera.uncertainty and unknowns.lens_prior(camera, None)
-            known[which] = (prior.focal, prior.centre_px) if prior else (None, None)
+            stay[which] = (prior.focal, prior.centre_px) if prior else (None, None)
         elif option == NOT_STATED and camera.uncertainty:
-            known[which] = None
-        _give({key: option}, {"lens_known": known})
+            stay[which] = None
+        _give({key: option}, {"lens_known": stay})
 
-    def number(at: int) -> float | None:
-        known = stated().get(which)
-        return known[at] if known else None
+    titles = {OWN: f"Its own calibration: {_of_lens(camera)}"} if camera.uncertainty else {}
+    titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
+    assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
+    title, told = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
+    known = Field(key, key, read, choose, fit=one_of(titles))
+    if known.menu(title, format_func=titles.__getitem__, help=told) != TYPED:
+        return
 
-    def take(at: int, value: float | None) -> None:
-        both = [value if each == at else number(each) for each in (0, 1)]
+    def number(at: int, scale: float) -> float | None:
+        return _scaled((stated().get(which) or (None, None))[at], scale)
+
+    def take(at: int, scale: float, value: float | None) -> None:
+        both = [*(stated().get(which) or (None, None))]
+        both[at] = None if value is None else value / scale
         _give({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
 
-    titles = {OWN: f"Its own calibration: {_of_lens(camera)}", TYPED: "Typed"}
-    assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
-    chosen = st.selectbox(
-        f"How well is the {which} lens known?",
-        [*([OWN] if camera.uncertainty else []), NOT_STATED, TYPED],
-        format_func=lambda option: titles.get(option, option),
-        help=HELP.format(assumed=assumed),
-        **Field(key, key, read, choose).widget(),
-    )
-    if chosen != TYPED:
-        return
-    asked = (("focal_percent", "Focal length, ± %", 100), ("centre_px", "Image centre, ± px", 1))
-    for at, (place, (name, title, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
-        own = f"lens_{which}_{name}"
-        _ask_number(
-            own,
-            title,
-            place,
-            scale,
-            partial(number, at),
-            partial(take, at),
-            told="0 holds it as it is given. It counts once both numbers are there.",
-        )
+    counts = "0 holds it as it is given. It counts once both numbers are there."
+    asked = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
+    for at, (place, (title, name, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
+        shown, store = partial(number, at, scale), partial(take, at, scale)
+        _ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
 
 
 def describe_uncertainties(dataset: Dataset) -> str:

@@ -1,7 +1,5 @@
 """The table of photograph pairs on the Data page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

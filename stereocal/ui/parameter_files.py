@@ -1,7 +1,5 @@
 """Parameter files, ours and of other programs: downloads, and the upload on the Apply page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -69,8 +67,7 @@ class Source:
     def asks_for_files(self) -> bool:
         """Draw the choice; whether the uploaders are to be drawn."""
         if self._has_results:
-            kinds, widget = [RESULTS, GIVEN], self._field.widget()
-            st.segmented_control("Parameters", kinds, required=True, **widget)
+            self._field.buttons("Parameters")
         return not self.is_project
 
     def tell_missing(self, files: str) -> None:
@@ -103,13 +100,7 @@ def other_formats(project: Project, answer: Answer) -> None:
         project, "format_file", "File", sets, usual, place=left, as_menu=True, format_func=named
     )
     chosen: str = choose(
-        project,
-        "format",
-        "Format",
-        FORMATS,
-        place=right,
-        as_menu=True,
-        format_func=lambda name: FORMATS[name].title,
+        project, "format", "Format", FORMATS, place=right, as_menu=True, format_func=_title
     )
     with ErrorsShown():
         options = ExchangeOptions()
@@ -121,6 +112,10 @@ def other_formats(project: Project, answer: Answer) -> None:
         for note in export_notes(sets[method], chosen):
             st.caption(escape_markdown(note))
         offer(f"Download {name}", content, name, "download_format")
+
+
+def _title(name: str) -> str:
+    return FORMATS[name].title
 
 
 def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, bytes]:
@@ -148,13 +143,9 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
         st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
         short = {"lens_model": "lens"}
         asked = Questions(project, f"set_{{}}_{use}", tabs_own=True, short=short)
-        name = st.selectbox(
-            "Which program?",
-            list(FORMATS),
-            index=None,
-            format_func=lambda each: FORMATS[each].title,
-            placeholder="choose",
-            **asked.widget("format", None, one_of(list(FORMATS))),
+        program = asked.field("format", None, one_of(FORMATS))
+        name: str | None = program.menu(
+            "Which program?", index=None, placeholder="choose", format_func=_title
         )
         options = _options(asked, use, name)
         if name is None:

@@ -1,7 +1,5 @@
 """Photographs on the Data page: upload, pairs, search for the targets."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from pathlib import PurePosixPath
@@ -47,9 +45,7 @@ def choose_kind(project: Project | None) -> str:
             usual = intake.SEVERAL
         elif "correspondences" in project.inputs.files and not has_photographs(project):
             usual = intake.SINGLE_FILES
-    how = intake.given_as(project, usual)
-    kind: str = st.segmented_control("I have", intake.GIVEN_AS, required=True, **how.widget())
-    return kind
+    return str(intake.given_as(project, usual).buttons("I have"))
 
 
 def has_photographs(project: Project) -> bool:

@@ -1,7 +1,5 @@
 """A photograph with zoom, pan and marks; clicks return image coordinates."""
 
-from __future__ import annotations
-
 import base64
 import math
 from collections.abc import Callable, Sequence

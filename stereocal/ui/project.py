@@ -1,7 +1,5 @@
 """The open project: its id is in the URL, everything else on disk."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime
@@ -85,8 +83,12 @@ def show_saved(project: Project | None, place: DeltaGenerator) -> None:
     """When the project was last written to disk."""
     changed = changed_at(project.database.path) if project else 0.0
     if changed:
-        date = datetime.fromtimestamp(changed).astimezone().strftime("%Y-%m-%d %H:%M")
-        place.caption(f"Saved {date}")
+        place.caption(f"Saved {date_of(changed)}")
+
+
+def date_of(seconds: float) -> str:
+    """A time in seconds since 1970, as shown."""
+    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
 
 
 def is_open(project_id: str) -> bool:
@@ -100,8 +102,7 @@ def offer_removed() -> bool:
     when = None if project_id is None else removed_at(default_home(), project_id)
     if project_id is None or when is None:
         return False
-    date = datetime.fromtimestamp(when).astimezone().strftime("%Y-%m-%d")
-    st.warning(f"This project was removed on {date}.")
+    st.warning(f"This project was removed on {date_of(when)[:10]}.")
     back = partial(bring_project_back, project_id)
     with st.container(horizontal=True):
         st.button("Bring it back", key="bring_it_back", type="primary", on_click=back)

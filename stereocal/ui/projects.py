@@ -1,14 +1,10 @@
 """The projects on the Start page: recent and removed ones, export and import."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
 import tempfile
 from collections.abc import Sequence
-from contextlib import suppress
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -31,6 +27,7 @@ from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
+    date_of,
     is_open,
     offer_removed,
     open_project,
@@ -70,9 +67,16 @@ def show_projects() -> Project | None:
         )
     project = None if offer_removed() else current_project()
     if not ServerSettings.from_environment().shared:
-        _offer_undo()
+        removed = home.removed_projects(default_home())
+        last = st.session_state.get(_REMOVED)
+        for one in (one for one in removed if one.id == last):
+            text, button = st.columns([6, 2], vertical_alignment="center")
+            text.info(f"{escape_markdown(one.title or 'The project')} was removed.")
+            undo = partial(bring_project_back, one.id)
+            button.button("Undo", key="undo_remove", on_click=undo)
         _show_all()
-        _show_removed()
+        if removed:
+            _show_removed(removed)
     elif project is not None:
         st.markdown("#### The open project")
         _show_cards([home.listed(project)])
@@ -119,11 +123,6 @@ def _show_cards(projects: Sequence[home.Listed]) -> None:
                 (_show_unreadable if one.damaged or one.unreadable else _show)(one)
 
 
-def _date_of(seconds: float) -> str:
-    """A time in seconds since 1970, as shown."""
-    return datetime.fromtimestamp(seconds).astimezone().strftime("%Y-%m-%d %H:%M")
-
-
 def _show(one: home.Listed) -> None:
     try:
         card = _card(one.id, one.changed)
@@ -132,7 +131,7 @@ def _show(one: home.Listed) -> None:
     state = ", interrupted" * one.interrupted
     st.markdown(f"**{escape_markdown(one.title)}**")
     st.caption(
-        f"{_date_of(one.changed)}, {escape_markdown(card.data)}  \n"
+        f"{date_of(one.changed)}, {escape_markdown(card.data)}  \n"
         f"{escape_markdown(card.result)}{state}"
     )
     key = f"name_{one.id}"
@@ -151,7 +150,7 @@ def _show_unreadable(one: home.Listed) -> None:
         "the file of this project is damaged. It is kept as it is. Open the project's last backup "
         "(its zip) below."
     )
-    st.warning(f"{_date_of(one.changed)}: {escape_markdown(why)}")
+    st.warning(f"{date_of(one.changed)}: {escape_markdown(why)}")
     st.button("Remove", key=f"remove_{one.id}", on_click=_remove, args=(one.id,))
 
 
@@ -180,23 +179,17 @@ def _duplicate(project_id: str) -> None:
 
 @callback
 def _remove(project_id: str) -> None:
-    name = ""
-    with suppress(StereocalError):  # a damaged one can be removed too
-        name = title_of(Project.open(default_home(), project_id))
     home.remove(default_home(), project_id)
     if not is_open(project_id):  # for the open one, `offer_removed` does
-        st.session_state[_REMOVED] = (project_id, name)
+        st.session_state[_REMOVED] = project_id
 
 
-def _show_removed() -> None:
-    removed = home.removed_projects(default_home())
-    if not removed:
-        return
+def _show_removed(removed: Sequence[home.Listed]) -> None:
     with st.expander("Removed projects"):
         for one in _of_page(removed, "removed_page"):
             text, button = st.columns([6, 2], vertical_alignment="center")
             title = escape_markdown(one.title or "A damaged project")
-            text.markdown(f"{title}, removed {_date_of(one.changed)}")
+            text.markdown(f"{title}, removed {date_of(one.changed)}")
             back = partial(bring_project_back, one.id)
             delete = callback(partial(home.delete, default_home(), one.id))
             with button, st.container(horizontal=True):
@@ -205,23 +198,15 @@ def _show_removed() -> None:
                 st.button("Delete for good", key=f"delete_{one.id}", on_click=delete, help=now)
 
 
-def _offer_undo() -> None:
-    removed = st.session_state.get(_REMOVED)
-    if removed is None:
-        return
-    project_id, name = removed
-    if home.removed_at(default_home(), project_id) is None:  # brought back elsewhere, or deleted
-        del st.session_state[_REMOVED]
-        return
-    text, button = st.columns([6, 2], vertical_alignment="center")
-    text.info(f"{escape_markdown(name or 'The project')} was removed.")
-    button.button("Undo", key="undo_remove", on_click=bring_project_back, args=(project_id,))
-
-
 def show_storage(project: Project | None) -> None:
     """Export of the open project, import of one, and what is stored for how long."""
     with st.expander("Take a project elsewhere, or open one from a zip"):
-        _pack_and_unpack(project)
+        if project is not None:
+            name = title_of(project)
+            if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
+                with ErrorsShown():
+                    _offer_packed(project, name)
+        _open_zip()
     with st.expander("What is kept, where and for how long"):
         st.markdown(what_is_kept(ServerSettings.from_environment()))
 
@@ -256,13 +241,7 @@ def what_is_kept(settings: ServerSettings) -> str:
     )
 
 
-def _pack_and_unpack(project: Project | None) -> None:
-    """Export the open project as a zip, and import one."""
-    if project is not None:
-        name = title_of(project)
-        if st.button(f"Pack the open project ({escape_markdown(name)})", key="pack"):
-            with ErrorsShown():
-                _offer_packed(project, name)
+def _open_zip() -> None:
     upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")
     if upload is None or not is_new(upload):
         return

@@ -1,7 +1,5 @@
 """Review of the frames: a contact sheet, or one frame to correct."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -58,8 +56,7 @@ def _called(store: ProjectPhotographs) -> str:
 
 def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
     """All frames, or one, as chosen."""
-    view = st.segmented_control("Look at", [ALL, ONE], required=True, **_view(store).widget())
-    if view == ONE and frames:
+    if _view(store).buttons("Look at") == ONE and frames:
         with scrolled_part(ONE_FRAME):
             _show_one(store, running)
     else:
@@ -90,7 +87,7 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
             st.markdown(escape_markdown(frame.reason))
     _decide(store, review, frame, running)
     left, right = st.columns(2, vertical_alignment="bottom")
-    left.segmented_control("A click moves target", WANTED, required=True, **target.widget())
+    target.buttons("A click moves target", left)
     right.toggle(
         "Keep the raw click",
         **raw.widget(),
@@ -123,7 +120,7 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     before, after = (reviewing.beside(review.frames, number, way) for way in (-1, 1))
     doubtful = reviewing.next_doubtful(review.frames, number)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
-    chosen.selectbox("Frame", numbers, **field.widget())
+    field.menu("Frame", chosen)
     with buttons, st.container(horizontal=True):
         for label, key, shortcut, to, may in (
             ("Previous", "previous", "p", before, before != number),

@@ -1,7 +1,5 @@
 """Frames: cached screening, the chosen frame of all pages, and what can be changed about one."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -185,7 +183,7 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
     frame: int = field.value()
     at = numbers.index(frame)
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.selectbox("Frame", numbers, width=140, **field.widget())
+        field.menu("Frame", width=140)
         for way, side, to in (("previous", "left", at - 1), ("next", "right", at + 1)):
             there = 0 <= to < len(numbers)
             st.button(

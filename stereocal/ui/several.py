@@ -1,7 +1,5 @@
 """The Data page for three cameras and more: their files, and one table of points or photographs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial

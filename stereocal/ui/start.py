@@ -1,7 +1,5 @@
 """What Start shows: the story of the real recording, and the sample data to begin with."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial

@@ -1,7 +1,5 @@
 """Two videos on the Data page: frames of the same moments become photographs of the project."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Sequence

@@ -1,10 +1,7 @@
 """Questions about files of other programs, with a preview of their points."""
 
-from __future__ import annotations
-
-import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -29,7 +26,7 @@ from stereocal.formats.point_files import PointLayout
 from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.ui.fields import Fit, Number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.messages import ErrorsShown, callback, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
 
@@ -54,12 +51,11 @@ class Questions:
     short: Mapping[str, str] = field(default_factory=dict)
     """Names in the keys, where they are others."""
 
-    def widget(self, name: str, usual: Any, fit: Fit) -> dict[str, Any]:
-        """Key and callback of a widget, which starts with the last answer."""
+    def field(self, name: str, usual: Any, fit: Fit) -> Field:
+        """The field of an answer, which starts with the last one."""
         key = self.key.format(self.short.get(name, name))
         named = f"{key} of {self.program}" if self.program else key
-        own = setting(self.project, key, usual, fit, name=named, tabs_own=self.tabs_own)
-        return own.widget()
+        return setting(self.project, key, usual, fit, name=named, tabs_own=self.tabs_own)
 
     def ask(self, place: DeltaGenerator, name: str, usual: Any = None) -> Any:
         """One of `QUESTIONS`.
@@ -70,14 +66,12 @@ class Questions:
         asked = QUESTIONS[name]
         if not asked.choices:
             told = f"{asked.help[0].upper()}{asked.help[1:]}."
-            own = self.widget(name, usual, Number(-math.inf))
-            return place.number_input(asked.title, step=0.5, help=told, **own)
-        answers = [*([None] if usual is None else []), *asked.choices]
-        return place.selectbox(
-            asked.title,
-            answers,
-            format_func=lambda answer: STATED if answer is None else asked.choices[answer],
-            **self.widget(name, usual, one_of(answers)),
+            number = self.field(name, usual, Number(-math.inf))
+            return number.number_input(asked.title, place, step=0.5, help=told)
+        stated = {None: STATED} if usual is None else {}
+        words: dict[Any, str] = {**stated, **asked.choices}
+        return self.field(name, usual, one_of(words)).menu(
+            asked.title, place, format_func=words.__getitem__
         )
 
     def origin(self, usual: PixelOrigin) -> PixelOrigin:
@@ -125,17 +119,12 @@ def ask_about(
     if found is None:
         return
     use: Use | None = None
-
-    def take() -> None:
-        with refusing():
-            if use is not None:
-                use()
-
     with st.container(border=True):
         with ErrorsShown():
             use = form(*found)
         with st.container(horizontal=True):
             if use is not None:
+                take = refusing()(use)
                 st.button(title, type="primary", key=f"use_{asked}", on_click=take)
             away = callback(partial(store.forget_question, asked))
             st.button("Put the file aside", key=f"aside_{asked}", on_click=away)
@@ -149,7 +138,8 @@ def ask_about_points(store: ProjectApplication, side: CameraName, image_height: 
         _say_layout(label, layout, f"{side} camera")
         asked = Questions(store.project, f"wizard_{side}_{{}}", layout.program)
         if not can_choose_columns(layout) and st.toggle(
-            "It is another table: I choose its columns", **asked.widget("by_hand", False, yes_or_no)
+            "It is another table: I choose its columns",
+            **asked.field("by_hand", False, yes_or_no).widget(),
         ):
             layout = point_answers.layout_by_hand(content, label)
             asked = Questions(store.project, f"wizard_{side}_hand_{{}}", layout.program)
@@ -205,23 +195,21 @@ def _point_form(
     asked: Questions, layout: PointLayout, side: CameraName, first: Answers, names: list[str]
 ) -> Answers:
     """The answers about one camera's points; `names` are those of the columns to choose from."""
-    answers = first
+    camera, per_unit, likelihood = first.camera, 1.0, 0.0
     if len(layout.cameras) > 1:
-        one = asked.widget("camera", first.camera, one_of(layout.cameras))
-        camera = st.selectbox(f"The {side} camera is", layout.cameras, **one)
-        answers = dataclasses.replace(answers, camera=camera)
+        one = asked.field("camera", camera, one_of(layout.cameras))
+        camera = one.menu(f"The {side} camera is")
     columns = _columns(asked, names, first) if names else None
     origin = asked.origin(PixelOrigin(first.corner, first.first_pixel, first.flip))
-    height = _height(asked, "image_height", "Image height (px)", first.image_height, origin.corner)
-    per_unit, likelihood = 1.0, 0.0
+    height = _height(asked, "image_height", "", first.image_height, origin.corner)
     if layout.program == "TrackMate" or names:
-        own = asked.widget("px_per_unit", first.px_per_unit, Number(1e-9))
-        per_unit = st.number_input("Pixels per unit of the file", 1e-9, format="%.6g", **own)
+        own = asked.field("px_per_unit", first.px_per_unit, Number(1e-9))
+        per_unit = own.number_input("Pixels per unit of the file", format="%.6g")
     if any(each.likelihood is not None for each in layout.columns):
-        own = asked.widget("least_likelihood", first.least_likelihood, Number(0.0, 1.0))
-        likelihood = st.number_input("Least likelihood", 0.0, 1.0, step=0.05, **own)
-    return dataclasses.replace(
-        answers,
+        own = asked.field("least_likelihood", first.least_likelihood, Number(0.0, 1.0))
+        likelihood = own.number_input("Least likelihood", step=0.05)
+    return Answers(
+        camera,
         **vars(origin),
         image_height=height,
         px_per_unit=per_unit,
@@ -231,26 +219,19 @@ def _point_form(
 
 
 def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, Heights]:
-    chosen = []
-    for title, name, options in (
-        ("Primary camera", "camera_0", layout.cameras),
-        ("Secondary camera", "camera_1", layout.cameras),
-        ("Target A", "end_0", layout.points),
-        ("Target B", "end_1", layout.points),
-    ):
-        one = asked.widget(name, options[int(name[-1])], one_of(options))
-        chosen.append(st.selectbox(title, options, **one))
-    primary, secondary, a, b = chosen
-    origin = asked.origin(layout.origin)
-    first, second = (
-        _height(
-            asked,
-            f"height_{k}",
-            f"Image height, {which} (px)",
-            None if camera is None else camera.image_size[1],
-            origin.corner,
+    primary, secondary, a, b = (
+        asked.field(f"{what}_{k}", options[k], one_of(options)).menu(title)
+        for what, options, titles in (
+            ("camera", layout.cameras, ("Primary camera", "Secondary camera")),
+            ("end", layout.points, ("Target A", "Target B")),
         )
-        for k, (which, camera) in enumerate(zip(CAMERAS, asked.project.cameras, strict=True))
+        for k, title in enumerate(titles)
+    )
+    origin = asked.origin(layout.origin)
+    heights = [camera.image_size[1] if camera else None for camera in asked.project.cameras]
+    first, second = (
+        _height(asked, f"height_{k}", f", {which}", height, origin.corner)
+        for k, (which, height) in enumerate(zip(CAMERAS, heights, strict=True))
     )
     stated = ExchangeOptions(cameras=(primary, secondary), ends=(a, b), **vars(origin))
     return stated, (first, second)
@@ -260,35 +241,37 @@ def _columns(
     asked: Questions, names: list[str], first: Answers
 ) -> tuple[int | None, int, int] | None:
     """The chosen columns; None until all three are chosen."""
-    start: tuple[int | None, ...] = (None, None, None)
+    start: Sequence[int | None] = (None, None, None)
     if first.columns is not None:
-        start = tuple(COUNTED if at is None else at for at in first.columns)
-    chosen: list[int | None] = []
-    for place, name, default in zip(st.columns(3), ("frame", "u", "v"), start, strict=True):
-        options = [*([COUNTED] if name == "frame" else []), *range(len(names))]
-        at = place.selectbox(
+        start = [COUNTED if at is None else at for at in first.columns]
+    titles = dict(enumerate(names))
+    frame, u, v = (
+        asked.field(name, usual, one_of(options)).menu(
             f"Column of {name}",
-            options,
+            place,
             index=None,
             placeholder="choose",
-            format_func=lambda at: COUNTED_TITLE if at == COUNTED else names[at],
-            **asked.widget(name, default, one_of(options)),
+            format_func=options.__getitem__,
         )
-        chosen.append(at)
-    frame, u, v = chosen
+        for place, name, usual, options in zip(
+            st.columns(3),
+            ("frame", "u", "v"),
+            start,
+            ({COUNTED: COUNTED_TITLE, **titles}, titles, titles),
+            strict=True,
+        )
+    )
     if frame is None or u is None or v is None:
         return None
     return None if frame == COUNTED else frame, u, v
 
 
-def _height(
-    asked: Questions, name: str, title: str, known: int | None, corner: Corner
-) -> int | None:
+def _height(asked: Questions, name: str, of: str, known: int | None, corner: Corner) -> int | None:
     """The image height, asked only if the file counts from the lower left."""
     if corner == "upper-left":
         return known
-    own = asked.widget(name, known, Number(1, or_none=True))
-    height: int | None = st.number_input(title, min_value=1, value=None, step=1, **own)
+    own = asked.field(name, known, Number(1, or_none=True))
+    height: int | None = own.number_input(f"Image height{of} (px)")
     return height
 
 

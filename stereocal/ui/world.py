@@ -1,7 +1,5 @@
 """The fold "World frame" of the Apply page: a table or world.json, the frame, its download."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import pandas as pd
