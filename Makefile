@@ -30,7 +30,7 @@ lint: $(VENV)/.dev
 
 # A walk that fails is walked once more, and told: a busy machine is no fault of a page.
 browser: $(VENV)/.dev
-	$(PYTEST) -m browser --reruns 1
+	$(PYTEST) -m browser --reruns 1 -rR
 
 # The documentation site, in docs/_build; it needs no network.
 docs: $(VENV)/.dev

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
+from stereocal.projects.home import duplicate
 from tests.browser.work import finished_project
 
 ROOT = Path(__file__).parents[2]
@@ -117,9 +118,14 @@ def app_url(home: Path) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def finished(home: Path) -> str:
-    """The id of a project with results of everything."""
+def finished_once(home: Path) -> str:
     return finished_project(home)
+
+
+@pytest.fixture
+def finished(home: Path, finished_once: str) -> str:
+    """The id of a project with results of everything, in which no other walk chose a view."""
+    return duplicate(home, finished_once).id
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.frames.frame import Centre
-from stereocal.projects.home import duplicate
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 from tests.browser.conftest import download
 
@@ -69,7 +69,7 @@ def store(
     page: Page, app_url: str, home: Path, finished: str, settled: Settled
 ) -> ProjectPhotographs:
     """A project whose targets have been found, with frame 1 on the page."""
-    project = duplicate(home, finished)
+    project = Project.open(home, finished)
     project.keep_settings({"frames_view": "All frames"})
     page.goto(f"{app_url}/data?project={project.id}")
     settled(page)
@@ -190,7 +190,7 @@ def test_what_a_press_opens_is_scrolled_to(
         assert box
         return box["y"]
 
-    project = duplicate(home, finished)
+    project = Project.open(home, finished)
     project.keep_settings({"frames_view": "All frames"})
     project.leave_out(9)
     dataset = project.dataset
