@@ -41,7 +41,7 @@ def test_the_commands_of_the_core(tmp_path: Path) -> None:
         (tmp_path / f"{name}.csv").write_text("\n".join(["frame,u,v", *points]))
     done = run(
         tmp_path,
-        "calibrate field --out out",
+        "calibrate field --out out --runs 6",
         "match primary.csv secondary.csv --parameters out/parameters_2d.json --out pairs.csv",
         "reconstruct pairs.csv --parameters out/parameters_3d.json --out points.csv",
         "check out/parameters_refined.json field --out checked",

@@ -38,18 +38,21 @@ def write_video(
     draw: Callable[[int], GreyImage] = picture,
     numbers: Sequence[int] | None = None,
     ticks: int = TICKS,
+    preset: str = "medium",
 ) -> Path:
     """A video with these time stamps; frame k shows `numbers[k]`, or k, in grey or colours.
 
     Args:
         ticks: units of a time stamp in a second; an AVI has one frame in each.
+        preset: how much libx264 computes for a small file; `ultrafast` has no B-frames.
     """
     import av
 
     with av.open(str(path), "w") as container:
         stream: Any = container.add_stream(codec, rate=min(ticks, 30))
         stream.height, stream.width = draw(0).shape[:2]
-        stream.pix_fmt, stream.options = "yuv420p", {"crf": "12"} if codec == "libx264" else {}
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "12", "preset": preset} if codec == "libx264" else {}
         stream.time_base = stream.codec_context.time_base = Fraction(1, ticks)
         stream.codec_context.gop_size = 12
         for k, time in enumerate(seconds):

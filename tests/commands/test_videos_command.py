@@ -27,7 +27,8 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     paths, times = [], [k / 10 for k in range(len(FRAMES))]
     for which in ("primary", "secondary"):
         images = [read_photograph(SAMPLE / which / f"{frame:04d}.jpg") for frame in FRAMES]
-        paths.append(write_video(tmp_path / f"{which}.mp4", times, draw=images.__getitem__))
+        path = tmp_path / f"{which}.mp4"
+        paths.append(write_video(path, times, draw=images.__getitem__, preset="ultrafast"))
     out = tmp_path / "correspondences.csv"
     given = [str(data), "--videos", *map(str, paths), "--every", "1", "--out", str(out)]
     assert main(["detect", *given]) == 0

@@ -40,7 +40,7 @@ def videos(folder: Path) -> None:
         (folder / "pond" / name).write_bytes((sample / name).read_bytes())
     for camera in ("primary", "secondary"):
         images = [read_photograph(sample / camera / f"{frame:04d}.jpg") for frame in range(1, 7)]
-        write_video(folder / f"{camera}.mp4", range(6), draw=images.__getitem__)
+        write_video(folder / f"{camera}.mp4", range(6), draw=images.__getitem__, preset="ultrafast")
 
 
 def world(folder: Path) -> None:
@@ -81,6 +81,17 @@ def prepare(page: str, folder: Path) -> None:
     """Write the files of a page."""
     if page in FILES:
         FILES[page](folder)
+
+
+def thin(sample: Path) -> None:
+    """Leave nine photographs of a camera of a sample, and a fifth of the frames of a long table."""
+    for photograph in sample.glob("**/*.jpg"):
+        if int(photograph.stem[-2:]) > 9:
+            photograph.unlink()
+    for table in sample.glob("*.csv"):
+        head, *rows = table.read_text().splitlines(keepends=True)
+        if len(rows) > 400 and head.startswith("frame,"):
+            table.write_text(head + "".join(r for r in rows if int(r.partition(",")[0]) % 5 == 0))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import pytest
 
 from stereocal.cli import COMMANDS, _parser, main
 from tests.docs.pages import PAGES, code_of, name_of
-from tests.docs.prepared import prepare
+from tests.docs.prepared import prepare, thin
 from tests.terminal import ROOT
 
 OURS = re.compile(r"(?:\S*python -m )?stereocal (.*)")
@@ -34,7 +34,10 @@ NOT_RUN = {
 QUOTED = {"docs/tutorial.md": ("0.91 px", "0.40 %", "0.61 %", "0.12 %", "407")}
 """Figures that a page quotes and its commands print."""
 FEWER = {"calibrate": ["--runs", "6"], "intrinsics": ["--repeats", "4"]}
-"""Options that make a command quick, on pages that quote no figures: the files are the same."""
+"""Options that make a command quick, on pages that quote no figures: the files are the same.
+
+Samples are thinned there too.
+"""
 OTHERS = {"--env"}
 """Options of other programs."""
 
@@ -81,10 +84,12 @@ def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixtur
     prepare(name_of(page), folder)
     for command in filter(is_run, commands_of(page)):
         assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
-        words = as_command(command)
-        if name_of(page) not in QUOTED and not {"--runs", "--repeats"} & {*words}:
+        words, quoted = as_command(command), name_of(page) in QUOTED
+        if not quoted and not {"--runs", "--repeats"} & {*words}:
             words += FEWER.get(words[0], [])
         assert main(words) == 0, command
+        if words[0] == "sample" and not quoted:
+            thin(folder / words[-1])
     text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
     for figure in QUOTED.get(name_of(page), ()):
         assert figure in text and figure in printed, figure
