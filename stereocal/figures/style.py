@@ -1,7 +1,7 @@
 """The common style of all figures: colours (after Okabe and Ito), symbols, axes, photographs.
 
 The colours have a contrast of at least 3:1 on the light and the dark page, and the methods can be
-distinguished with colour blindness (tests/figures/test_colours.py).
+distinguished with colour blindness (tests/figures/test_every_figure.py).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The Apply page, the wizard and the menu of formats, without a browser."""
+"""The Apply page with its World frame, without a browser."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.figures.space import VIEWS
 from stereocal.matching.application import PAIRS, POINTS
+from stereocal.matching.reconstruction import name_of_world
 from stereocal.projects.application import ProjectApplication
 from stereocal.rig.camera import CameraName
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import apply as apply_page
+from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 from tests.pages.stored_projects import go, project_of, session, told
 from tests.pages.waiting import ended
+from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 SET_3D = replace(SET_2D, method="3d", matching_threshold_px=None)
@@ -155,3 +159,71 @@ def test_refined_set_serves_both(pressed: AppTest) -> None:
     assert not app.error and not app.warning
     app.selectbox(key="apply_matching").set_value("3d").run()
     assert "it accepts more wrong pairs" in told(app, "warning")
+
+
+@pytest.fixture
+def place() -> Place:
+    rng = np.random.default_rng(4)
+    return Place(SET_3D, SET_3D, world_of_cameras(rng), rng)
+
+
+def give(app: AppTest, path: Path) -> AppTest:
+    return app.file_uploader(key="upload_world").upload(path.name, path.read_bytes()).run()
+
+
+def points(app: AppTest, home: Path) -> tuple[pd.DataFrame, Pose | None]:
+    result = ProjectApplication(project_of(app, home)).result
+    assert result is not None
+    outcome, files = result
+    return pd.read_csv(io.BytesIO(files[POINTS].read_bytes())), outcome.world
+
+
+def test_points_in_the_frame_of_plumb_lines(
+    app: AppTest, home: Path, place: Place, tmp_path: Path
+) -> None:
+    before, world = points(with_files(app), home)
+    assert world is None and "coordinates" not in before
+    (tmp_path / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
+    give(app, tmp_path / "plumb.csv")
+    assert "World frame of 4 plumb lines: the vertical is known within" in told(app, "success")
+    assert "Points are in the world frame." in told(app, "success")
+    after, world = points(app, home)
+    assert world is not None
+    assert np.degrees(np.arccos(world.R[2] @ place.up)) < 0.2
+    moved = world.apply(before[["x", "y", "z"]])
+    np.testing.assert_allclose(after[["x", "y", "z"]], moved, atol=1e-9)
+    assert (after["coordinates"] == name_of_world(world)).all()
+    assert any("--world world.json" in str(code.value) for code in app.code)
+    for view in ("Tables", "A known length"):
+        app.segmented_control(key="apply_view").set_value(view).run()
+    assert "coordinates" not in app.selectbox(key="apply_way").options
+    app.selectbox(key="world_x_axis").set_value("baseline").run()
+    turned = points(app, home)[1]
+    assert turned is not None
+    assert turned.apply(SET_3D.pose.inverse().T)[1] == pytest.approx(0, abs=1e-9)
+    own = told(app, "success")
+    app.number_input(key="world_sigma_px").set_value(3.0).run()
+    assert told(app, "success") != own  # other bounds, by the noise as stated
+    app.number_input(key="world_sigma_px").set_value(None).run()
+    assert told(app, "success") == own
+    app.button(key="forget_world").click().run()
+    assert points(app, home)[1] is None
+    assert "Points are in the world frame." not in told(app, "success")
+
+
+def test_a_survey_its_residuals_and_a_mirrored_one(
+    app: AppTest, home: Path, place: Place, tmp_path: Path
+) -> None:
+    (tmp_path / "survey.csv").write_bytes(survey_csv(surveyed(place, 6)))
+    give(with_files(app), tmp_path / "survey.csv")
+    assert "World frame of 6 surveyed points" in told(app, "success")
+    assert "P4" in list(app.dataframe[0].value["Point"])
+    app.selectbox(key="world_origin").set_value("P2").run()
+    assert not app.error
+    table = pd.read_csv(tmp_path / "survey.csv")
+    table[["x", "y"]] = table[["y", "x"]].to_numpy()
+    table.to_csv(tmp_path / "mirrored.csv", index=False)
+    give(app, tmp_path / "mirrored.csv")
+    assert "left-handed" in told(app, "error")
+    assert "in the primary camera's frame" in told(app, "error")
+    assert points(app, home)[1] is None

@@ -1,4 +1,4 @@
-"""The pages without a browser: what they say, what they keep, and that no traceback shows."""
+"""The pages: what they say, what they keep, their menu, and that no traceback shows."""
 
 from __future__ import annotations
 
@@ -12,8 +12,21 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.projects.application import ProjectApplication
+from stereocal.projects.lens import ProjectLens
+from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from tests.pages.stored_projects import ROOT, again, go, messages, project_of
+from stereocal.ui.menu import RIG, SECTIONS, TITLES
+from tests.pages.stored_projects import (
+    FULL,
+    ROOT,
+    again,
+    go,
+    messages,
+    placed,
+    project_of,
+    session,
+    told,
+)
 
 FIELD = ROOT / "sample_data" / "field"
 
@@ -180,3 +193,58 @@ def test_lengths_in_another_unit_are_asked_about_once(app: AppTest, home: Path) 
     assert project.inputs.baseline_m == pytest.approx(4.6)
     assert project.inputs.target_distance_m == pytest.approx(0.9)
     assert app.number_input(key="baseline_m_value").value == pytest.approx(4.6)
+
+
+@pytest.fixture
+def project(home: Path) -> Project:
+    return placed(FULL, home)
+
+
+def states(app: AppTest) -> dict[str, str]:
+    found = app.session_state["page_states"]
+    return {name: state.mark for name, state in found.items()}
+
+
+def test_every_file_of_pages_is_in_one_group() -> None:
+    files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
+    assert sorted([*TITLES, RIG]) == files
+    assert list(SECTIONS) == ["", "Before", "Calibrate", "Use"]
+
+
+def test_the_project_is_named_and_renamed(project: Project) -> None:
+    app = go(session(project), "validate")
+    name = app.sidebar.text_input(key="project_name")
+    assert name.value == project.inputs.name
+    name.set_value("Meadow").run()
+    assert project.inputs.name == "Meadow"
+    assert app.sidebar.caption[0].value.startswith("Saved 20")
+    assert not app.exception and not app.info
+    assert go(app, "data").sidebar.text_input(key="project_name").value == "Meadow"
+
+
+def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
+    project.keep_settings({"validate_runs": 10})
+    app = go(session(project), "calibrate")
+    app.button(key="run").click().run()
+    assert states(app)["calibrate"] == "done"
+    app = go(app, "data")
+    app.number_input(key="baseline_m_value").set_value(1.2345).run()
+    assert states(app)["calibrate"] == "stale"
+
+
+def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
+    app.button(key="demo_photographs").click().run()
+    app.switch_page("pages/data.py").run()
+    assert app.segmented_control(key="data_how").value == "Photographs"
+    assert "50 photographs. 25 pairs by name" in told(app)
+    assert app.number_input(key="baseline_m_value").value == 4.5
+    assert not app.button(key="find_targets").disabled
+    project = project_of(app, home)
+    assert all(project.cameras)
+    assert project.inputs.missing == ["the table of points"]
+    assert "Still missing: the targets in the photographs (press *Find the targets*)" in told(app)
+    for which in CAMERAS:
+        assert len(ProjectLens(project, which).photographs) == 22
+    app.switch_page("pages/cameras.py").run()
+    assert "Of the primary camera: 22 photographs" in told(app)
+    assert app.number_input(key="board_columns").value == 18

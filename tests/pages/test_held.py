@@ -1,4 +1,4 @@
-"""Photographs of a board on the Data page, to lenses and a whole data set, without a browser."""
+"""What is held, as stated on the Data page: balls, tags, boards and other objects."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.projects.home import title_of
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
+from stereocal.ui.holding import held_target
 from stereocal.workflow import calibrate
+from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.lens import SMALL, png
-from tests.pages.stored_projects import messages, project_of
+from tests.pages.stored_projects import go, messages, project_of, session
 from tests.pages.test_pages import give_zip
 from tests.pages.test_photographs import upload
 from tests.pages.waiting import ended
@@ -108,3 +112,55 @@ def test_a_zip_of_an_object(app: AppTest, home: Path) -> None:
     project = project_of(app, home)
     assert data_of(project).sha256 == data.sha256
     assert "Complete" in messages(app)
+
+
+@pytest.fixture
+def balls(home: Path) -> Project:
+    """A project with photographs of two balls, and the lenses."""
+    project = Project.create(home)
+    store = ProjectPhotographs(project)
+    files, _ = ball_bars(12)
+    store.add({name: store.keep(name, content) for name, content in files.items()})
+    lens = write_camera(CAMERA)
+    project.give({"primary": ("p.json", lens), "secondary": ("s.json", lens)})
+    return project
+
+
+def test_balls_are_stated_and_found(balls: Project) -> None:
+    app = go(session(balls), "data")
+    assert held_target(balls) == BAR
+    app.segmented_control(key="held").set_value("balls").run()
+    assert "Click ball A" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_balls").set_value("red,blurple").run()
+    assert "blurple" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_balls").set_value(COLOURS.partition(":")[2]).run()
+    assert "Both balls are found here" in messages(app)
+    app.button(key="find_targets").click().run()
+    store = ProjectPhotographs(balls)
+    ended(balls, "photographs")
+    frames = store.frames
+    assert frames is not None and sum(frame.use for frame in frames) >= 10
+    assert isinstance(held_target(balls), Balls)
+    assert "Find them again" not in messages(app.run())
+    app.segmented_control(key="held").set_value("tags").run()
+    assert "what you said before that you hold" in messages(app) and not app.exception
+
+
+def test_tags_are_stated(balls: Project) -> None:
+    app = go(session(balls), "data")
+    app.segmented_control(key="held").set_value("tags").run()
+    app.text_input(key="held_tags").set_value("4X4_50:3").run()
+    assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_tags").set_value("4X4_50:3,7").run()
+    assert held_target(balls) == Tags("4X4_50", (3, 7))
+    assert not app.button(key="find_targets").disabled and not app.exception
+
+
+def test_tags_are_printed_before_there_is_a_project(app: AppTest) -> None:
+    app.switch_page("pages/data.py").run()
+    app.segmented_control(key="print_what").set_value("tags").run()
+    assert any("Print at 100 %" in item.value for item in app.markdown)
+    app.number_input(key="print_tag_mm").set_value(300.0).run()
+    assert "do not fit on A4" in messages(app)
+    app.text_input(key="print_tags").set_value("4X4_50:3").run()
+    assert "tags:4X4_50:3,7" in messages(app)
