@@ -15,7 +15,7 @@ from streamlit.testing.v1 import AppTest, local_script_runner
 
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import ROOT, SLOW, go, session
+from tests.pages.stored_projects import dashboard, go, session
 
 SCRIPTS = ScriptCache()
 """Pages that have been compiled; a server keeps them too."""
@@ -32,7 +32,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def app(home: Path) -> Iterator[AppTest]:
     """The dashboard, freshly opened at that home."""
     assert home.is_dir()
-    started = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    started = dashboard()
     assert not started.exception
     yield started
     assert not started.exception
@@ -45,7 +45,7 @@ def home_of_sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STEREOCAL_HOME", str(home))
         as_in_a_server(patch)
-        app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+        app = dashboard()
         app.button(key="demo").click().run().switch_page("pages/calibrate.py").run()
         app.button(key="run").click().run()
         assert not app.exception

@@ -1,19 +1,23 @@
-"""A project with something of everything, put into a home; and a look at every page of one."""
+"""A stored project, a look at its pages, and waiting for what happens beside them."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.archive import unpack_project
 from stereocal.projects.project import Project
+from stereocal.ui import jobs
 
 ROOT = Path(__file__).parents[2]
 FULL = ROOT / "tests" / "projects" / "full.zip"
 """6 pairs of photographs, targets, 2 edits, a calibration, a validation of 10 runs, 7 boards, a
 lens, and points that were matched and measured."""
 SLOW = 120
+"""Seconds that nothing takes unless it hangs, on a busy machine either."""
 
 
 def placed(source: Path, home: Path) -> Project:
@@ -21,20 +25,21 @@ def placed(source: Path, home: Path) -> Project:
     return unpack_project(source, source.name, home)
 
 
-def session(project: Project, **state: object) -> AppTest:
-    """A browser tab with the project's address."""
+def dashboard(page: str = "start", **address: str) -> AppTest:
+    """A browser tab with what the address names, freshly opened."""
     app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    app.query_params["project"] = project.id
-    for key, value in state.items():
-        app.session_state[key] = value
-    return app.run()
+    app.query_params.update(address)
+    return app.run() if page == "start" else go(app, page)
+
+
+def session(project: Project) -> AppTest:
+    """A browser tab with the project's address."""
+    return dashboard(project=project.id)
 
 
 def again(app: AppTest, page: str) -> AppTest:
     """A page of the same project, in a new tab."""
-    tab = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    tab.query_params["project"] = app.session_state["project_id"]
-    return go(tab.run(), page)
+    return go(dashboard(project=app.session_state["project_id"]), page)
 
 
 def project_of(app: AppTest, home: Path) -> Project:
@@ -53,3 +58,18 @@ def told(app: AppTest, *kinds: str) -> str:
 
 def messages(app: AppTest) -> str:
     return told(app, "error", "info", "warning", "success")
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    end = time.monotonic() + SLOW
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def ended(project: Project, kind: jobs.Kind) -> jobs.Job:
+    """The job of this kind that a page has begun, once it has ended, however it did."""
+    job = jobs.job_of(project, kind)
+    assert job is not None
+    wait_until(lambda: job.state != "running")
+    return job

@@ -21,8 +21,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.ui import apply as apply_page
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
-from tests.pages.stored_projects import go, project_of, session, told
-from tests.pages.waiting import ended
+from tests.pages.stored_projects import ended, go, project_of, session, told
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)

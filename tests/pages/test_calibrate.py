@@ -21,9 +21,8 @@ from stereocal.ui.refined import answer_of
 from stereocal.ui.validation import evaluated
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import calibrate
-from tests.pages.stored_projects import go, messages, project_of, told
+from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
-from tests.pages.waiting import SLOW, ended
 
 BAD = 7
 

@@ -17,12 +17,10 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
 from tests.lens import SMALL, write_boards
-from tests.pages.stored_projects import again, go, messages, project_of
-from tests.pages.waiting import ended
+from tests.pages.stored_projects import again, ended, go, messages, project_of
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
-SLOW = 120
 
 
 @pytest.fixture(scope="module")

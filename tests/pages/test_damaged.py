@@ -18,7 +18,7 @@ from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import FULL, ROOT, SLOW, go, placed, session, told
+from tests.pages.stored_projects import FULL, ROOT, dashboard, go, placed, session, told
 
 SECRET = "/srv/secret/place"
 RESULTS = {
@@ -53,7 +53,7 @@ def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
         Project.open(home, project.id)
     assert "damaged" in told(go(session(project), "data"), "error")
     assert [one.damaged for one in recent_projects(home)] == [True]
-    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    app = dashboard()
     assert "the file of this project is damaged" in told(app, "warning")
     assert not app.exception and path.read_bytes() == before
     app.button(key=f"remove_{project.id}").click().run()
@@ -63,7 +63,7 @@ def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
 def test_unforeseen_error_tells_its_kind_and_no_more(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    app = dashboard()
     assert not app.exception
     # What the file of settings says, as the server has it; tests of pages do not read it.
     assert 'showErrorDetails = "type"' in (ROOT / ".streamlit/config.toml").read_text()

@@ -21,10 +21,9 @@ from stereocal.ui.holding import held_target
 from stereocal.workflow import calibrate
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.lens import SMALL, png
-from tests.pages.stored_projects import go, messages, project_of, session
+from tests.pages.stored_projects import ended, go, messages, project_of, session
 from tests.pages.test_pages import give_zip
 from tests.pages.test_photographs import upload
-from tests.pages.waiting import ended
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, WAND, recorded
 

@@ -14,7 +14,7 @@ from stereocal.projects.project import Project
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.menu import TITLES
 from tests.hostile_projects import dataset
-from tests.pages.stored_projects import ROOT, SLOW, go, messages, session
+from tests.pages.stored_projects import dashboard, go, messages, session
 from tests.soak import repeats
 from tests.soak.damage import damaged
 from tests.soak.readers import readers
@@ -108,9 +108,7 @@ def test_no_door_shows_a_traceback(door: Door, home: Path) -> None:
 @pytest.mark.parametrize("address", ["", "../../etc/passwd", "0" * 31, "<b>", "\x00", "0" * 5000])
 def test_an_address_that_is_none(address: str, home: Path) -> None:
     assert home.is_dir()
-    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    app.query_params["project"] = address
-    app.run()
+    app = dashboard(project=address)
     assert not tracebacks(app)
     assert "The address does not name a project" in messages(app)
 
@@ -152,7 +150,7 @@ def test_a_setting_that_is_none_is_said_on_every_page(
 ) -> None:
     assert home.is_dir()
     monkeypatch.setenv("STEREOCAL_MOST_RATIO", "plenty")
-    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    app = dashboard()
     assert not tracebacks(app)
     assert 'STEREOCAL_MOST_RATIO is "plenty": it must be a number' in messages(app).replace(
         "\\", ""

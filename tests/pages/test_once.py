@@ -25,9 +25,8 @@ from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.latest import Latest
-from tests.pages.stored_projects import FULL, go, messages, placed, project_of
+from tests.pages.stored_projects import FULL, go, messages, placed, project_of, wait_until
 from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
-from tests.pages.waiting import wait_until
 
 
 def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:

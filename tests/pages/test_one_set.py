@@ -18,9 +18,8 @@ from stereocal.ui import refined
 from stereocal.ui.refined import refine_settings
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.workflow import calibrate, conclusions_of_seeds
-from tests.pages.stored_projects import FULL, again, messages, placed, project_of, told
+from tests.pages.stored_projects import FULL, again, messages, placed, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
-from tests.pages.waiting import wait_until
 
 
 def one_set(app: AppTest) -> AppTest:
@@ -60,7 +59,9 @@ def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
     assert project.evaluation is None  # the page needs no validation
 
 
-def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) -> None:
+def test_the_slider_moves_along_the_curve_and_the_distortion_is_estimated(
+    app: AppTest, home: Path
+) -> None:
     project = few_runs(open_sample(app), home)
     one_set(app)
     seen = {told(app)}
@@ -73,6 +74,10 @@ def test_the_slider_moves_along_the_curve_and_is_kept(app: AppTest, home: Path) 
     # Residuals by place tell noise from a lens.
     app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
     assert "they accuse no lens" in told(app)
+    before, row = parameters(app), "Focal length fx, secondary camera (px)"
+    app.multiselect(key="free_distortion").set_value(["secondary"]).run()
+    assert project.settings["free_distortion"] == ["secondary"]
+    assert str(app.table[-1].value.loc[row]) != str(before.loc[row])
 
 
 def test_other_seeds_are_tried_beside_the_page_and_once(
@@ -110,18 +115,6 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
     app.selectbox(key="apply_matching").set_value("2d").run()
     one_set(app)
     assert not app.toggle(key="refined_2d").value and not app.toggle(key="refined_3d").value
-
-
-def test_the_distortion_can_be_estimated(app: AppTest, home: Path) -> None:
-    project = project_of(open_sample(app), home)
-    few_runs(app, home)
-    one_set(app)
-    before = parameters(app)
-    app.multiselect(key="free_distortion").set_value(["secondary"]).run()
-    assert not app.exception
-    assert project.settings["free_distortion"] == ["secondary"]
-    row = "Focal length fx, secondary camera (px)"
-    assert str(app.table[-1].value.loc[row]) != str(before.loc[row])
 
 
 def read(project: Project) -> Dataset:

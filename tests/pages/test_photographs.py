@@ -13,12 +13,9 @@ from streamlit.testing.v1 import AppTest
 from stereocal.formats.camera_file import write_camera
 from stereocal.projects.photographs import ProjectPhotographs
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import again, go, messages, project_of
+from tests.pages.stored_projects import again, ended, go, messages, project_of, wait_until
 from tests.pages.test_pages import zipped
-from tests.pages.waiting import ended, wait_until
 
-ROOT = Path(__file__).parents[2]
-SLOW = 120
 BARS = bar_set(7)
 FILES = BARS.files()
 

@@ -14,7 +14,7 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import ROOT, SLOW, go, messages, project_of, session
+from tests.pages.stored_projects import dashboard, go, messages, project_of, session
 from tests.pages.test_pages import open_sample
 
 
@@ -103,16 +103,6 @@ def test_rename_duplicate_remove_and_undo(app: AppTest, home: Path) -> None:
     assert "undo_remove" not in keys(app)
 
 
-def test_open_goes_to_the_data_of_that_project(app: AppTest, home: Path) -> None:
-    first = project_of(open_sample(app), home)
-    second = project_of(open_sample(start(app)), home)
-    assert first.id != second.id
-    first.give({}, baseline_m=7.25)
-    start(app).button(key=f"open_{first.id}").click().run()
-    assert app.session_state["project_id"] == first.id
-    assert app.number_input(key="baseline_m_value").value == 7.25
-
-
 def test_a_shared_server_lists_nothing(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,7 +128,7 @@ def test_who_has_the_address_brings_a_removed_project_back(
     noon = datetime(2026, 3, 14, 12).timestamp()
     os.utime(project.database.marker, (noon, noon))
 
-    stranger = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW).run()
+    stranger = dashboard()
     assert "was removed" not in messages(stranger)
     assert any(project.id in key for key in keys(stranger)) == (shared == "0")
 
@@ -152,7 +142,7 @@ def test_who_has_the_address_brings_a_removed_project_back(
     assert "50 pairs of points" in messages(owner.switch_page("pages/data.py").run())
 
 
-def test_a_project_goes_out_as_a_zip_and_comes_in_again(
+def test_a_project_goes_out_as_a_zip_and_comes_in_again_and_both_open(
     app: AppTest, home: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     project = project_of(open_sample(app), home)
@@ -166,3 +156,8 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again(
     opened = project_of(app, home)
     assert opened.id != project.id
     assert opened.inputs.baseline_m == 6.5
+    # Open goes to the data of that project.
+    project.give({}, baseline_m=7.25)
+    start(app).button(key=f"open_{project.id}").click().run()
+    assert app.session_state["project_id"] == project.id
+    assert app.number_input(key="baseline_m_value").value == 7.25

@@ -22,8 +22,6 @@ from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
 from tests.pages.stored_projects import go, session, told
 
-ROOT = Path(__file__).parents[2]
-SLOW = 120
 BARS = bar_set(7)
 
 

@@ -21,8 +21,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.simulation.several import simulated_rig
 from stereocal.ui.start import RIG, three_cameras
 from tests.lens import PATTERN, SMALL, photographed, png
-from tests.pages.stored_projects import ROOT, SLOW, go, session, told
-from tests.pages.waiting import ended, wait_until
+from tests.pages.stored_projects import dashboard, ended, go, session, told, wait_until
 from tests.photographed_rig import BAR_M
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -49,9 +48,7 @@ def titles(app: AppTest) -> list[str]:
 
 def opened(project: Project, pair: str) -> AppTest:
     """The Calibrate page at the address of a pair."""
-    app = AppTest.from_file(str(ROOT / "app.py"), default_timeout=SLOW)
-    app.query_params["project"], app.query_params["pair"] = project.id, pair
-    return go(app, "calibrate")
+    return dashboard("calibrate", project=project.id, pair=pair)
 
 
 def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
@@ -239,10 +236,11 @@ def seen_by_both(count: int) -> list[Pose]:
 
 def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     orders: dict[int, int] = {}
+    boards = seen_by_both(5)
     poses = {"left": HERE, "mid": stereo(2.0), "right": stereo(0.0)}
     files = {
         f"{name}/{at}.png": png(photographed(pose @ board))
-        for at, board in enumerate(seen_by_both(5))
+        for at, board in enumerate(boards)
         for name, pose in poses.items()
     }
     given(app, {f"{name}.json": write_camera(SMALL) for name in CAMERAS})
@@ -255,7 +253,7 @@ def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     assert min(len(recording.common_frames(*pair)) for pair in recording.pairs) >= 4
     # The corners of the rolled camera have the numbers of the others': one pose fits all boards.
     for number, name in enumerate(recording.cameras):
-        for frame, board in zip(np.unique(recording.frame), seen_by_both(5), strict=True):
+        for frame, board in zip(np.unique(recording.frame), boards, strict=True):
             rows = (recording.frame == frame) & (recording.camera == number)
             if not rows.any():
                 continue

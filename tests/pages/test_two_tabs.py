@@ -45,13 +45,9 @@ def test_a_tab_shows_what_another_has_changed(project: Project) -> None:
     assert project.inputs.baseline_m == 2.6
     a.run()
     assert a.number_input(key="baseline_m_value").value == 260.0
-    sound(a, b)
-
-
-def test_settings_of_forms(project: Project) -> None:
-    a, b = tabs(project, "calibrate")
-    a.number_input(key="seed").set_value(5).run()
-    b.number_input(key="delta").set_value(0.002).run()
+    # Settings of forms too.
+    go(a, "calibrate").number_input(key="seed").set_value(5).run()
+    go(b, "calibrate").number_input(key="delta").set_value(0.002).run()
     assert (project.settings["seed"], project.settings["delta"]) == (5, 0.002)
     assert b.number_input(key="seed").value == 5
     a.run()
