@@ -12,7 +12,6 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.atomic_files import write_all
@@ -22,12 +21,10 @@ from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
 @dataclass(frozen=True)
 class Work:
-    """A parameter file, a data set of an unmoved rig and one of a moved rig, and matched points."""
+    """A parameter file and a data set of the rig after it moved."""
 
     parameters: Path
-    same: Path
     moved: Path
-    pairs: Path
     out: Path
 
     def check(self, *arguments: object) -> int:
@@ -40,45 +37,15 @@ class Work:
         return found
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Work:
-    folder = tmp_path_factory.mktemp("check")
-    case: Case = next(cases(1, 44))
-    case.prior.rig.save(folder / "parameters_refined.json")
-    moved = bumped(case, np.radians(0.5))
-    data = {
-        name: seen_by(case, place_bars(rig, case.rng, 25, BAR_M, DEPTHS_M))
-        for name, rig in (("same", case.truth), ("moved", moved))
-    }
-    for name, each in data.items():
-        few = each.of_frames(each.correspondences.frames[:5])
-        write_all({folder / name / file: text for file, text in pack_dataset(few).items()})
-    (folder / "pairs.csv").write_text(pairs_of(data["moved"]))
-    return Work(
-        folder / "parameters_refined.json",
-        folder / "same",
-        folder / "moved",
-        folder / "pairs.csv",
-        folder / "out",
-    )
-
-
 @pytest.fixture
-def work(made: Work, tmp_path: Path) -> Work:
-    """A copy that a test may spoil."""
-    folder = Path(shutil.copytree(made.parameters.parent, tmp_path / "work"))
-    return Work(*(folder / getattr(made, name).name for name in vars(made)))
-
-
-def pairs_of(dataset: Dataset) -> str:
-    rows = dataset.correspondences
-    lines = ["frame,u_primary,v_primary,u_secondary,v_secondary"]
-    pixels = np.column_stack([rows.primary, rows.secondary])
-    lines += [
-        ",".join([str(frame), *(f"{x:.4f}" for x in row)])
-        for frame, row in zip(rows.frame, pixels, strict=True)
-    ]
-    return "\n".join(lines) + "\n"
+def work(tmp_path: Path) -> Work:
+    case: Case = next(cases(1, 44))
+    found = Work(tmp_path / "parameters_refined.json", tmp_path / "moved", tmp_path / "out")
+    case.prior.rig.save(found.parameters)
+    rig = bumped(case, np.radians(0.5))
+    moved = seen_by(case, place_bars(rig, case.rng, 5, BAR_M, DEPTHS_M))
+    write_all({found.moved / name: content for name, content in pack_dataset(moved).items()})
+    return found
 
 
 def test_a_moved_camera_and_repaired_parameters(

@@ -1,10 +1,9 @@
-"""`stereocal evaluate` and `simulate` from the command line: files, engines, bad input."""
+"""`stereocal evaluate` from the command line: its files, and what other commands do with them."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -13,22 +12,6 @@ from stereocal.rig.parameters import RigParameters
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 FIELD, NINETEEN = SAMPLES / "field", SAMPLES / "nineteen"
-
-
-@pytest.fixture(scope="module")
-def threads(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The summary of 12 runs, computed in threads."""
-    return evaluated(tmp_path_factory.mktemp("threads"))
-
-
-def evaluated(out: Path, *options: str) -> Path:
-    assert main(["evaluate", str(FIELD), "--out", str(out), "--runs", "12", *options]) == 0
-    return out / "summary.json"
-
-
-def figures(summary: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(summary.read_text())["methods"]
-    return found
 
 
 def test_writes_summary_and_report_and_shows_progress(
@@ -58,9 +41,10 @@ def test_writes_summary_and_report_and_shows_progress(
         assert remote not in report.split("Plotly.newPlot")[0][:2000]
 
 
-def test_figures_reach_the_parameter_files(threads: Path, tmp_path: Path) -> None:
-    options = ["--out", str(tmp_path), "--validation", str(threads)]
-    assert main(["calibrate", str(FIELD), *options]) == 0
-    matching = RigParameters.load(tmp_path / "parameters_2d.json")
-    assert matching.matching_threshold_px is not None
-    assert matching.matching_threshold_px == figures(threads)["2d"]["threshold_px"]
+def test_figures_reach_the_parameter_files(tmp_path: Path) -> None:
+    out, summary = ["--out", str(tmp_path)], tmp_path / "summary.json"
+    assert main(["evaluate", str(FIELD), *out, "--runs", "12"]) == 0
+    assert main(["calibrate", str(FIELD), *out, "--validation", str(summary)]) == 0
+    threshold = RigParameters.load(tmp_path / "parameters_2d.json").matching_threshold_px
+    assert threshold is not None
+    assert threshold == json.loads(summary.read_text())["methods"]["2d"]["threshold_px"]

@@ -1,4 +1,4 @@
-"""The marks in the menu: they follow the project, and are never in the way."""
+"""The marks in the menu follow the project; text of files is shown as it is, never as markup."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
@@ -17,6 +18,7 @@ from stereocal.ui.forms import form_values, settings_of
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.refined import refine_settings
+from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.workflow import calibrate
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -90,3 +92,24 @@ def test_a_changed_setting_makes_its_results_stale(
 ) -> None:
     finished.keep_settings(setting)
     assert {name for name, mark in marks(finished).items() if mark == "stale"} == stale
+
+
+@pytest.mark.parametrize(
+    ("text", "safe"),
+    [
+        ("left 07.png", "left 07.png"),
+        ("a*b_c", r"a\*b\_c"),
+        ("www.x.org.csv: line 3", "`www.x.org.csv:` line 3"),
+        ("(HTTP://x.org) and me@x.org!", "`(HTTP://x.org)` and `me@x.org!`"),
+        ("`www.x.org``y", "``` `www.x.org``y ```"),
+    ],
+)
+def test_words_that_would_be_links_are_code(text: str, safe: str) -> None:
+    assert escape_markdown(text) == safe
+
+
+def test_tables() -> None:
+    table = escaped_table(pd.DataFrame({"a@x.org": ["www.x.org", 3]}, index=["*", "b"]))
+    assert list(table.columns) == ["`a@x.org`"]
+    assert list(table.index) == [r"\*", "b"]
+    assert list(table["`a@x.org`"]) == ["`www.x.org`", 3]
