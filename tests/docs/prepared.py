@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,15 +71,6 @@ def bump(folder: Path) -> None:
     )
     for name, content in pack_dataset(moved).items():
         (folder / name).write_bytes(content)
-
-
-FILES: Mapping[str, Callable[[Path], None]] = {"docs/photographs.md": videos}
-
-
-def prepare(page: str, folder: Path) -> None:
-    """Write the files of a page."""
-    if page in FILES:
-        FILES[page](folder)
 
 
 def thin(sample: Path) -> None:

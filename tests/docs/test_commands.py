@@ -16,7 +16,7 @@ import pytest
 
 from stereocal.cli import COMMANDS, _parser, main
 from tests.docs.pages import PAGES, code_of, name_of
-from tests.docs.prepared import prepare, thin
+from tests.docs.prepared import thin, videos
 from tests.terminal import ROOT
 
 OURS = re.compile(r"(?:\S*python -m )?stereocal (.*)")
@@ -81,7 +81,8 @@ def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixtur
     for code in code_of(page):
         if code.language == "json" and code.file:
             (folder / code.file).write_text(code.text, encoding="utf-8")
-    prepare(name_of(page), folder)
+    if name_of(page) == "docs/photographs.md":
+        videos(folder)
     for command in filter(is_run, commands_of(page)):
         assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
         words, quoted = as_command(command), name_of(page) in QUOTED

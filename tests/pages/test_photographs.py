@@ -57,7 +57,17 @@ def give_cameras_and_lengths(app: AppTest) -> None:
     app.number_input(key="target_distance_m_value").set_value(0.9).run()
 
 
-def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -> None:
+def wait_for_the_cancel(*given: object, pieces: object, target: object) -> None:
+    """In place of the search."""
+    assert pieces is not None and target is not None
+    cancelled = given[-1]
+    assert callable(cancelled)
+    wait_until(cancelled)
+
+
+def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves(
+    app: AppTest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     upload_zip(app, FILES)
     assert '14 photographs. 7 pairs by name: "primary with left" marks the primary' in messages(app)
     assert app.button(key="find_targets").disabled
@@ -75,6 +85,18 @@ def test_from_photographs_to_a_complete_data_set(app: AppTest, tmp_path: Path) -
         away = np.linalg.norm(found[:, None] - pair.centres_primary[None], axis=2).min(axis=1)
         assert away.max() < 0.1
     assert rows.has_sigmas and (rows.source == 0).all()
+
+    before = store_of(app, tmp_path).frames
+    monkeypatch.setattr("stereocal.ui.photographs.detect_frames", wait_for_the_cancel)
+    app.button(key="find_targets").click().run()
+    assert app.button(key="find_targets").disabled
+    assert app.checkbox(key="use_frame_1").disabled
+    app.button(key="cancel_photographs").click().run()
+    ended(store_of(app, tmp_path).project, "photographs")
+    app.run()
+    assert "Cancelled. What was found before is unchanged" in messages(app)
+    assert store_of(app, tmp_path).frames == before
+    assert not app.button(key="find_targets").disabled
 
     app.checkbox(key="use_frame_2").set_value(False).run()
     assert "12 pairs of points in 6 frames" in messages(app)
@@ -117,29 +139,3 @@ def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -
     assert "Still missing: the targets in the photographs" in messages(app)
     project = store_of(app, tmp_path).project
     assert project.inputs.name == "field day" and project.inputs.baseline_m == 2.0
-
-
-def test_cancel_leaves_what_was_found_before(
-    app: AppTest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    upload_zip(app, FILES)
-    give_cameras_and_lengths(app)
-    find(app, tmp_path)
-    before = store_of(app, tmp_path).frames
-
-    def wait_for_the_cancel(*_: object, pieces: object, target: object) -> None:
-        assert pieces is not None and target is not None
-        cancelled = _[-1]
-        assert callable(cancelled)
-        wait_until(cancelled)
-
-    monkeypatch.setattr("stereocal.ui.photographs.detect_frames", wait_for_the_cancel)
-    app.button(key="find_targets").click().run()
-    assert app.button(key="find_targets").disabled
-    assert app.checkbox(key="use_frame_1").disabled
-    app.button(key="cancel_photographs").click().run()
-    ended(store_of(app, tmp_path).project, "photographs")
-    app.run()
-    assert "Cancelled. What was found before is unchanged" in messages(app)
-    assert store_of(app, tmp_path).frames == before
-    assert not app.button(key="find_targets").disabled
