@@ -5,8 +5,6 @@ backgrounds, in even light and with light from the side, and pairs of photograph
 all hues. Half of the plain ones have linear grey levels, half are coded for a screen.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import Counter

@@ -9,8 +9,6 @@ the stated standard errors. `orders`: renderings of a board that looks the same 
 secondary rolled by any angle. The folder holds OpenCV's sample.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Collection
 from dataclasses import replace

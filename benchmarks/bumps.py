@@ -13,8 +13,6 @@ stated); then come 5 new bars, or matched points alone.
 - since: a movement among 40 frames: found, and whether the interval holds the frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """What is timed: each cost and each search, compiled and in plain NumPy, on the same numbers."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

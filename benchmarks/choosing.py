@@ -11,8 +11,6 @@ Five kinds of series of small photographs, each frame judged without and with th
 - hidden: as the second, and in some frames the secondary does not show target B at all.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from dataclasses import replace

@@ -3,8 +3,6 @@
 python -m benchmarks.clutter [--pairs 200] [--seed 4]
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import time

@@ -3,8 +3,6 @@
 python -m benchmarks.detection [first seed]
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

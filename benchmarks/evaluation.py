@@ -3,8 +3,6 @@
 python -m benchmarks.evaluation
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import resource

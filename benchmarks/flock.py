@@ -1,7 +1,5 @@
 """A simulated flock with known partners, and parameter sets from misjudged lenses to match it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 

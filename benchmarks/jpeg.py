@@ -5,8 +5,6 @@ target's X-corner, and fits it again after JPEG at several qualities. The fit is
 error functions with free directions, blur, offset and contrast, in a window of 0.22 of the board.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import replace

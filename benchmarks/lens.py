@@ -4,8 +4,6 @@ Simulated series of a chessboard (18x12 inner corners, 2336x1728 px, 0.1 px of n
 corner) are calibrated as in the paper; each parameter's error is divided by what was stated.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from concurrent.futures import ThreadPoolExecutor

@@ -4,8 +4,6 @@ Prints two Markdown tables: recall and precision of the three sets against thres
 points, and CPU time and memory of 200 frames.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -6,8 +6,6 @@ Rigs are drawn with unlike cameras (`refined_rigs`), 25 frames, 0.2 px of noise,
 and 5 px, the baseline by 5 mm, the bar by 0.5 mm; uncertainties are stated as they are.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ On the nineteen data sets each fifth of the frames is held out once; on ewand12
 held-out pairs and bars, in the first table also over folds and seeds.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -13,8 +13,6 @@ length error of the frames that were held out; even frames fitted and odd held o
 The held-out bars are the same bar, whose own error does not show, so it counts as exact.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections import defaultdict

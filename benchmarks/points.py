@@ -8,8 +8,6 @@ estimated and the threshold chosen as `match` does; z is the error of a reconstr
 over its stated standard error, by coordinate.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ is, with the secondary turned by 0.2 degrees, and turned from the middle on. A r
 set; or a pair of one with more cameras: ewand123:1-3.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace

@@ -6,8 +6,6 @@ All sides are measured in turn in one run, so that a slow moment of the computer
 The ratio is taken within each turn; the tables show its median and the range of the middle 80 %.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -14,8 +14,6 @@ processor time of the thread, so that other work on the computer counts little.
   and the sparsity of the Jacobian given.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

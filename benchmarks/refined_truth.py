@@ -9,8 +9,6 @@
 - lenses: lenses off by 0.3 % and 5 px, against the paper's two sets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -12,8 +12,6 @@ SciPy compare?
 - time: the same recording cut in time: one half fitted, the other tested; and runs of frames.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

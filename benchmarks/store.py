@@ -6,8 +6,6 @@ The folder should be on the disk that will hold the projects. The full disk is a
 needs the rights to mount one.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import random

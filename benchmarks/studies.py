@@ -1,7 +1,5 @@
 """The studies of a benchmark, run by name: `python -m benchmarks.NAME [STUDY ...] [--trials N]`."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Photographs with another board beside the two targets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import cv2

@@ -8,8 +8,6 @@
 - slow: the same as late, three times as long, of a bar that moves a quarter as fast.
 """
 
-from __future__ import annotations
-
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ population figure of the written file, the median of true over forecast value, a
 of the intervals over the value.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 

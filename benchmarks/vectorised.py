@@ -4,8 +4,6 @@
 ratio against it would flatter the compiled code, so the ratios are taken against this.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray

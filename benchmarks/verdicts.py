@@ -3,8 +3,6 @@
 python -m benchmarks.verdicts --rigs 40 --frames 25
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ The bar is at another place every 10, 20 or 40 of 200 frames; both lenses have a
 0.2 px rms that no model contains. How many of the stated 95 % intervals hold on 100 further frames.
 """
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

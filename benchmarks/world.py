@@ -14,8 +14,6 @@ stated), and its refined file is used. The cameras stand within 20 degrees of le
 - sound: sound surveys, to be accepted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ Nothing is loaded from elsewhere, so the site can be read without a network: for
 which browsers draw themselves, and fonts are the reader's own.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -5,8 +5,6 @@ take every page as a whole at 1400 and 420 px, light and dark. The photographs a
 second sample. The figures of the story on the Start page are taken by themselves, on white.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import tempfile

@@ -3,8 +3,6 @@
 Handles Ctrl-C, closed pipes and ASCII-only terminals for all commands.
 """
 
-from __future__ import annotations
-
 import codecs
 import os
 import sys

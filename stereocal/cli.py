@@ -1,7 +1,5 @@
 """`python -m stereocal`: what the dashboard does, from the command line."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import sys

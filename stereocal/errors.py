@@ -1,7 +1,5 @@
 """Errors with messages for the user: what is wrong, where, and what to do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

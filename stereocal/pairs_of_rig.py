@@ -1,7 +1,5 @@
 """The pairs of a rig: their data with the rig's lenses, and their parameter files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

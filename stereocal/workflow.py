@@ -3,8 +3,6 @@
 `calibrate` computes; `answer` puts together what to tell and what to write.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

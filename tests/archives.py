@@ -1,7 +1,5 @@
 """Files of other programs with the points and the cameras of the known rig."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Small colour photographs of a bar with a red and a yellow ball, with known centres."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small photographs of the bar with known centres, for tests of the way from files to tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

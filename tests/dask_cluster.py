@@ -1,7 +1,5 @@
 """A Dask cluster on this computer."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

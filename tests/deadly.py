@@ -1,7 +1,5 @@
 """Readers that do in a guard's child what malformed files make decoders do."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Two cameras with fisheye lenses, and recordings with them whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A whole project on disk; one of its files becomes hostile, and all of it is read."""
 
-from __future__ import annotations
-
 import atexit
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """A rig with a known truth that is asymmetric in everything, so that no exchange goes unseen."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Boards before a camera with a known lens: corners by projection, and small photographs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Photographs of boards and of the bar by one small rig, with its truth, for the way end to end."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

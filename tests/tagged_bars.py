@@ -1,7 +1,5 @@
 """Small photographs of a bar with a tag at each end, with known centres."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

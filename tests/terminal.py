@@ -1,7 +1,5 @@
 """Commands in processes of their own, as a terminal runs them."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

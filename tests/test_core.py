@@ -1,7 +1,5 @@
 """Library and command line without what the extra `dashboard` brings."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

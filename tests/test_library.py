@@ -1,7 +1,5 @@
 """What a script gets from `import stereocal`, and that the documented script runs."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

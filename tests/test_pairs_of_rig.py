@@ -1,7 +1,5 @@
 """The refined set of a pair of a rig is the rig's, and so are its errors."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

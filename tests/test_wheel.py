@@ -1,7 +1,5 @@
 """The wheel is whole, and works where there is no checkout."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tomllib

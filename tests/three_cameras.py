@@ -1,7 +1,5 @@
 """Small photographs of a bar by three cameras, one of them rolled, with known centres."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

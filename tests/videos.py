@@ -1,7 +1,5 @@
 """Videos written by the tests: frame k shows its number as a bar of grey."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path

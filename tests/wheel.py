@@ -1,7 +1,5 @@
 """An installation of the wheel, without an index: the dependencies are those of the tests."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -3,8 +3,6 @@
 python -m tools.story      # writes assets/story.json
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

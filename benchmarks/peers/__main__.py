@@ -1,7 +1,5 @@
 """Run all programs on all tasks and print the tables: python -m benchmarks.peers --rigs 20."""
 
-from __future__ import annotations
-
 import argparse
 import importlib.metadata
 import os

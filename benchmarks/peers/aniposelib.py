@@ -1,7 +1,5 @@
 """aniposelib: its iterative bundle adjustment, each bar as a board of two points."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Each frame is an object of points without known shape, so Caliscope starts from 
 a `DistanceConstraint` holds each length in its bundle adjustment.
 """
 
-from __future__ import annotations
-
 import logging
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """One program on one task: held-out errors, error of the rotation, time."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import time

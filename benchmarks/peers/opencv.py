@@ -1,7 +1,5 @@
 """OpenCV: essential matrix by MAGSAC++, then `recoverPose`."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import numpy.typing as npt

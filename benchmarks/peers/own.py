@@ -1,7 +1,5 @@
 """stereocal's four methods, each from the points on, with the settings it has by default."""
 
-from __future__ import annotations
-
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.calibration import montecarlo
 from stereocal.calibration.essential import calibrate_essential

@@ -1,7 +1,5 @@
 """PoseLib: LO-RANSAC with the five-point solver, then a refinement of the Sampson distance."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

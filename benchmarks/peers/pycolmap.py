@@ -1,7 +1,5 @@
 """pycolmap: essential matrix by LO-RANSAC, then `refine_relative_pose` over the inliers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pycolmap
 

@@ -1,7 +1,5 @@
 """The programs that are installed."""
 
-from __future__ import annotations
-
 import importlib
 
 from benchmarks.peers.solution import Peer

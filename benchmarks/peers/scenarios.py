@@ -1,7 +1,5 @@
 """What is solved: simulated rigs with known truth, and the real recording."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -7,8 +7,6 @@ MAGSAC++ does not trust are left out beforehand: with them the solve ends far of
 the Jacobian is given to SciPy, which then differentiates many columns at once.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

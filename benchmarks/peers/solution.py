@@ -1,7 +1,5 @@
 """What every program gives back, and what it used to get there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -36,7 +34,7 @@ class Solution:
         return Pose(self.R, self.T)
 
     @classmethod
-    def as_given(cls, pose: Pose, dataset: Dataset) -> Solution:
+    def as_given(cls, pose: Pose, dataset: Dataset) -> "Solution":
         """A pose with the lenses that the data set states."""
         return cls(pose.R, pose.T, (dataset.primary, dataset.secondary))
 

@@ -1,7 +1,5 @@
 """The programs that stereocal is compared with, those that need only OpenCV and SciPy."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Draw the pictures of the field guide and of the architecture: `make pictures`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

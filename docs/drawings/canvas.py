@@ -1,7 +1,5 @@
 """A page of SVG to draw on: lines, texts, cameras, bars and targets."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape

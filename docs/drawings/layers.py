@@ -1,7 +1,5 @@
 """The folders of the program, for the page on its architecture."""
 
-from __future__ import annotations
-
 from docs.drawings.canvas import BLUE, GREY, INK, Canvas
 
 LAYERS = (

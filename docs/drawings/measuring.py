@@ -1,7 +1,5 @@
 """Drawings of the field guide: what to build, and between which points to measure."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 
 from docs.drawings.canvas import BAD, BLUE, FAINT, GREY, INK, ORANGE, Canvas

@@ -1,7 +1,5 @@
 """Drawings of the field guide: targets, and where to hold bar and board."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 
 from docs.drawings.canvas import BAD, BLUE, FAINT, GREEN, GREY, INK, ORANGE, Canvas

@@ -1,7 +1,5 @@
 """Checks of a data set and of the first estimate: too few points, no spread, wrong scale."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.calibration.essential import MINIMUM_PAIRS

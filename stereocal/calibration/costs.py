@@ -12,8 +12,6 @@ All costs have one signature, so that one search handles them all. `rays` has sh
 The cost is NaN if a point is behind a camera; the search never accepts NaN.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray, compiled, inlined

@@ -6,8 +6,6 @@ starts there and minimises the sum of squared residuals over the five angles, so
 constraints" of the paper's footnote 1 hold exactly.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Literal

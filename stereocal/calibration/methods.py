@@ -1,8 +1,6 @@
 """The names of the methods, the settings of a calibration, and the errors of a pose on a data
 set."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
@@ -92,7 +90,7 @@ class CalibrationSettings:
         return {**own.pop("search"), **own}
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> CalibrationSettings:
+    def from_json(cls, data: Mapping[str, Any]) -> "CalibrationSettings":
         """The settings that `to_json` describes; missing ones keep their defaults."""
         own = dict(data)
         own["search"] = {

@@ -5,8 +5,6 @@ checked; here, after `minimum_moves` trials. After a single trial the ratio is 0
 every rejection would shrink the step; `minimum_moves=1` follows the paper literally.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -76,7 +74,7 @@ class SearchSettings:
             raise StereocalError(f"maximum_moves is {self.maximum_moves}: it must be at least 1.")
 
     @property
-    def steps(self) -> Steps:
+    def steps(self) -> "Steps":
         """The settings for the compiled search."""
         return Steps(*(getattr(self, name) for name in Steps._fields))
 

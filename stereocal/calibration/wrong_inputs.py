@@ -7,8 +7,6 @@ scale: the median reprojection error, and the spread of the bar lengths about th
 that contradict the others are left out before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Which pixels of a photograph have the colour of a ball."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -6,8 +6,6 @@ move the centre. The centroid of a region would be off by 15 to 65 % of the radi
 comes from the side. Balls that are too small for an outline keep the centroid, with that error.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ sign four times and be equal on opposite sides. The remaining points are fitted 
 in a small window, which excludes most structures of leaves, fences and windows.
 """
 
-from __future__ import annotations
-
 import math
 
 import cv2

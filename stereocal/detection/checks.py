@@ -1,7 +1,5 @@
 """Checks of the detected targets: reasons for rejection, doubts, and their messages."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import cv2

@@ -20,8 +20,6 @@ The last six have priors with mean 0: in a small window they remain close to 0, 
 are estimated. The covariance includes their uncertainty.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

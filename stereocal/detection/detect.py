@@ -6,8 +6,6 @@ square belong to a larger chessboard and are excluded. Of the remaining boards, 
 similar ones is selected.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence
@@ -66,7 +64,7 @@ class Detection:
     """Messages for the user."""
     sentence: str
     """Message for the user: the rejection, or all doubts; empty if there are none."""
-    alternatives: tuple[Detection, ...] = ()
+    alternatives: "tuple[Detection, ...]" = ()
     """If more than two boards look like targets: the results for the possible pairs, each without
     regard to the others, best first. Empty if the best pair is clearly the best."""
 

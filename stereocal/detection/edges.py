@@ -1,7 +1,5 @@
 """Follow the four half edges of an X-corner, its arms, to where its board ends."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

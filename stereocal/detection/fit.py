@@ -4,8 +4,6 @@ The fit (`corner_model`) starts in a small window. The contrast across the four 
 board ends, and the window grows until it covers most of the board without its outer border.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import partial

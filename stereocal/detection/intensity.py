@@ -1,7 +1,5 @@
 """Grey levels of a photograph: to 8 bits, normalised, and along the normals of a curve."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

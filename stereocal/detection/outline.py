@@ -1,7 +1,5 @@
 """The outline of a ball: a circle in the direction of its centre, fitted to edges around it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 Small dense systems are solved by Cholesky's method: `np.linalg.solve` takes 5 s to compile.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows

@@ -6,8 +6,6 @@ diagonals intersect, in the undistorted image, because a marker's centre is the 
 corners in space only.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any

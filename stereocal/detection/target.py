@@ -1,8 +1,6 @@
 """What was photographed, as one text: `bar2x2`, `balls:red,yellow`, `board:9x6:0.03`; and the
 targets that a photograph shows, where each has its own name: balls and tags."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

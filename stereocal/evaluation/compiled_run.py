@@ -4,8 +4,6 @@ It is compiled as a whole so that runs in several threads use several cores, bec
 releases the interpreter lock.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.calibration.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential

@@ -10,8 +10,6 @@ count in the underflow bin. Pairs that cannot be reconstructed in front of both 
 in the overflow bin, because they would not be matched. The numbers of both are reported.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -88,7 +86,7 @@ class EvaluationSettings:
         }
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> EvaluationSettings:
+    def from_json(cls, data: Mapping[str, Any]) -> "EvaluationSettings":
         """The settings that `to_json` describes."""
         rest = dict(data)
         own = {name: rest.pop(name) for name in descriptions(cls) if name in rest}
@@ -121,7 +119,7 @@ def evaluate_run(
     settings: EvaluationSettings,
     number: int,
     run: int,
-    whole: WholeFit | None = None,
+    whole: "WholeFit | None" = None,
 ) -> Run:
     """Compute run `run` of data set `number`.
 

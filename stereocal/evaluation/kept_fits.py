@@ -5,8 +5,6 @@ on the frames drawn and on the essential matrix, not on the steps of the searche
 kept for the next position of a slider.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace

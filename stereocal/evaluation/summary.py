@@ -7,8 +7,6 @@ the runs, or over the data sets if there are several, because the runs of a data
 frames. For the interval of the FCP see `_fcp`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

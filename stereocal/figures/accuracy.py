@@ -1,7 +1,5 @@
 """Maps of the predicted accuracy of the rig, seen from above and from the side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Errors of new images with the old and the repaired parameters, frame by frame."""
 
-from __future__ import annotations
-
 import numpy as np
 import plotly.graph_objects as go
 

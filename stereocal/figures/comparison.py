@@ -1,7 +1,5 @@
 """Comparison of the methods over several data sets."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Positions of the targets in the two images."""
 
-from __future__ import annotations
-
 import numpy as np
 import plotly.graph_objects as go
 

@@ -1,7 +1,5 @@
 """The errors of the methods, frame by frame: what is plotted, printed and said of them."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The parts of an HTML report that holds everything in one file and opens without a network."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 

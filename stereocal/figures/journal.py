@@ -3,8 +3,6 @@
 Importing Matplotlib takes 0.4 s, so this module is imported where a kit is made.
 """
 
-from __future__ import annotations
-
 import io
 import threading
 from collections.abc import Callable, Mapping

@@ -1,8 +1,6 @@
 """Figures of lenses: results of a calibration's draws, errors by photograph, and mean residuals
 over the image as arrows, of board corners or of the pairs of a rig."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

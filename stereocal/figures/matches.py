@@ -1,8 +1,6 @@
 """The pairs of one frame in an image, the points without a partner, and histograms of best and
 second-best matching errors with the threshold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go

@@ -1,7 +1,5 @@
 """Reconstructed 3D points, and measured lengths compared with a known length."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

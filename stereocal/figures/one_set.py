@@ -1,8 +1,6 @@
 """Figures of whether one set will do: the disagreement of each stated input with the other data,
 and the trade-off curves between matching and measuring."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

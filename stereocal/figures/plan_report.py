@@ -1,8 +1,6 @@
 """A plan in figures, by place, by depth for several plans and by baseline, and in a report: one
 HTML file that holds everything and opens without a network."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

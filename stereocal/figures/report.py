@@ -1,7 +1,5 @@
 """The report of a validation: one HTML file that holds everything and opens without a network."""
 
-from __future__ import annotations
-
 import datetime
 import math
 from collections.abc import Mapping, Sequence

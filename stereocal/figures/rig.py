@@ -3,8 +3,6 @@
 Drawn in the primary camera's frame with its up direction upwards: (x, z, -y).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,8 +1,6 @@
 """A rig in figures, its cameras from above with a line for each pair, and all of them in 3D; and in
 a report: one HTML file that holds everything and opens without a network."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

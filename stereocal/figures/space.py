@@ -1,7 +1,5 @@
 """Common parts of 3D figures: upright axes of equal scale, viewpoints, and the two cameras."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,7 +49,7 @@ class Scene:
     is_world: bool = False
 
     @classmethod
-    def of_world(cls, world: Pose | None) -> Scene:
+    def of_world(cls, world: Pose | None) -> "Scene":
         """The scene of points in a world frame (`world_from_primary`), else in the primary's."""
         return cls() if world is None else cls(Z_UP @ world, True)
 

@@ -4,8 +4,6 @@
 Start page opens at once.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

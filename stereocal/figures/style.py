@@ -4,8 +4,6 @@ The colours have a contrast of at least 3:1 on the light and the dark page, and 
 distinguished with colour blindness (tests/figures/test_every_figure.py).
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Container, Mapping
 from typing import Any

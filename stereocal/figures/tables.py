@@ -1,7 +1,5 @@
 """Results in words and tables for the user, with units and significant digits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Progress of the two searches: cost, step and acceptance ratio."""
 
-from __future__ import annotations
-
 import numpy as np
 import plotly.graph_objects as go
 

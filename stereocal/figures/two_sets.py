@@ -4,8 +4,6 @@ A set that matches well has epipolar lines that pass through the points, and ray
 A set that measures well gives the bar its length. No set of the paper does both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

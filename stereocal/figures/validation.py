@@ -1,7 +1,5 @@
 """The paper's Fig. 4 for the user's rig: PDFs of the errors of each method."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

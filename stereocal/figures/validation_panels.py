@@ -1,7 +1,5 @@
 """The panels of the validation figure: which method stands where, its title, and its words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ Four coefficients may be OpenCV's standard lens model (k1 k2 p1 p2) or its fishe
 (k1 k2 k3 k4); if the file does not state which, the user must.
 """
 
-from __future__ import annotations
-
 import json
 from codecs import BOM_UTF8
 from collections.abc import Mapping

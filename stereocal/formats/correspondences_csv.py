@@ -1,7 +1,5 @@
 """`correspondences.csv`: frame, target, four pixel coordinates, and optional columns."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -95,10 +93,10 @@ def read_table(content: bytes, source: str) -> Table:
 
 
 def codes_of(
-    words: pd.Series[str],
+    words: "pd.Series[str]",
     codes: Mapping[str, int],
     allowed: str,
-    written: pd.Series[str],
+    written: "pd.Series[str]",
     reasons: Reasons,
 ) -> IntArray:
     """The codes of words; adds rows with others, as `written` under the name of that column."""
@@ -109,7 +107,9 @@ def codes_of(
     return np.asarray(found.fillna(0), dtype=np.int64)
 
 
-def _object(targets: pd.Series[str], values: Values, reasons: Reasons, source: str) -> RigidObject:
+def _object(
+    targets: "pd.Series[str]", values: Values, reasons: Reasons, source: str
+) -> RigidObject:
     """The object of the columns `OBJECT`; adds rows that contradict an earlier one."""
     places = np.column_stack([values[name] for name in OBJECT])
     found: dict[str, FloatArray] = {}

@@ -1,7 +1,5 @@
 """A data set in a folder or a zip: `dataset.json`, two camera files, points or photographs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Store evaluations: `summary.json` for scripts, and the counts for a project."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

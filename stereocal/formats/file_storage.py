@@ -1,7 +1,5 @@
 """Read YAML of Kalibr, ROS and OpenCV, and the rest of OpenCV's FileStorage, as plain data."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

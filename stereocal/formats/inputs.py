@@ -1,7 +1,5 @@
 """What a person may give for data: a data set, a project's zip, or a table of points to check."""
 
-from __future__ import annotations
-
 import tempfile
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read the structs of an untrusted .mat file (version 5 to 7) as plain data."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zlib

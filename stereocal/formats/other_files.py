@@ -1,7 +1,5 @@
 """Recognise unsupported files by their content, for helpful error messages."""
 
-from __future__ import annotations
-
 import re
 
 from stereocal.errors import StereocalError

@@ -1,7 +1,5 @@
 """The file of a plan, `stereocal-plan/1`: JSON, camera files beside it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields

@@ -6,8 +6,6 @@ layout = answered(layout, answers, content, "xypts.csv")
 table = read_points(content, layout, answers.camera, answers.image_height)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError

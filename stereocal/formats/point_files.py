@@ -7,8 +7,6 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 (the pixel origin, which cameras to use).
 """
 
-from __future__ import annotations
-
 import io
 import itertools
 from collections.abc import Sequence
@@ -115,7 +113,7 @@ class BarPoints:
     """(n, cameras, 2): ours; NaN where a camera did not see it."""
 
     @classmethod
-    def seen_by_two(cls, frame: IntArray, target: IntArray, pixels: FloatArray) -> BarPoints:
+    def seen_by_two(cls, frame: IntArray, target: IntArray, pixels: FloatArray) -> "BarPoints":
         """Those that two cameras saw, or more."""
         rows = np.isfinite(pixels).all(axis=2).sum(axis=1) >= 2
         return cls(frame[rows], target[rows], pixels[rows])

@@ -1,7 +1,5 @@
 """Propose the layout of a point file from its first rows."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

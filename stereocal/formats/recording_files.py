@@ -1,7 +1,5 @@
 """`dataset.json`; and a data set of format 2: any cameras, any rigid object, `points.csv`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Convert SLEAP's analysis HDF5 (`tracks`, `node_names`) to its CSV table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -4,8 +4,6 @@ Tables of surveyed points, lines and throws name their columns in the first line
 `frame` tells which table it is.
 """
 
-from __future__ import annotations
-
 import csv
 import datetime
 import json

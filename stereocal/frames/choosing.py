@@ -5,8 +5,6 @@ of the baseline. A choice is a pair of boards in each camera with one of the two
 accepted if it fits both within their errors and every other choice is clearly off.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

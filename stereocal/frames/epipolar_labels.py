@@ -9,8 +9,6 @@ ways, give candidates (8-point). Those with the least median residual over all f
 of squares: Rousseeuw, 1984, J. Am. Stat. Assoc. 79, 871) are refined on the frames that fit them.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

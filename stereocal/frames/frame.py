@@ -3,8 +3,6 @@
 Detection writes them, review corrects them, and the table of points is made from them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -63,18 +61,18 @@ class Frame:
         """The targets (0 A, 1 B) that both photographs show."""
         return [t for t in (0, 1) if all(self.centres[camera][t] for camera in (0, 1))]
 
-    def used(self, use: bool) -> Frame:
+    def used(self, use: bool) -> "Frame":
         """The same frame, used or left out."""
         return replace(self, use=use)
 
-    def moved(self, camera: int, target: int, centre: Centre | None) -> Frame:
+    def moved(self, camera: int, target: int, centre: Centre | None) -> "Frame":
         """The same frame with one centre replaced, or removed (None)."""
         rows = [list(self.centres[0]), list(self.centres[1])]
         rows[camera][target] = centre
         (a, b), (c, d) = rows
         return replace(self, centres=((a, b), (c, d)))
 
-    def swapped(self, camera: int) -> Frame:
+    def swapped(self, camera: int) -> "Frame":
         """The same frame with targets A and B exchanged in one camera."""
         a, b = self.centres[camera]
         return self.moved(camera, 0, b).moved(camera, 1, a)

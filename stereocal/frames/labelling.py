@@ -9,8 +9,6 @@ the others, or fits them only with A and B exchanged in one camera, is doubtful.
 are named by it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

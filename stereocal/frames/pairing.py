@@ -4,8 +4,6 @@ The word that identifies the camera is blanked out in folder and stem; two names
 equal. The reading that pairs most files is proposed. Photographs are never paired by list position.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -69,7 +67,7 @@ class _Read:
     """What identifies the cameras, for messages."""
     merit: tuple[int, int, int]
     """Sort key: more pairs, then the clearer words, then more files with a known camera."""
-    reading: Reading
+    reading: "Reading"
 
     @cached_property
     def alone(self) -> tuple[Alone, ...]:
@@ -141,7 +139,7 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
     )
 
 
-def _read(names: Sequence[str], reading: Reading) -> _Read:
+def _read(names: Sequence[str], reading: "Reading") -> _Read:
     sides: dict[str, tuple[list[str], list[str]]] = {}
     unknown = []
     for name in names:

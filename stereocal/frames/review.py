@@ -3,8 +3,6 @@
 `Review` is immutable: each edit returns a new one. An edit that changes nothing is not recorded.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Find the targets of all frames: detect in each photograph, then label A and B."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor

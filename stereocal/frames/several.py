@@ -4,8 +4,6 @@ The pair stays the unit: A and B are told apart in every pair of cameras, as for
 has the same targets in all its pairs, so that these give one order to all photographs of a frame.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """Thumbnails of a frame: the targets and their surroundings in both photographs."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import numpy.typing as npt

@@ -1,7 +1,5 @@
 """Find the corners of a board in a photograph with OpenCV, order them and refine them."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 search = find_boards(photographs, BoardPattern.parse("18x12", square_m=0.03), executor)
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 from collections import Counter
@@ -79,7 +77,7 @@ class BoardSearch:
         """(width, height) of all photographs."""
         return self.views[0].image_size
 
-    def without(self, names: Sequence[str]) -> BoardSearch:
+    def without(self, names: Sequence[str]) -> "BoardSearch":
         """The same without these photographs."""
         return replace(self, views=tuple(view for view in self.views if view.name not in names))
 

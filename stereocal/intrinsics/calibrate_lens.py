@@ -14,8 +14,6 @@ Errors common to all photographs are not covered: a board that is not flat, or a
 coefficients do not describe.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """Store lens calibrations and their intermediate results."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterator

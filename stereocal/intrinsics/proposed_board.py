@@ -1,7 +1,5 @@
 """What is printed on the board in the first photographs, for the user to accept."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A lens calibration for the user: sentences, table, advice, coverage, residuals, preview."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -6,8 +6,6 @@ order all boards give one pose of the cameras. The direction of a row in the ima
 one camera may hang upside down.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress

@@ -3,8 +3,6 @@
 The tables are identical to those of the commands `match` and `reconstruct`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

@@ -5,8 +5,6 @@ The points that it matches or measures must be shifted too, which their tracks a
 same name, or the only point of each frame, in successive frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

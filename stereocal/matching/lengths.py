@@ -2,8 +2,6 @@
 with a known length, and trajectories: points of the same name, or the only point of each frame, in
 successive frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

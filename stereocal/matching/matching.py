@@ -8,8 +8,6 @@ costs its error, and leaving a point unmatched costs the threshold, so two poor 
 displace a good one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Match two tables of points frame by frame and write the table of pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing

@@ -1,7 +1,5 @@
 """All pairs of two point sets within a reprojection error: the hot loop of matching."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray, IntArray, compiled, contiguous, internal

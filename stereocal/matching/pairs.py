@@ -1,7 +1,5 @@
 """Match tables in memory (`match`), and the columns of tables of pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 

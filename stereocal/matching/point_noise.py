@@ -13,8 +13,6 @@ cut nor wrong pairs bias the noise. For detections with tails, Student's distrib
 normal where the errors show it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -113,7 +111,7 @@ class PairErrors:
         return len(self.off_px)
 
     @classmethod
-    def none(cls) -> PairErrors:
+    def none(cls) -> "PairErrors":
         no = np.empty(0)
         return cls(no, no, no, no, np.empty(0, np.int64))
 
@@ -126,7 +124,7 @@ class PairErrors:
         """(n,): scale of the errors of correct pairs."""
         return np.sqrt((factor * self.stated) ** 2 + self.of_rig)
 
-    def where(self, kept: np.typing.NDArray[np.bool_]) -> PairErrors:
+    def where(self, kept: np.typing.NDArray[np.bool_]) -> "PairErrors":
         return PairErrors(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
 

@@ -11,8 +11,6 @@ order of the frames, only a block of whole frames is in memory at a time; otherw
 read whole and sorted. Parquet needs the optional package pyarrow.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 from collections.abc import Callable, Iterator, Sequence

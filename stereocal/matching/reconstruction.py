@@ -1,7 +1,5 @@
 """Reconstruct 3D points from matched pairs, with reprojection errors and standard errors."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 

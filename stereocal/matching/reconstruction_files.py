@@ -1,7 +1,5 @@
 """Reconstruct whole tables of pairs into tables of 3D points."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Tables of the points of three cameras and more: matched into tracks.csv, measured from it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ chi-square of its pixels about the point of least squares is; of groups that sha
 with more views is taken, then the one that fits better.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

@@ -19,8 +19,6 @@ n, s and f are those of `point_noise`, from the pairs of a sample of frames. Whe
 not stand out, the threshold is that of the parameter file, which is for points like the targets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

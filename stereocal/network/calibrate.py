@@ -1,7 +1,5 @@
 """Calibrate a rig of N cameras: pairs, fused; a joint fit that screens; the joint adjustment."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is wrong with a whole camera: its file, or that it moved during the recording."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The joint adjustment of a rig: the robust fit of `refined.robust` over N views."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ stated ones 1.11 with 3 cameras, 1.33 with 4); the joint adjustment, which start
 once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -52,7 +50,7 @@ class PairFit:
     frames: int
 
     @classmethod
-    def of(cls, first: str, second: str, fit: RefinedResult) -> PairFit:
+    def of(cls, first: str, second: str, fit: RefinedResult) -> "PairFit":
         """Of a refined set; frames that follow each other count for less."""
         H, g = fit.images_alone
         used = int((~fit.outlying).sum())

@@ -1,7 +1,5 @@
 """Refined parameter files of pairs, recorded at different times or by different people, fused."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

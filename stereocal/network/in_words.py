@@ -1,7 +1,5 @@
 """What a rig's file says, in sentences: the same on page, in the report and the command line."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The pairs of a rig that are worth calibrating, and their refined sets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

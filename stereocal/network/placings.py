@@ -1,7 +1,5 @@
 """The points of a recording as the joint adjustment takes them: units of two, seen by N cameras."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

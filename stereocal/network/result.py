@@ -1,7 +1,5 @@
 """A calibrated rig of N cameras: poses, lenses, their covariance, and what the points say."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """`rig.json`: the cameras of a rig in one frame, with their errors and what the pairs say."""
 
-from __future__ import annotations
-
 import datetime
 import json
 from collections.abc import Mapping
@@ -150,12 +148,12 @@ class RigFile:
         return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
 
     @classmethod
-    def load(cls, path: str | Path) -> RigFile:
+    def load(cls, path: str | Path) -> "RigFile":
         """Read a file."""
         return cls.loads(read_whole(path), str(path))
 
     @classmethod
-    def loads(cls, text: str | bytes, source: str = "rig.json") -> RigFile:
+    def loads(cls, text: str | bytes, source: str = "rig.json") -> "RigFile":
         """As `load`, from text."""
         data = read_json(text, source)
         found = data.get("format") if isinstance(data, dict) else None
@@ -175,7 +173,7 @@ class RigFile:
                 ) from error
 
     @classmethod
-    def _of(cls, data: Mapping[str, Any]) -> RigFile:
+    def _of(cls, data: Mapping[str, Any]) -> "RigFile":
         cameras = {
             name: Camera.from_json(own, f"camera {name}") for name, own in data["cameras"].items()
         }

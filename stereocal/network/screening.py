@@ -5,8 +5,6 @@ frame is tried without each marker, and then without each camera: if it fits wit
 them, that one is wrong, and the rest of the frame stays.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

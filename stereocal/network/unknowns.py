@@ -1,7 +1,5 @@
 """The unknowns of a rig of N cameras and their priors, in the order of `views`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

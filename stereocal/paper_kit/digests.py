@@ -7,8 +7,6 @@ may decide a move otherwise where two costs agree to rounding, and then ends els
 of 25 bars changed by 2e-6 rad, one of its figures by 1 %.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

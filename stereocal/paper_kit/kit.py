@@ -1,7 +1,5 @@
 """The paper kit: a zip with methods, references, figures, table, and an archive to rerun."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any

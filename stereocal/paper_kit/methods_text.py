@@ -1,7 +1,5 @@
 """The methods section of a paper, in Markdown with citations, from a result, and its references."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterator
 from functools import partial

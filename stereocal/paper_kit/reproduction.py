@@ -1,7 +1,5 @@
 """The archive of a result: a data set, its parameter files, and what computes them again."""
 
-from __future__ import annotations
-
 import json
 import platform
 from collections.abc import Mapping

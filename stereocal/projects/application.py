@@ -1,8 +1,6 @@
 """What the Apply page stores in a project, points, parameter files and the last result, and what
 the Check page does: parameters to check, and new images."""
 
-from __future__ import annotations
-
 import hashlib
 import tempfile
 from collections.abc import Iterator, Mapping

@@ -8,8 +8,6 @@ inputs/, photographs/, results/ ...   all uploaded files, and all results
 pairs/1/inputs/ ...                   the same of each pair of a rig that was opened
 """
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile

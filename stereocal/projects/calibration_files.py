@@ -1,7 +1,5 @@
 """A finished calibration as JSON: settings, results, and the inputs it was computed from."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Collection, Mapping

@@ -4,8 +4,6 @@ A connection lasts for one transaction or one read. Tabs, jobs and servers share
 does the locking, and the recovery after a kill or a power cut.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import secrets

@@ -4,8 +4,6 @@ Files are stored one by one; then one short transaction names them. A content wi
 deleted with its last name, or by a sweep once it is a day old.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -171,7 +169,7 @@ class Store(Database):
                     db.execute("DELETE FROM named WHERE part = ? AND name = ?", [own, name])
                     db.execute(FREE, [file.sha256])
 
-    def of_pair(self, name: str) -> Store:
+    def of_pair(self, name: str) -> "Store":
         return replace(self, scope=f"{PAIR}{name}/")
 
     def forget_pairs(self) -> None:

@@ -4,8 +4,6 @@
 <home>/projects/<id>.removed    marks it as removed, at the time of this file
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time

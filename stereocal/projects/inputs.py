@@ -1,7 +1,5 @@
 """The inputs of a project: files and measured lengths."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -6,8 +6,6 @@ nobody holds it, the job was interrupted. Its checkpoints are rows too, so the s
 from them. Jobs are not exported or copied with a project.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sqlite3
@@ -81,7 +79,7 @@ class Checkpoints(Generic[T]):
 
     def __init__(
         self,
-        job: RunningJob,
+        job: "RunningJob",
         stage: str,
         pack: Callable[[T], bytes | None],
         unpack: Callable[[bytes], T],

@@ -1,7 +1,5 @@
 """The board photographs of one camera of a project, and the lens calibrated from them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from stereocal.formats.camera_file import write_camera

@@ -1,7 +1,5 @@
 """The photographs of the bar in a project: files, pairs, and the targets found in them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

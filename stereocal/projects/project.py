@@ -5,8 +5,6 @@ objects by the digests of their content: what was read at the door, or has just 
 not read again.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -62,17 +60,17 @@ class Project:
         return self.database.scope[len(PAIR) : -1] or None
 
     @property
-    def whole(self) -> Project:
+    def whole(self) -> "Project":
         """The project itself; of a pair, that of its rig."""
         return Project(dataclasses.replace(self.database, scope=""))
 
     @classmethod
-    def create(cls, home: Path) -> Project:
+    def create(cls, home: Path) -> "Project":
         """A new, empty project below `home`."""
         return cls(new_database(home, lambda _database: None))
 
     @classmethod
-    def open(cls, home: Path, project_id: str) -> Project:
+    def open(cls, home: Path, project_id: str) -> "Project":
         project = cls(store_of(home, project_id))
         if project.database.marker.exists():
             raise StereocalError(NOT_THERE)

@@ -1,7 +1,5 @@
 """A recording of three cameras and more in a project, and the rig that was found from it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 

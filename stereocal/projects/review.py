@@ -1,8 +1,6 @@
 """The review of a project's frames, with edits that can be undone, and their thumbnails, made when
 first shown."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Settings of the server, from environment variables; docs/deploy.md lists them."""
 
-from __future__ import annotations
-
 import math
 import os
 import sys
@@ -34,7 +32,7 @@ class ServerSettings:
     """STEREOCAL_WORKERS: number of concurrent tasks, for all sessions together."""
 
     @classmethod
-    def from_environment(cls, environment: Mapping[str, str] | None = None) -> ServerSettings:
+    def from_environment(cls, environment: Mapping[str, str] | None = None) -> "ServerSettings":
         """The settings of this server; missing ones have defaults."""
         found = from_environment(cls, "STEREOCAL_", environment)
         workers = int(min(max(found.workers, 1), MOST_WORKERS))

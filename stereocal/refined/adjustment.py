@@ -6,8 +6,6 @@ the normal equations the points are eliminated (Schur complement), so that time 
 linearly with the number of units.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

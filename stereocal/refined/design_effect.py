@@ -10,8 +10,6 @@ real recordings over stated errors, rms: 0.8 to 1.2, without it 1.3 to 1.9. Simu
 waved: 1.1, without it 1.9 to 3.6.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

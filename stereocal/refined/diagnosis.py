@@ -4,8 +4,6 @@ Candidates in order: single frames, a wrong input, a recording whose geometry do
 pose. If none explains the data, the message says that the cause is unknown.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.calibration.wrong_inputs import (

@@ -21,8 +21,6 @@ chi-square that remains, so that a noise that is estimated too large because of 
 does not hide it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

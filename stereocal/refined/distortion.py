@@ -1,7 +1,5 @@
 """The lens models and their derivatives, compiled, for the refined method."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.camera import Camera

@@ -4,8 +4,6 @@ The refined method can solve for the baseline. The paper's three methods cannot:
 they are given the value that the refined method finds, and that is reported.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

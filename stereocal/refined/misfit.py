@@ -10,8 +10,6 @@ of 60 in runs of 40 frames 0 and 7 %; of 200 of fisheyes of 140 and 150 degrees,
 10 %.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ three targets two have a single distance, so that only a measured baseline can t
 three it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Outlying frames: exchanged targets, a moved bar, a wrong point."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """The parameter file of the refined set, with its lenses and uncertainties."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 

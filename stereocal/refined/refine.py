@@ -9,8 +9,6 @@ Frames with gross errors are detected and left out (`solve`); the covariance is 
 squares over the other frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace

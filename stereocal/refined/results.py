@@ -1,7 +1,5 @@
 """The results of all methods on a data set, with the frames that were left out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

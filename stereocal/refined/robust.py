@@ -6,8 +6,6 @@ and the others are adjusted by plain least squares. Noise that is not given is e
 the rounds.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass

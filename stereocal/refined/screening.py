@@ -7,8 +7,6 @@ lens, which affects all frames, is not taken for an error of single frames.
 The frames left out are reported in every result, and the user can put them back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The solve of the refined method for a pair of cameras."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.refined.distortion import lens_terms
@@ -80,7 +78,7 @@ class Solve(RobustFit):
         self._evaluate(self.limit)
         return self.chi_squares
 
-    def better_than(self, other: Solve) -> bool:
+    def better_than(self, other: "Solve") -> bool:
         """Whether the frames fit better here, both measured with the smaller noise."""
         noise = min(self.sigma_px, other.sigma_px)
         own, its = (

@@ -1,7 +1,5 @@
 """The comparison of a stated input with the other data, and its messages."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

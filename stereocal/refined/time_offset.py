@@ -7,8 +7,6 @@ fit are repeated until the remaining offset is small against its standard error,
 covariance of the last fit is that of all unknowns together.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

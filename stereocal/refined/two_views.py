@@ -6,8 +6,6 @@ camera, and the time by which the secondary camera is late, in frames, with its 
 frame.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.refined import views

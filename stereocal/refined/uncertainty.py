@@ -7,8 +7,6 @@ by N^-1 times the sum of both shifts, N = sum of J_c^+ J_c. The error of a point
 parts: one from the noise of its pixels, one from the cameras, which all points share.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

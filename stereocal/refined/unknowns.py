@@ -1,7 +1,5 @@
 """The unknowns of the refined method, their priors, and its settings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -128,7 +126,7 @@ class RefineSettings:
         return settings
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> RefineSettings:
+    def from_json(cls, data: Mapping[str, Any]) -> "RefineSettings":
         """The settings that `to_json` describes; missing ones keep their defaults."""
         return settings_of(_exchanged(dict(data), "inf", np.inf), cls)
 

@@ -14,8 +14,6 @@ residual. Else a smaller scene has smaller errors of lengths: with wide priors a
 least squares shrank it without end.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

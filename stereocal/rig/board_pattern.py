@@ -1,7 +1,5 @@
 """The pattern printed on a board: a chessboard or a ChArUco board."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -79,7 +77,7 @@ class BoardPattern:
         square_m: float,
         dictionary: str | None = None,
         marker_m: float | None = None,
-    ) -> BoardPattern:
+    ) -> "BoardPattern":
         """The board with a size such as `18x12`, in inner corners."""
         found = _SIZE.fullmatch(size)
         if found is None:

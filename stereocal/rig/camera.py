@@ -1,7 +1,5 @@
 """A camera with one of OpenCV's lens models: distortion, undistortion, projection."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -92,7 +90,7 @@ class LensUncertainty:
         return {name: value for name, value in plain(self).items() if value not in (None, {})}
 
     @classmethod
-    def from_json(cls, data: Any) -> LensUncertainty:
+    def from_json(cls, data: Any) -> "LensUncertainty":
         """The uncertainty that `to_json` describes; other keys are ignored."""
         try:
             return of_plain(data, cls)
@@ -328,7 +326,7 @@ class Camera:
         }
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any], source: str) -> Camera:
+    def from_json(cls, data: Mapping[str, Any], source: str) -> "Camera":
         """The camera that `to_json` describes, with its `uncertainty` if there is one."""
         missing = [key for key in ("K", "distortion", "image_size") if key not in data]
         with naming(source):

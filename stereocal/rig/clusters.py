@@ -6,8 +6,6 @@ number. How long errors stay alike shows in the autocorrelation of the residuals
 counted in runs of twice that length. Frames taken one by one are clusters of one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ numba caches compiled code beside the sources, or else in the user's cache folde
 to neither, its import fails: for instance a system-wide installation run by a user without a home.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 import sys

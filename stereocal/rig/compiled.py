@@ -1,7 +1,5 @@
 """Decorators that compile hot functions with numba: cached on disk, without the GIL."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import inspect

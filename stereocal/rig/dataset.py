@@ -1,7 +1,5 @@
 """The data set of a calibration: image points of the bar, cameras, measured lengths."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
@@ -134,7 +132,7 @@ class Correspondences:
         source: Iterable[str] | None = None,
         time_frame: npt.ArrayLike | None = None,
         rigid_object: RigidObject | None = None,
-    ) -> Correspondences:
+    ) -> "Correspondences":
         """Correspondences from plain arrays of n rows.
 
         Args:
@@ -253,15 +251,15 @@ class Correspondences:
                 found[frame] = first[own]
         return found
 
-    def where(self, keep: npt.NDArray[np.bool_]) -> Correspondences:
+    def where(self, keep: npt.NDArray[np.bool_]) -> "Correspondences":
         """The rows for which `keep` (n,) is true."""
         return replace(self, **{name: getattr(self, name)[keep] for name in ("frame", *SHAPES)})
 
-    def of_frames(self, frames: npt.ArrayLike) -> Correspondences:
+    def of_frames(self, frames: npt.ArrayLike) -> "Correspondences":
         """The rows of the given frames."""
         return self.where(np.isin(self.frame, np.asarray(frames)))
 
-    def without_lines(self, lines: Iterable[int]) -> Correspondences:
+    def without_lines(self, lines: Iterable[int]) -> "Correspondences":
         """All rows except those from these lines of the file."""
         return self.where(~np.isin(self.line, list(lines)))
 
@@ -333,11 +331,11 @@ class Dataset:
         """Whether the baseline was not measured, but found from the lengths of the bars."""
         return self.baseline_sigma_m == np.inf
 
-    def of_frames(self, frames: npt.ArrayLike) -> Dataset:
+    def of_frames(self, frames: npt.ArrayLike) -> "Dataset":
         """The same data set with the given frames only."""
         return replace(self, correspondences=self.correspondences.of_frames(frames))
 
-    def with_targets_exchanged(self, frames: npt.ArrayLike) -> Dataset:
+    def with_targets_exchanged(self, frames: npt.ArrayLike) -> "Dataset":
         """The data set with A and B exchanged in the secondary image of the given frames.
 
         An object is turned (`RigidObject.half_turn`). Targets whose counterpart is not seen in
@@ -353,7 +351,7 @@ class Dataset:
         changed = {name: getattr(rows, name)[order] for name in names}
         return replace(self, correspondences=replace(rows, **changed))
 
-    def shifted(self, offset: TimeOffset) -> Dataset:
+    def shifted(self, offset: TimeOffset) -> "Dataset":
         """The data set with the secondary points at the instants of the primary's frames.
 
         They are interpolated, and their `motion` is known, from the true neighbours of the same

@@ -7,8 +7,6 @@ the matrix is not positive, `factor` 0.29 s and 1.8 us. The singular values are 
 0.2 s for each further use.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray, internal

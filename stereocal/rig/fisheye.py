@@ -5,8 +5,6 @@ k4 t^8) from the principal point, in focal lengths. It is OpenCV's `fisheye`, Ka
 ROS's `equidistant`. Points are (x, y) on the plane z = 1, as with every lens.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray, compiled, inlined, internal

@@ -13,8 +13,6 @@
   Q^R, Section 2.3). Parallel rays and points behind a camera give NaN, never 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -76,7 +74,7 @@ class Pose:
         object.__setattr__(self, "T", T)
 
     @classmethod
-    def from_angles(cls, angles: Angles, baseline: float) -> Pose:
+    def from_angles(cls, angles: Angles, baseline: float) -> "Pose":
         """The pose with these five angles and `|T| = baseline` in metres."""
         R, T = np.empty((3, 3)), np.empty(3)
         fill_pose(np.array(angles, dtype=np.float64), baseline, R, T)
@@ -98,11 +96,11 @@ class Pose:
             )
         return Angles(*angles_of(R, T))
 
-    def __matmul__(self, other: Pose) -> Pose:
+    def __matmul__(self, other: "Pose") -> "Pose":
         """`c_from_b @ b_from_a` is `c_from_a`."""
         return Pose(self.R @ other.R, self.R @ other.T + self.T)
 
-    def inverse(self) -> Pose:
+    def inverse(self) -> "Pose":
         """`a_from_b` of `b_from_a`."""
         return Pose(self.R.T, -self.R.T @ self.T)
 

@@ -3,8 +3,6 @@
 A rig whose lengths are all in another unit is consistent: no residual shows it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """The parameter file of a rig: reading, writing, checking."""
 
-from __future__ import annotations
-
 import datetime
 import json
 import platform
@@ -167,12 +165,12 @@ class RigParameters(Rig):
         write_atomically(Path(path), self.dumps().encode())
 
     @classmethod
-    def load(cls, path: str | Path) -> RigParameters:
+    def load(cls, path: str | Path) -> "RigParameters":
         """Read a parameter file."""
         return cls.loads(read_whole(path, LARGEST_TEXT), str(path))
 
     @classmethod
-    def loads(cls, text: str | bytes, source: str = "parameters") -> RigParameters:
+    def loads(cls, text: str | bytes, source: str = "parameters") -> "RigParameters":
         """As `load`, from text."""
         if len(text) > LARGEST_TEXT:
             most = f"at most {LARGEST_TEXT}"
@@ -198,7 +196,7 @@ class RigParameters(Rig):
                 ) from error
 
     @classmethod
-    def _from_dict(cls, data: Mapping[str, Any]) -> RigParameters:
+    def _from_dict(cls, data: Mapping[str, Any]) -> "RigParameters":
         convention = data["convention"]
         refuse(
             (

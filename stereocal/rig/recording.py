@@ -1,7 +1,5 @@
 """A recording of one object by any number of cameras; any two of them are a data set."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -43,7 +41,7 @@ class Recording:
     notes: str = ""
 
     @classmethod
-    def of_pair(cls, dataset: Dataset) -> Recording:
+    def of_pair(cls, dataset: Dataset) -> "Recording":
         """The recording of a data set, with the points as recorded."""
         rows = dataset.correspondences
         own = rows.rigid_object

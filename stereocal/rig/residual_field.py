@@ -1,7 +1,5 @@
 """Mean residuals over cells of an image: noise averages out, what belongs to a place remains."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

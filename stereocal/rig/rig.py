@@ -1,7 +1,5 @@
 """Two cameras and their pose: triangulation, residuals, epipolar distances."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 A bar with two targets is the smallest one; a wand with three markers and a board are others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -57,12 +55,12 @@ class RigidObject:
             )
 
     @classmethod
-    def bar(cls, distance_m: float, sigma_m: float | None = None) -> RigidObject:
+    def bar(cls, distance_m: float, sigma_m: float | None = None) -> "RigidObject":
         """Two targets A and B."""
         return cls(("A", "B"), np.array([[0.0, 0.0, 0.0], [distance_m, 0.0, 0.0]]), sigma_m)
 
     @classmethod
-    def of_board(cls, board: BoardPattern, sigma_m: float | None = None) -> RigidObject:
+    def of_board(cls, board: BoardPattern, sigma_m: float | None = None) -> "RigidObject":
         """The inner corners of a board."""
         return cls(tuple(map(str, range(len(board.points)))), board.points, sigma_m, board)
 

@@ -7,8 +7,6 @@ recording at 10 frames a second, off by 0.3 frames, the straight line instead of
 the noise of all points 0.41 px instead of 0.30.)
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -71,7 +69,7 @@ class MeasuredOffset(TimeOffset):
         return found
 
     @classmethod
-    def from_json(cls, data: Any) -> MeasuredOffset | None:
+    def from_json(cls, data: Any) -> "MeasuredOffset | None":
         """The inverse of `to_json`; None if there is no offset."""
         if data.get("time_offset_frames") is None:
             return None

@@ -1,7 +1,5 @@
 """The volume that the bars of a calibration filled, as the primary camera sees it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +34,7 @@ class Volume:
             )
 
     @classmethod
-    def of_bars(cls, points_m: npt.ArrayLike) -> Volume:
+    def of_bars(cls, points_m: npt.ArrayLike) -> "Volume":
         """The volume of bar ends, (n, 3) in metres in the primary's frame; NaN is ignored.
 
         The range of n values spread evenly over a range of width W has the width W (n - 1)/(n + 1)
@@ -92,7 +90,7 @@ class Volume:
         return dict(zip(RANGES, self._ranges.tolist(), strict=True))
 
     @classmethod
-    def from_json(cls, data: Any) -> Volume:
+    def from_json(cls, data: Any) -> "Volume":
         """The inverse of `to_json`."""
         try:
             x, y, z = ((float(low), float(high)) for low, high in (data[name] for name in RANGES))

@@ -5,8 +5,6 @@ lens is drawn once per camera and is the same in all data sets; it does not aver
 and bar are measured again for each data set.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Simulated recordings of a wand by three cameras and more."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@
 `Scene` is the ground truth, `Nominal` the measured lenses, baseline and bar, which may be wrong.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,7 +79,7 @@ class Nominal:
     target_distance_m: float
 
     @classmethod
-    def exact(cls, scene: Scene) -> Nominal:
+    def exact(cls, scene: Scene) -> "Nominal":
         """The nominal rig without errors."""
         rig = scene.rig
         return cls(rig.primary, rig.secondary, rig.pose.baseline, scene.bar_length_m)

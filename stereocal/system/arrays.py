@@ -1,7 +1,5 @@
 """Read arrays from an untrusted .npz file."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -4,8 +4,6 @@ A temporary file beside the target is written, flushed and renamed; then the fol
 without which the new name may be lost.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 from collections.abc import Iterator, Mapping, Sequence

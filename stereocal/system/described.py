@@ -1,7 +1,5 @@
 """Settings that are described once, at their field: bounds, option and widget come from there."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any

@@ -1,7 +1,5 @@
 """Executors for tasks: threads, processes, or a Dask cluster."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import re

@@ -1,7 +1,5 @@
 """Read JSON from users within limits of its complexity, rejecting duplicate keys."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """What was computed last, kept in memory."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 from collections import OrderedDict

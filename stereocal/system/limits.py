@@ -3,8 +3,6 @@
 Limits.from_environment().check_size(path.stat().st_size, path.name)
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping
@@ -70,7 +68,7 @@ class Limits:
     """Rows of a table of points to match or measure, which is read in blocks."""
 
     @classmethod
-    def from_environment(cls, environment: Mapping[str, str] | None = None) -> Limits:
+    def from_environment(cls, environment: Mapping[str, str] | None = None) -> "Limits":
         """The limits from the environment, with defaults."""
         return from_environment(cls, PREFIX, environment, least=1.0)
 

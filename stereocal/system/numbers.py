@@ -1,7 +1,5 @@
 """Numbers in sentences, tables and JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Read a photograph as an array of grey values, exactly as the camera stored them."""
 
-from __future__ import annotations
-
 import io
 import struct
 import warnings

@@ -4,8 +4,6 @@ At most one photograph is in memory. Those from a zip or an upload are stored un
 their content, never under their own name.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor

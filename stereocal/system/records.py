@@ -3,8 +3,6 @@
 Numbers are read back exactly, NaN and infinity too, as Python writes them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass

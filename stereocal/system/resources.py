@@ -1,7 +1,5 @@
 """Where `app.py`, `pages/`, `assets/` and `sample_data/` are, installed or not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]

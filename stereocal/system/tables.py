@@ -3,8 +3,6 @@
 All tables from users are read here. The caller describes the numeric columns by `Column`.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re
@@ -232,7 +230,7 @@ def numbers_in(
     return values, reasons
 
 
-def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> npt.NDArray[np.float64]:
+def numbers_of(column: "pd.Series[Any]", decimal_comma: bool) -> npt.NDArray[np.float64]:
     """A column as numbers; NaN for other cells."""
     if not pd.api.types.is_numeric_dtype(column):
         column = _texts(column)
@@ -241,7 +239,7 @@ def numbers_of(column: pd.Series[Any], decimal_comma: bool) -> npt.NDArray[np.fl
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
 
 
-def is_missing(column: pd.Series[Any], empty: frozenset[str] = MISSING) -> npt.NDArray[np.bool_]:
+def is_missing(column: "pd.Series[Any]", empty: frozenset[str] = MISSING) -> npt.NDArray[np.bool_]:
     """Where a column is empty or marked as empty (NaN, NA, none)."""
     if pd.api.types.is_numeric_dtype(column):
         return column.isna().to_numpy()
@@ -295,6 +293,6 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
     return f"{column.name} is {value:g}; it must be above 0"
 
 
-def _texts(column: pd.Series[Any]) -> pd.Series[Any]:
+def _texts(column: "pd.Series[Any]") -> "pd.Series[Any]":
     """The column as text, also for Parquet's dates, lists and bytes."""
     return column.map(str) if column.dtype == object else column.astype(str)

@@ -4,8 +4,6 @@ Only a few tasks of a job are submitted at once, so jobs that share a pool take 
 waits only for those few tasks of the others.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import (

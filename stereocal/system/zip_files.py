@@ -1,7 +1,5 @@
 """Read untrusted zip files: limits are checked first, and their paths are never written to."""
 
-from __future__ import annotations
-
 import io
 import lzma
 import struct

@@ -11,8 +11,6 @@ For an improvement, the forecast of the refined set is repeated with a distribut
 that is as narrow as the improvement would make it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -24,8 +24,6 @@ computed on a grid. Half of the prior belongs to the normal distribution, and ha
 along and across the lines.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

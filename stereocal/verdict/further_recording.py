@@ -9,8 +9,6 @@ where their bars lie close together. Runs are at least as long as that lasts: sh
 repeat each other, and count for more than they tell.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Numbers and frames in sentences, and why a result is not to be relied on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

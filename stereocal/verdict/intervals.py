@@ -4,8 +4,6 @@ The interval is that of the figure of the population: the scatter of the finite 
 draw is estimated from the difference of its two halves, and removed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

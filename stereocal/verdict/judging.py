@@ -1,7 +1,5 @@
 """Simulated images of a rig whose truth is known, and the errors of parameter sets on them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

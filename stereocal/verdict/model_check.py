@@ -7,8 +7,6 @@ in the inner and the outer half of the images. Where they are larger than chance
 lacks something.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

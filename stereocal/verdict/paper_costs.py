@@ -6,8 +6,6 @@ with the weights 1 / sqrt(|e|^2 + h^2). The derivatives of the errors are centra
 which the rays are updated to first order with the Jacobian of the lens.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.refined.distortion import FISHEYE, TILTED, distort

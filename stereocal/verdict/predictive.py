@@ -7,8 +7,6 @@ the population, for bars and frames like the recorded ones, without the scatter 
 Length errors are those of the paper: relative to distances measured as the bar was.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -57,11 +55,11 @@ class Forecast:
         """Each figure as `{"value", "low", "high"}`; errors are fractions."""
         return {name: without_nan(vars(estimate)) for name, estimate in vars(self).items()}
 
-    def further(self, spread: Further) -> Forecast:
+    def further(self, spread: Further) -> "Forecast":
         """With the intervals widened to what a further recording may show."""
         return self._changed(lambda name, own: widened(own, spread.of(name)))
 
-    def raised(self, in_images: float, in_length: float) -> Forecast:
+    def raised(self, in_images: float, in_length: float) -> "Forecast":
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""
         return self._changed(
             lambda name, own: replace(
@@ -69,7 +67,7 @@ class Forecast:
             )
         )
 
-    def _changed(self, change: Callable[[str, Estimate], Estimate]) -> Forecast:
+    def _changed(self, change: Callable[[str, Estimate], Estimate]) -> "Forecast":
         """With another interval of each figure; no share is above 1."""
         found = {name: change(name, own) for name, own in vars(self).items()}
         shares = {

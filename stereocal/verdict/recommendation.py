@@ -5,8 +5,6 @@ the forecast (`predictive`), the same figures on the held-out frames of a valida
 verdict on one or two sets.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ five angles with the stated lenses and the measured baseline, like the paper's s
 which lenses and baseline vary within their uncertainties.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count

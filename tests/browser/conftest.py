@@ -1,7 +1,5 @@
 """A real server and a real Chromium for the walks."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """On a narrow screen, in light and dark, and by keyboard alone."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The player of the Apply page in a real browser."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Every download button of every page gives a whole file."""
 
-from __future__ import annotations
-
 import io
 import json
 import xml.etree.ElementTree as ET

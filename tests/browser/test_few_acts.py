@@ -3,8 +3,6 @@
 An act is a click, a choice of files, or a number typed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

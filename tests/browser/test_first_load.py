@@ -1,7 +1,5 @@
 """What stands on the screen from the first moment of a new server on, and of a warm one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """From the errors of a frame to the frame, and out of the calibration, in a real browser."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

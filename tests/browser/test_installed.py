@@ -1,7 +1,5 @@
 """From an installed wheel to both files: `stereocal serve`, away from any checkout."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

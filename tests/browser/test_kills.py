@@ -3,8 +3,6 @@
 STEREOCAL_KILLS says how often each activity is killed.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

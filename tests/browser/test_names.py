@@ -1,7 +1,5 @@
 """Names that a person gave are never links, wherever they stand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of pairs of photographs in a real browser, changed by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A person corrects found targets in a real browser: clicks, keys, fingers."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Three cameras in a real browser: from Start to rig.json, and to a pair of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

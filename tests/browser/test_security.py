@@ -1,7 +1,5 @@
 """What a server gives away, and to whom: other hosts, forged requests, addresses, errors."""
 
-from __future__ import annotations
-
 import re
 import socket
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What a person has set stands on every form, whichever way its page was come to."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

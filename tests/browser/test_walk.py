@@ -1,7 +1,5 @@
 """The main job in a real browser against a real server."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A project with results of everything, for walks that only look."""
 
-from __future__ import annotations
-
 import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

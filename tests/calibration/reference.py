@@ -6,8 +6,6 @@ in `stereocal.calibration.costs`: `rays` is (4, n) with rows x_primary, y_primar
 y_secondary, `pixel_scale` is (2, 3) with a row fx, skew, fy for each camera. Lengths in metres.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray

@@ -1,7 +1,5 @@
 """Each sentence about a data set as a whole, and that sound data hear none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The compiled costs against plain NumPy, which finds its points by another way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

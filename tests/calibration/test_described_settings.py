@@ -1,7 +1,5 @@
 """A setting is described once: its option, its bounds, its JSON and its widget agree."""
 
-from __future__ import annotations
-
 import argparse
 
 import pytest

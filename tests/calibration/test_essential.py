@@ -1,7 +1,5 @@
 """Method 1 against truth and against SciPy's least squares."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 """The problems of the 2D and the 3D cost, and the Monte Carlo search: the paper's rule, step by
 step, and SciPy's minimisers beside it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What was evidently given wrongly is named, and sound data hear nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import get_args
 

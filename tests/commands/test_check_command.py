@@ -1,7 +1,5 @@
 """`stereocal check`: what it writes, and one sentence with exit 2 for each bad input."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The command line: what it writes, and one sentence with exit 2 for each bad input."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

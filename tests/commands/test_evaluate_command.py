@@ -1,7 +1,5 @@
 """`stereocal evaluate` from the command line: its files, and what other commands do with them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From photographs and videos to lenses and rig, by the commands, against the truth."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """`import`: data sets from files of other programs, on the command line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Commands sample, plan, print and world; and one sentence for bad input in all commands."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Commands at a terminal: Ctrl-C, a closed pipe, and signs that the terminal does not know."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

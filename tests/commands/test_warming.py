@@ -1,7 +1,5 @@
 """After the server's start nobody waits for a compilation, and no time contains one."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

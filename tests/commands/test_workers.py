@@ -1,7 +1,5 @@
 """Every long command gives the same files with threads, with processes and on a Dask cluster."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

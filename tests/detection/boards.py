@@ -4,8 +4,6 @@ Each pixel is a mean over a fine grid of points that are traced back to the boar
 is a discrete Gaussian on that fine grid.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Centres of balls, against renderings that know nothing of the detector."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Boards in photographs: where their corners are, in which order, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

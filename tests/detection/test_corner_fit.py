@@ -1,7 +1,5 @@
 """The fitted X-corner against the truth, against OpenCV, and against the noise it states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

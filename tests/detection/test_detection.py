@@ -1,7 +1,5 @@
 """The two targets of a photograph: found, doubtful or refused; many photographs at once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

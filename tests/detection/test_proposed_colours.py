@@ -1,7 +1,5 @@
 """The colours of two balls, as proposed from the first photographs."""
 
-from __future__ import annotations
-
 import pytest
 
 from stereocal.detection.balls import proposed_colours

@@ -1,7 +1,5 @@
 """Centres of tags, against renderings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 `python -m tests.docs.prepared` makes the samples `archives`, `bump` and `world` again.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 A page starts in an empty folder; the JSON files that it shows are there.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """The site is built without a warning, no link is dead, and pictures are those of make pictures."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The evaluation: pairs and errors against the paper's definition, and the same on every engine."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 from collections.abc import Iterator

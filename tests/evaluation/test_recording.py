@@ -4,8 +4,6 @@ Two cameras of the eWand test data (Gossard et al., ICRA 2024), 409 frames of a 
 Fitted on the even frames, tested on the odd ones.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

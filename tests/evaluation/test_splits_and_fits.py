@@ -1,7 +1,5 @@
 """Kept refined fits give the same validation, and runs of frames are left out whole."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace

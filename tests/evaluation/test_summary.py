@@ -1,7 +1,5 @@
 """What the runs say: FCP with its interval against known overlaps, threshold, 3D error."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

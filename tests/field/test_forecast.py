@@ -1,7 +1,5 @@
 """The forecast of a plan: against simulated field days, on every executor, its properties."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import lru_cache

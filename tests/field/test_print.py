@@ -1,7 +1,5 @@
 """Prints: true to scale, and found by the detection that they are made for."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ElementTree
 from io import BytesIO

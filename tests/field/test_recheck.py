@@ -1,7 +1,5 @@
 """The check against simulated truth: movements found, their size, repaired parameters, refusals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

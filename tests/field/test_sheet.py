@@ -1,7 +1,5 @@
 """The field sheet: places of the bar that both cameras see, and one page that says all."""
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import numpy as np

@@ -1,7 +1,5 @@
 """World frames against simulated truth; studies of many rigs are in `tests.rigs.worlds`."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

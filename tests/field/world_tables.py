@@ -1,7 +1,5 @@
 """Tables that a world frame is found from, as people write them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Every figure of `stereocal.figures` on data with a known truth, with the sentence beneath it."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """The figures of the Apply page: what they draw, and that their sentences say the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go

@@ -4,8 +4,6 @@ for colour-blind people too, by colour or otherwise.
 Simulation: Machado, Oliveira and Fernandes 2009, severity 1.0, on linear RGB. Distance: CIEDE2000.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures for print: SVG and PDF that are valid, complete, undated, and inside their page."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from functools import partial

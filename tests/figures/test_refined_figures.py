@@ -1,7 +1,5 @@
 """Figures of a lens and of the refined method: what they draw, and the same in words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args

@@ -1,7 +1,5 @@
 """The report of a validation and the story of the Start page have every number."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

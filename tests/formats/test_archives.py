@@ -1,7 +1,5 @@
 """Data sets from files of other programs: easyWand, MATLAB, Kalibr, aniposelib, Caliscope, ..."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

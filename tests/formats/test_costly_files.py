@@ -1,7 +1,5 @@
 """Files made to cost their parser memory, time or the process."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from typing import Any

@@ -1,7 +1,5 @@
 """What an evaluation leaves behind, read back; and the engines' refusals."""
 
-from __future__ import annotations
-
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

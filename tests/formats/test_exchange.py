@@ -1,7 +1,5 @@
 """Exchange formats: written, read back, read by their own programs, and what they cannot hold."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

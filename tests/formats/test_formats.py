@@ -1,7 +1,5 @@
 """Files in and out: tables, camera files and data sets, sound, broken and hostile."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

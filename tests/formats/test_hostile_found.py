@@ -1,7 +1,5 @@
 """What fuzzing has found, one of each kind: each ended in another error, or in a long wait."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

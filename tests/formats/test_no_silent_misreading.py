@@ -1,7 +1,5 @@
 """Files whose numbers can mean two things: what is asked, what is refused, what is read then."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

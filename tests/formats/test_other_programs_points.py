@@ -1,7 +1,5 @@
 """Points of other programs, written from one recording: told apart, counted right, matched."""
 
-from __future__ import annotations
-
 import io
 import sys
 from collections.abc import Callable

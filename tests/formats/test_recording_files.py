@@ -1,7 +1,5 @@
 """Data sets of any number of cameras and any rigid object."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

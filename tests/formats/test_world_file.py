@@ -1,7 +1,5 @@
 """`world.json`, 4x4 tables, and the tables that a world frame is found from."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

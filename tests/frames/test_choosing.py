@@ -1,7 +1,5 @@
 """More than two boards in a photograph: the other frames tell which are the targets, or nothing."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

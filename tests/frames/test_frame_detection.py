@@ -1,7 +1,5 @@
 """From files on disk to frames with targets, against the truth of rendered photographs."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """What is kept of photographed frames, and the table and the pictures that are made of it."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """A and B agree between the cameras; frames that are wrong or doubtful are said to be."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Frames of targets with names of their own, from rendered photographs to the table."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pairs of photographs by name: the ways in which people name them, and what cannot be told."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

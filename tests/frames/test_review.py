@@ -1,7 +1,5 @@
 """A person's edits of the found frames, and how to take them back."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

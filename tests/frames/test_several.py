@@ -1,7 +1,5 @@
 """Photographs of three cameras, to one recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

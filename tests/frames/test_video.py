@@ -1,7 +1,5 @@
 """Frames of two videos: the right ones by their time stamps, and missing ones are reported."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

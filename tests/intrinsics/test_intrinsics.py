@@ -1,7 +1,5 @@
 """The lens from boards: against truth, against OpenCV and SciPy, and how honest its errors are."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from concurrent.futures import ThreadPoolExecutor

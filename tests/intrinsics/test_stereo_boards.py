@@ -1,7 +1,5 @@
 """A board in the photographs of two cameras: order of corners, repeated and mirrored images."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Blocks matched and measured by several threads give the same files as one after the other."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path

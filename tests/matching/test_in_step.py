@@ -1,7 +1,5 @@
 """Points of cameras that are not in step are shifted before they are matched or measured."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Known lengths between measured points; which columns name tracks, and where tracks end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Matching: the right pairs, the least total cost, and what is said of each pair."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The commands match and reconstruct: tables in, tables out, and one sentence for bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

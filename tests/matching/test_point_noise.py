@@ -1,7 +1,5 @@
 """The noise of points, by the points: the threshold, and the errors of what they measure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

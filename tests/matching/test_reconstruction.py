@@ -1,7 +1,5 @@
 """Reconstruction of matched pairs: places, errors, standard errors, and the world's frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

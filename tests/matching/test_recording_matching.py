@@ -4,8 +4,6 @@ Two cameras of the eWand test data; fitted on the two outer markers of the even 
 all three markers of the odd ones. The middle marker took no part in any fit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Points of three cameras: which belong together, and where they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rigs of three cameras and more: truth, errors, and a pair as the smallest case."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A rig of three cameras with fisheye lenses, against a fit that knows the true ones."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig

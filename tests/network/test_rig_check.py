@@ -1,7 +1,5 @@
 """Which camera of a rig has moved: `check` with rig.json."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """rig.json, the files of its pairs, and pairs that are fused from their files."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

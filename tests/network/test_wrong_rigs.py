@@ -1,7 +1,5 @@
 """Wrong inputs of a rig: what is wrong is named, or that it cannot be told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """AppTest as the server does it: every page is run by `app.py`."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A stored project, a look at its pages, and waiting for what happens beside them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The Apply page with its World frame, without a browser."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from pathlib import Path

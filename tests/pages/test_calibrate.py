@@ -1,7 +1,5 @@
 """The Calibrate page: one press to the recommendation, and closer looks one at a time."""
 
-from __future__ import annotations
-
 import re
 import threading
 from dataclasses import replace

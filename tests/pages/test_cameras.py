@@ -1,7 +1,5 @@
 """The Lenses page, without a browser."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

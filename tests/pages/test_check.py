@@ -1,7 +1,5 @@
 """The Check page, without a browser."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

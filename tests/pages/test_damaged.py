@@ -1,7 +1,5 @@
 """Damaged projects, homes that are full, and unforeseen errors: a sentence on every page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is held, as stated on the Data page: balls, tags, boards and other objects."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

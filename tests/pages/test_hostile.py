@@ -1,7 +1,5 @@
 """Hostile files and addresses through the real pages: a sentence, never a traceback."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Long work on pages: a job does it, the page follows, and what ended with its server goes on."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Each upload is read once, also after a click meanwhile, and each result computed once."""
 
-from __future__ import annotations
-
 import pkgutil
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The page One set or two, without a browser, and what Data states for its refined set."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The pages: what they say, what they keep, their menu, and that no traceback shows."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

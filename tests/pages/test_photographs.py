@@ -1,7 +1,5 @@
 """Photographs on the Data page, without a browser."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

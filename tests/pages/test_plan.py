@@ -1,7 +1,5 @@
 """The Plan page, without a browser."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

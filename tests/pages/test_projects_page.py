@@ -1,7 +1,5 @@
 """The list of projects on the Start page."""
 
-from __future__ import annotations
-
 import os
 from datetime import datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The review of one frame on the Data page, without a browser: all but the photographs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

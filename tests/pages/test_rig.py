@@ -1,7 +1,5 @@
 """Files and photographs of several cameras, the Rig page, and the pages of a pair of a rig."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

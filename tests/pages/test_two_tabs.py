@@ -1,7 +1,5 @@
 """Two tabs with one project: the last change holds, and a tab shows what is stored."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results of the sample data, with few runs."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache

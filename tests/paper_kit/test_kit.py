@@ -1,7 +1,5 @@
 """The kit holds what a paper needs; its archive gives the same parameter files again."""
 
-from __future__ import annotations
-
 import io
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """A project as one zip: it opens elsewhere with all it had, and no zip leads out of its folder."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Checkpoints of jobs: the same to the last bit."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A project's file: whole acts, full disks, other journals, large values, damage, kills."""
 
-from __future__ import annotations
-
 import random
 import signal
 import sqlite3

@@ -1,7 +1,5 @@
 """Records of long work: who runs it, what was interrupted, and going on after a kill."""
 
-from __future__ import annotations
-
 import random
 import sqlite3
 import subprocess

@@ -1,7 +1,5 @@
 """A project on disk: every change whole or not at all, and nothing lost."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The list of projects: copied, removed, brought back, swept; nothing lost on the way."""
 
-from __future__ import annotations
-
 import os
 import stat
 import time

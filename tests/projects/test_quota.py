@@ -1,7 +1,5 @@
 """Settings of the server, and its limit of the size of a project; what is removed makes room."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A recording of three cameras in a project, and its rig."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Projects stored by earlier versions are brought up to date, in one transaction."""
 
-from __future__ import annotations
-
 import shutil
 import sqlite3
 from contextlib import closing

@@ -1,7 +1,5 @@
 """The compiled adjustment against finite differences, OpenCV and SciPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Standard errors where frames follow each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The input that is wrong is named, and no sound one accused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rigs of fisheye lenses, calibrated to the end, against fits that know the true lenses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

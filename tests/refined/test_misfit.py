@@ -1,7 +1,5 @@
 """Residuals by place: wrong lenses are told from noise, also where frames follow each other."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

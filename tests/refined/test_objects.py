@@ -1,7 +1,5 @@
 """The refined method and the screening on objects with more than two targets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

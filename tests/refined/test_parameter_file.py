@@ -1,7 +1,5 @@
 """The third parameter file: its own lenses, its uncertainties, there and back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

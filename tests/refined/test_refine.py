@@ -1,7 +1,5 @@
 """The refined set against the truth, with gross errors, and what it refuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

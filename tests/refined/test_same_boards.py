@@ -1,7 +1,5 @@
 """Covariance where the same boards gave both lenses and the pose."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.refined.design_effect import WORTH, covariance_of_boards

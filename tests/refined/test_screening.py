@@ -1,7 +1,5 @@
 """Frames that contradict the others are left out, whatever the paper's methods make of them."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The time offset between the cameras, on simulated bars that move."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

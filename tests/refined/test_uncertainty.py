@@ -1,7 +1,5 @@
 """Stated uncertainties against what simulations show."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A recording that cannot fix the cameras is told why, and a good one hears nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Internal functions as compiled code runs them: what Python calls is their source."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar

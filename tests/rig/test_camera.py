@@ -1,7 +1,5 @@
 """The lens both ways, against OpenCV."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import cv2

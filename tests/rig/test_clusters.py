@@ -1,7 +1,5 @@
 """Runs of frames whose errors are alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

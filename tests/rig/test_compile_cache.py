@@ -1,7 +1,5 @@
 """Where compiled code is kept: beside the sources, or where it can be written to."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What is kept of compiled code on disk, and what Python sees of it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What data sets and correspondences are made of, and what they refuse."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """The fisheye lens against OpenCV's, and how its errors are counted."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Poses, angles, residuals and triangulation, against OpenCV, SciPy and explicit matrices."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

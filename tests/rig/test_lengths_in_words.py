@@ -1,7 +1,5 @@
 """The rig in words, and the question whether its lengths are in metres."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

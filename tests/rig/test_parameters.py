@@ -1,7 +1,5 @@
 """The parameter files: their keys, there and back, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Rigid objects: known distances, parts of a frame, and what the methods take of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Positions of tracked points between the recorded frames."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The volume of the bars: its margin, what lies in it, there and back, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the refined method says, against the truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A board in front of two cameras, one of which may be turned about its axis."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import cv2

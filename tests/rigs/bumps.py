@@ -1,7 +1,5 @@
 """Calibrated rigs, then new images after one of their cameras moved."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The ordinary mistakes of a first hour: exchanged frames, wrong points, wrong inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ bar = move_bar(field_rig(4.5), rng, frames=300, length_m=0.9)
 dataset = record(bar, rng, noise_px=0.15, name="moving", offset=TimeOffset(0.3))
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Simulated recordings of rigid objects, seen by the rig of `known_rig`."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,7 +1,5 @@
 """What the files of one field day measure, whose rig is drawn from its plan."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings, Method

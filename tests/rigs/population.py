@@ -1,7 +1,5 @@
 """The figures of parameter files on a large test whose truth is known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Simulated rigs for the studies of the refined method: truth drawn, then misjudged as stated."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calibrated rigs in a world with a vertical: plumb lines, throws and surveys."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The nineteen synthetic data sets: are they what `sample_data/README.md` says?"""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scenes with known truth: are they what they say, and does the calibration find the truth?"""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -3,8 +3,6 @@
 With STEREOCAL_SOAK=short there are fewer repeats, for about three minutes in all.
 """
 
-from __future__ import annotations
-
 import os
 
 

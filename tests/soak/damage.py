@@ -1,7 +1,5 @@
 """Sound files made unsound, as accident and malice do."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -4,8 +4,6 @@ A reader takes the bytes of one file and a scratch folder. It may return, or rai
 anything else is a bug.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Sound files to begin from, small and of every kind that a reader knows."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

@@ -1,7 +1,5 @@
 """Whatever a file holds, its reader gives a value or a sentence."""
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterator
 from datetime import timedelta

@@ -1,7 +1,5 @@
 """Files appear complete or not at all, whenever Ctrl-C comes."""
 
-from __future__ import annotations
-
 import sys
 from itertools import count
 from pathlib import Path

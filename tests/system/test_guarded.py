@@ -1,7 +1,5 @@
 """A decoder that crashes, hangs or eats the memory leaves a sentence, and the next file is read."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """How much is read of strangers' files: each limit bites before decoding, and names its setting."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable

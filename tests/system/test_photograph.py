@@ -1,7 +1,5 @@
 """Photographs as files, folders, zips and uploads: what is read, and what is refused."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

@@ -1,7 +1,5 @@
 """What is written of a dataclass."""
 
-from __future__ import annotations
-
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.system.records import of_plain, plain
 

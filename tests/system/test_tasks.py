@@ -1,7 +1,5 @@
 """One loop for all long work: in order, few tasks at once, jobs of one pool in turn."""
 
-from __future__ import annotations
-
 import operator
 import os
 import signal

@@ -1,7 +1,5 @@
 """Photographs of the bar, their backgrounds, what spoils them, and the sample that is shipped."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

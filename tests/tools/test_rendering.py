@@ -1,7 +1,5 @@
 """Rendered photographs: is everything where and as bright as it is said to be?"""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

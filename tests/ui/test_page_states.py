@@ -1,7 +1,5 @@
 """The marks in the menu follow the project; text of files is shown as it is, never as markup."""
 
-from __future__ import annotations
-
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Forecasts of recordings whose frames follow each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import get_args
 

@@ -1,7 +1,5 @@
 """The check of the model: what it doubts, where, and what it says of the noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forecasts of the files against a truth that is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The recommendation: its files, figures and sentences, on forecasts whose answer is known."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The curve of the two costs: nothing that the paper's searches find lies below it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

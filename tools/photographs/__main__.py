@@ -1,7 +1,5 @@
 """Render the sample photographs: `python -m tools.photographs --out sample_data/photographs`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

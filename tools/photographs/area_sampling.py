@@ -4,8 +4,6 @@ Each pixel is divided into parts. A part where cells meet is sampled. A weighted
 then applies the pixel area and the blur together.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

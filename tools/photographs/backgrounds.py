@@ -5,8 +5,6 @@ Each camera sees it through its own lens, so that both cameras see the same clut
 It is the same in all frames, because the cameras do not move.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -1,7 +1,5 @@
 """The sample of two balls: `python -m tools.photographs.ball_sample --out sample_data/balls`."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

@@ -6,8 +6,6 @@ perspective and distortion are exact to a part. Then come blur, photon and read 
 eight bits. Colours are linear, red, green and blue from 0 to 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -9,8 +9,6 @@ Pairs are rendered one at a time, to save memory. What spoils a frame changes no
 numbers of all others stay the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Synthetic photographs of a chessboard for lens calibration, with known poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.errors import StereocalError

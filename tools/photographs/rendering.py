@@ -7,8 +7,6 @@ bias from the pixel grid.
 Grey levels are 0 to 255, independent of the bit depth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -69,7 +67,7 @@ class Placed:
     board: Board
     camera_from_board: Pose
 
-    def seen_from(self, camera_from_here: Pose) -> Placed:
+    def seen_from(self, camera_from_here: Pose) -> "Placed":
         """The same board in the frame of another camera."""
         return Placed(self.board, camera_from_here @ self.camera_from_board)
 

@@ -1,7 +1,5 @@
 """The sample data set of photographs: the bar in both cameras, and a chessboard for each lens."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace

@@ -4,8 +4,6 @@ Coordinates are metres on a distant plane; y points down, and y = 0 is the heigh
 Grey levels are 0 to 255.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

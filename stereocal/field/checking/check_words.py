@@ -1,7 +1,5 @@
 """The answer of a check in words, and as `check.json`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

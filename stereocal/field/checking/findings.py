@@ -1,7 +1,5 @@
 """What a check of new images found, by the fits of its hypotheses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

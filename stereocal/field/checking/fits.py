@@ -7,8 +7,6 @@ chi-square, noncentral with d' I d where the larger one is true: I is the inform
 images about the change d with the old parameters eliminated, their covariance included.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 
@@ -64,7 +62,7 @@ class Change:
     def __len__(self) -> int:
         return len(self.sigma)
 
-    def __add__(self, other: Change) -> Change:
+    def __add__(self, other: "Change") -> "Change":
         return Change(
             np.column_stack([self.directions, other.directions]),
             np.concatenate([self.sigma, other.sigma]),
@@ -144,7 +142,7 @@ class Fit(Solve):
         self.p[first : first + count] = pose_difference(pose, self.prior.rig.pose)[:count]
         self.points[:] = np.nan
 
-    def minimise(self, outlying: BoolArray, start: Pose | None = None) -> Fit:
+    def minimise(self, outlying: BoolArray, start: Pose | None = None) -> "Fit":
         """Fit all groups but the outlying ones, by plain least squares, from a pose if stated."""
         if start is not None:
             self.start_at(start)

@@ -1,7 +1,5 @@
 """New images of a rig: a few bars, or matched points alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,7 +44,7 @@ class NewImages:
             return f"{self.bars} bar{'s' * (self.bars > 1)}"
         return f"{len(self.numbers)} matched points"
 
-    def stating(self, sigma_px: float | None) -> NewImages:
+    def stating(self, sigma_px: float | None) -> "NewImages":
         """The same with the noise of the points as stated (px); None: as they state it."""
         return self if sigma_px is None else replace(self, stated_px=sigma_px)
 
@@ -59,7 +57,7 @@ class NewImages:
         length[at[rows.bars[:, 0]]] = own.length
         return np.bincount(at, own.reprojection_px) / np.bincount(at), length
 
-    def of_groups(self, kept: IntArray) -> NewImages:
+    def of_groups(self, kept: IntArray) -> "NewImages":
         """Some of the groups, by their indices."""
         frames = self.dataset.correspondences.frames[kept]
         part = self.dataset.of_frames(frames)

@@ -1,7 +1,5 @@
 """What a parameter file knows about its rig: the prior of a check with new images."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -48,7 +46,7 @@ class Prior:
         """(25, 25)."""
         return np.asarray(self.root @ self.root.T)
 
-    def with_bar_of(self, dataset: Dataset) -> Prior:
+    def with_bar_of(self, dataset: Dataset) -> "Prior":
         """The prior for the bar of a data set: that of the calibration, whose factor is correlated
         with the baseline, if its stated length is the same; another has its own standard error.
         """

@@ -5,8 +5,6 @@ changed, with the pose free, and with the focal lengths free. Nested hypotheses 
 tests. A lens that shifted sideways cannot be distinguished from a turn, and counts as one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Repaired parameters: the old ones as prior, the movement free, and new images; their errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

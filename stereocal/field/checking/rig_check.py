@@ -5,8 +5,6 @@ explains every changed pair and contradicts no pair that is still the same; if s
 it cannot be told which.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

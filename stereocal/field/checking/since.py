@@ -6,8 +6,6 @@ point from sums of normal equations. Its posterior, with all frames equally like
 the interval.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

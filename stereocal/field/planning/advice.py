@@ -1,7 +1,5 @@
 """What limits a plan, and what would help most, by the expected refined set of its variants."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, replace
 

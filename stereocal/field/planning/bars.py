@@ -1,7 +1,5 @@
 """Bars in the part of a planned volume that both cameras see: at random, and where to hold one."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ a phone's video. Its Wide mode is a fisheye of 118 degrees across the image. The
 camera of an iPhone 13 (26 mm on full frame).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ true cameras. Length errors are relative to true lengths. (Those of a recording 
 bar measured as its own was, because nothing else is known there.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ the planned number of frames, and the stated uncertainties give the covariance o
 with the noise of the images that of every point and length. Variants of the plan cost milliseconds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -4,8 +4,6 @@ Values are means over rigs drawn from the plan (`drawn_rigs`). Intervals hold 95
 what one field day may give. They are not intervals of the mean.
 """
 
-from __future__ import annotations
-
 import json
 from concurrent.futures import Executor
 from contextlib import closing

@@ -4,8 +4,6 @@ A plan that exists can work: the numbers are possible, both cameras see a part o
 common, and the bar fits into it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 

@@ -3,8 +3,6 @@
 Each sheet carries a ruler of 100 mm: printers that "fit to page" scale by some per cent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -49,7 +47,7 @@ class Paper:
     height_mm: float
 
     @property
-    def both_ways(self) -> tuple[Paper, Paper]:
+    def both_ways(self) -> "tuple[Paper, Paper]":
         """Standing and lying."""
         return self, Paper(self.name, self.height_mm, self.width_mm)
 

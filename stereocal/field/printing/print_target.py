@@ -1,7 +1,5 @@
 """The size of the targets of the bar, 2x2 checkerboards, that detection finds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

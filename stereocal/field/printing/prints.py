@@ -1,7 +1,5 @@
 """What is printed at true scale: the targets and tags of the bar, the board for the lenses."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """The field sheet: a plan on one page, to take along and to write on."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from io import BytesIO

@@ -1,7 +1,5 @@
 """What the field sheet says: the pose of the cameras, what to measure, what to write down."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.field.planning.bars import ground_from_primary

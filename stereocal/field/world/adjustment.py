@@ -4,8 +4,6 @@ The fit holds the parameters: points are reconstructed with them as they are, an
 has to suit those points. What the errors of the parameters do is added to the covariance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -85,7 +83,7 @@ class Solution:
         left, degrees = _squares_left(np.column_stack([self.J, self.by_rig]), self.errors)
         return float(np.sqrt(left / degrees)) if degrees >= FEWEST_DEGREES else None
 
-    def scaled(self, factor: float) -> Solution:
+    def scaled(self, factor: float) -> "Solution":
         """The same where the noise is this factor larger, as the residuals show."""
         J, errors, by_rig = self.J / factor, self.errors / factor, self.by_rig / factor
         return Solution(self.x, J, errors, by_rig, noise_is_known=True)

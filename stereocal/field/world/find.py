@@ -1,7 +1,5 @@
 """The world frame of whatever was observed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stereocal.errors import StereocalError

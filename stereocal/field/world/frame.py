@@ -1,7 +1,5 @@
 """What was observed to find the world frame, the choice of origin and axes, and what was found."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

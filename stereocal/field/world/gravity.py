@@ -1,7 +1,5 @@
 """The measured gravity: a check of the scale in which no bar had a part, in words."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

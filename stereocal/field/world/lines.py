@@ -6,8 +6,6 @@ camera the turn of its plane about the line's direction. A residual is the dista
 point to the image of that plane. So the two images of a line need not show the same points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

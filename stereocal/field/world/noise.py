@@ -4,8 +4,6 @@ Errors of the parameters are common to all observations. They are written as `sp
 independent and standard normal, so that an observation's change is first order in z.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """The world frame of surveyed points: a rigid fit, and whether the survey can be true."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ all throws of a file. Fitted without drag, a path leans: the drag of a tennis ba
 metre) at 6 m/s horizontally is 0.4 m/s^2, or 2 degrees of the vertical.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

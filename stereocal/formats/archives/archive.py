@@ -1,7 +1,5 @@
 """What a file of another program contributes to a data set."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

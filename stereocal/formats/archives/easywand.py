@@ -3,8 +3,6 @@
 All image coordinates in the file count v from the bottom: `v' = h - v` with the image height h.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

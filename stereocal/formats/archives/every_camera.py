@@ -1,7 +1,5 @@
 """A recording of all cameras, from their files and one table of points."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

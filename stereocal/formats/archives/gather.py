@@ -4,8 +4,6 @@ found = gather({"calib_easyWandData.mat": content}, ExchangeOptions(cameras=("1"
 found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

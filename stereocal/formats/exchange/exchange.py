@@ -1,7 +1,5 @@
 """Cameras and parameters in the formats of other programs, by format name or recognised."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ MATLAB's points are row vectors, so RotationOfCamera2 is the transpose of R; the
 is the inverse of our pose. The first pixel is (1, 1).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What files of other programs may not say: the user's statements, as page and command line ask."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal

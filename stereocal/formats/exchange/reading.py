@@ -1,7 +1,5 @@
 """What the readers of other programs' camera files share: a file, its numbers, two cameras."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -10,8 +10,6 @@ DLT, for DLTdv, easyWand and Argus: 11 rows, one column per camera,
 points; the lens is not in the file. They are P = K [R | t] row by row, divided by its last entry.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

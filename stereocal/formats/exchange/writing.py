@@ -1,7 +1,5 @@
 """What the writers of other programs' camera files share: the lens they can hold, and numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

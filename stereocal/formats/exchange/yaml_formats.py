@@ -1,7 +1,5 @@
 """Camera files in YAML: OpenCV's stereo sample, ROS camera_info, and Kalibr's camchain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -111,7 +109,8 @@ def rectification(two: Sequence[Posed]) -> list[FloatArray]:
         pose.T[:, None],
         flags=cv2.CALIB_ZERO_DISPARITY,
     )
-    return [np.asarray(each, dtype=np.float64) for each in found[:5]]
+    R2, *rest = (np.asarray(each, dtype=np.float64) for each in found[1:5])
+    return [R2 @ pose.R, R2, *rest]  # OpenCV's R1 knows no turn below 1e-5 rad
 
 
 def is_opencv(file: ForeignFile) -> bool:

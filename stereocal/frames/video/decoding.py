@@ -4,8 +4,6 @@ These functions run in child processes (`system.guarded`), since they run native
 files. Times are in seconds, as the file states them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

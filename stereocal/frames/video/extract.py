@@ -1,8 +1,6 @@
 """Take frames out of two videos that belong together by their time stamps, as photographs that
 pair by their names."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -110,7 +108,7 @@ class _Work:
     guard: Guard
     videos: tuple[Path, Path]
     times: list[VideoTimes]
-    pairs: VideoPairs
+    pairs: "VideoPairs"
     coloured: bool
     begin: Callable[[str], None]
     progress: Callable[[int, int], None]
