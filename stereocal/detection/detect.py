@@ -41,6 +41,8 @@ ALTERNATIVE, MAXIMUM_ALTERNATIVES = 0.4, 12
 the other frames select. It is below `RUNNER_UP_DOUBTFUL`, so that they include the correct pair."""
 NEAR = 1.5
 """Distance within which the corners of a larger chessboard lie, in units of two squares."""
+REACH_PX = 12.0
+"""Maximum distance of a click from a corner; 0.3 times the size of the board if that is more."""
 SMALLEST_QUALITY = 0.45
 SIZE_SPREAD, CONTRAST_SPREAD, BLACK_SPREAD = 0.4, 0.5, 0.25
 """Tolerances for the two boards of a bar: logarithm of the size ratio (one may be 1.5 times as far
@@ -107,14 +109,11 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
     return Detection(size, pair, score, None, doubts, " ".join(doubts), alternatives)
 
 
-def corner_near(
-    image: npt.NDArray[Any], point: tuple[float, float], reach: float = 12.0
-) -> Corner | None:
+def corner_near(image: npt.NDArray[Any], point: tuple[float, float]) -> Corner | None:
     """The X-corner nearest to a click (u, v) px, also one of a larger chessboard; None without one.
 
     Args:
         image: as for `detect_targets`.
-        reach: maximum distance, px; 0.3 times the size of the board if that is more.
     """
     intensity = normalise_intensity(image)
     height, width = image.shape
@@ -128,13 +127,13 @@ def corner_near(
         row[:2] += left, top
         away = math.dist(row[:2], point)
         # Skip the fit if the corner is too far even for the largest board in this part.
-        if away > max(reach, 0.3 * 2 * around) or away > least + 3.0:
+        if away > 0.3 * 2 * around or away > least + 3.0:
             continue
         corner = _fitted(intensity, row)
         if corner is None or corner.quality < 0.5 * SMALLEST_QUALITY:
             continue
         away = math.dist(corner.centre, point)
-        if away <= max(reach, 0.3 * corner.board_px) and away / corner.quality < least:
+        if away <= max(REACH_PX, 0.3 * corner.board_px) and away / corner.quality < least:
             best, least = corner, away / corner.quality
     return best
 

@@ -14,6 +14,7 @@ from stereocal.simulation.simulate import lens_off_by
 WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.2, 0, 0], [0.6, 0, 0]]))
 IMAGE_SIZE = (1280, 1024)
 DISTANCE_M = 6.0
+NOISE_PX = 0.2
 LENS_ERRORS = 0.003, 5.0
 """Standard deviations of the nominal focal lengths, as a fraction, and of the centres, in px."""
 NEAR, FAR = 0.6, 0.9
@@ -37,9 +38,6 @@ def simulated_rig(
     rng: np.random.Generator,
     cameras: int = 3,
     frames: int = 150,
-    noise_px: float = 0.2,
-    lens_errors: tuple[float, float] = LENS_ERRORS,
-    wand: RigidObject = WAND,
     neighbours_only: bool = False,
     arc_deg: float = 100.0,
 ) -> SimulatedRig:
@@ -53,13 +51,13 @@ def simulated_rig(
     world = [_camera_pose(rng, number, cameras, arc_deg) for number in range(cameras)]
     poses = {name: pose @ world[0].inverse() for name, pose in zip(names, world, strict=True)}
     true = {name: _camera(rng) for name in names}
-    placed = _placed(rng, frames, wand)
+    placed = _placed(rng, frames)
     points = world[0].apply(placed.reshape(-1, 3)).reshape(placed.shape)
     rows: list[tuple[int, int, int]] = []
     pixels: list[FloatArray] = []
     for number, (name, camera) in enumerate(true.items()):
         own = poses[name].apply(points.reshape(-1, 3))
-        images = camera.project(own) + rng.normal(0.0, noise_px, (len(own), 2))
+        images = camera.project(own) + rng.normal(0.0, NOISE_PX, (len(own), 2))
         inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
         seen = (camera.sees(own) & inside).reshape(frames, -1)
         seen &= rng.random(seen.shape) < rng.uniform(NEAR, FAR)
@@ -69,7 +67,7 @@ def simulated_rig(
         at = np.argwhere(seen)
         rows += [(int(frame), number, int(target)) for frame, target in at]
         pixels.append(images.reshape(frames, -1, 2)[seen])
-    focal, centre = lens_errors
+    focal, centre = LENS_ERRORS
     nominal = {
         name: lens_off_by(
             camera, rng.normal(0.0, focal), (rng.normal(0.0, centre), rng.normal(0.0, centre))
@@ -79,7 +77,7 @@ def simulated_rig(
     frame, which, target = np.array(rows, dtype=np.int64).T
     images = np.concatenate(pixels)
     unknown = np.full(len(frame), np.nan)
-    recording = Recording("simulated", nominal, wand, frame, which, target, images, unknown)
+    recording = Recording("simulated", nominal, WAND, frame, which, target, images, unknown)
     return SimulatedRig(recording, true, poses, points)
 
 
@@ -102,10 +100,10 @@ def _camera_pose(rng: np.random.Generator, number: int, cameras: int, arc_deg: f
     return Pose(R, -R @ centre)
 
 
-def _placed(rng: np.random.Generator, frames: int, wand: RigidObject) -> FloatArray:
+def _placed(rng: np.random.Generator, frames: int) -> FloatArray:
     """(frames, targets, 3): the wand at random places and directions, in the world."""
     middle = rng.uniform([-1.2, -0.9, -1.2], [1.2, 0.9, 1.2], (frames, 3))
     along = rng.normal(size=(frames, 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    offsets = wand.points[:, 0] - wand.points[:, 0].mean()
+    offsets = WAND.points[:, 0] - WAND.points[:, 0].mean()
     return np.asarray(middle[:, None] + offsets[:, None] * along[:, None])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial, wraps
-from typing import Literal, NoReturn, ParamSpec, TypeVar
+from typing import NoReturn, ParamSpec, TypeVar
 
 import pandas as pd
 import streamlit as st
@@ -21,8 +21,6 @@ from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Kind = Literal["error", "info"]
-Message = tuple[Kind, str]
 Ways = Mapping[str, Callable[[], None]]
 """Ways to continue after a refusal: callbacks by the label of their button; two at most."""
 _MESSAGES, _REFUSED = "messages", "refused"
@@ -36,26 +34,23 @@ def end_here() -> NoReturn:
     raise StopException
 
 
-def tell(sentence: str, kind: Kind = "error") -> None:
+def tell(sentence: str) -> None:
     """Queue a message for the top of this or the next page; duplicates are dropped."""
-    messages: list[Message] = st.session_state.setdefault(_MESSAGES, [])
-    if (kind, sentence) not in messages:
-        messages.append((kind, sentence))
+    st.session_state.setdefault(_MESSAGES, {})[sentence] = None
 
 
-def show_messages(place: DeltaGenerator, but: Sequence[Message] = ()) -> list[Message]:
+def show_messages(place: DeltaGenerator, but: Sequence[str] = ()) -> list[str]:
     """Draw the queued messages except `but`; they stay queued until forgotten."""
-    messages = [one for one in st.session_state.get(_MESSAGES, []) if one not in but]
-    for kind, sentence in messages:
-        (place.error if kind == "error" else place.info)(escape_markdown(sentence))
+    messages = [one for one in st.session_state.get(_MESSAGES, {}) if one not in but]
+    for sentence in messages:
+        place.error(escape_markdown(sentence))
     return messages
 
 
-def forget_messages(messages: Sequence[Message]) -> None:
+def forget_messages(messages: Sequence[str]) -> None:
     """Remove messages from the queue."""
-    st.session_state[_MESSAGES] = [
-        one for one in st.session_state.get(_MESSAGES, []) if one not in messages
-    ]
+    for sentence in messages:
+        st.session_state[_MESSAGES].pop(sentence, None)
 
 
 def attempt(call: Callable[[], T]) -> T | None:

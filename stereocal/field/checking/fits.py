@@ -281,11 +281,11 @@ def information_of(fit: Fit) -> FloatArray:
     return np.asarray(U.T @ fit.H @ U - across @ np.linalg.solve(known, across.T))
 
 
-def power_of(information: FloatArray, change: FloatArray, level: float = LEVEL) -> float:
-    """Probability that a change (m,) is found, for a known noise, at a level of false alarms."""
+def power_of(information: FloatArray, change: FloatArray) -> float:
+    """Probability that a change (m,) is found, for a known noise, with `LEVEL` false alarms."""
     degrees = len(change)
     noncentrality = float(change @ information @ change)
-    return float(1.0 - chndtr(chdtri(degrees, level), degrees, noncentrality))
+    return float(1.0 - chndtr(chdtri(degrees, LEVEL), degrees, noncentrality))
 
 
 def power(fit: Fit, smallest: Smallest) -> Power:

@@ -147,15 +147,15 @@ class ExpectedFit:
         return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
 
 
-def expect(plan: Plan, seed: int = 0, bars: int = BARS) -> ExpectedFit:
+def expect(plan: Plan, seed: int = 0) -> ExpectedFit:
     """The refined set to be expected of a plan."""
-    ends = place_planned_bars(plan, bars, np.random.default_rng([seed, 1]))
-    pixels = np.empty((2 * bars, 4))
+    ends = place_planned_bars(plan, BARS, np.random.default_rng([seed, 1]))
+    pixels = np.empty((2 * BARS, 4))
     lenses = lenses_of_cameras(plan.primary, plan.secondary)
     photograph(shared_unknowns(plan.rig), lenses, ends.reshape(-1, 3), pixels)
     dataset = planned_dataset(plan, pixels)
     found = refine(dataset, refine_settings(plan), plan.pose)
-    information = found.information * plan.frames / bars
+    information = found.information * plan.frames / BARS
     return ExpectedFit(plan, replace(found, information=information), ends)
 
 

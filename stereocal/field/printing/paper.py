@@ -117,9 +117,9 @@ def block(left: float, bottom: float, width: float, height: float) -> Rect:
     return rectangle
 
 
-def stroke(x1: float, y1: float, x2: float, y2: float, width: float = 0.2) -> Line:
+def stroke(x1: float, y1: float, x2: float, y2: float) -> Line:
     """A line of exact length (butt caps)."""
-    return Line(x1, y1, x2, y2, strokeColor=black, strokeWidth=width, strokeLineCap=0)
+    return Line(x1, y1, x2, y2, strokeColor=black, strokeWidth=0.2, strokeLineCap=0)
 
 
 def footer_height(texts: Sequence[str], width_mm: float) -> float:
