@@ -9,9 +9,9 @@ PIP := $(BIN)/python -m pip install --disable-pip-version-check
 run: $(VENV)/.compiled
 	$(BIN)/streamlit run app.py
 
-# A process per core, each of which takes over tests that others have not begun. All is compiled
-# before: else each process would compile for itself.
-PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist worksteal
+# A process per core, each of one thread, which takes over tests that others have not begun. All is
+# compiled before: else each process would compile for itself.
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 test: $(VENV)/.dev $(VENV)/.compiled
 	$(PYTEST) -m "not browser and not soak"
