@@ -4,6 +4,7 @@ import argparse
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -38,8 +39,9 @@ def run(_: argparse.Namespace) -> None:
         print("Everything is compiled already.")
 
 
+@cache
 def compile_apart() -> None:
-    """Compile what is not in the cache, in a process of its own.
+    """Compile what is not in the cache, in a process of its own, once.
 
     A process that has compiled functions rounds otherwise than those that load them, because the
     same function was optimised in several places: after 29 steps a refined pose differs by 1e-8.
