@@ -286,7 +286,7 @@ def _tested(
     lengths = ", ".join(
         f"{own.names[i]}-{own.names[j]} {100 * _best(np.abs(error)).mean():.3f} %"
         for i, j in combinations(range(len(own.names)), 2)
-        for error in [np.linalg.norm(points[:, i] - points[:, j], axis=1) / own.distances[i, j] - 1]
+        for error in [np.linalg.norm(points[:, i] - points[:, j], axis=1) / own.distance(i, j) - 1]
     )
     px, middle = (
         np.sqrt(_best(some.ravel()).mean()) for some in (squares[:, [0, -1]], squares[:, 1])

@@ -38,9 +38,9 @@ def solve_rig(recording: Recording) -> dict[str, tuple[Camera, Pose]]:
     Lenses are freed (one focal factor, k1, k2) where Caliscope's depth test allows.
     """
     logging.getLogger("caliscope").setLevel(logging.ERROR)
-    cameras, distances = [*recording.cameras.values()], recording.object.distances
+    cameras = [*recording.cameras.values()]
     lengths = tuple(
-        DistanceConstraint(0, i, 0, j, float(distances[i, j]), SIGMA_M)
+        DistanceConstraint(0, i, 0, j, float(recording.object.distance(i, j)), SIGMA_M)
         for i, j in combinations(np.unique(recording.target).tolist(), 2)
     )
     run = calibrate_extrinsics(

@@ -15,6 +15,7 @@ from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import codes_of
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.recording import Pair, Recording
@@ -80,6 +81,8 @@ class Description:
         if not isinstance(named, dict) or len(named) < 2 or not set(wanted) <= named.keys():
             which = "two cameras at least" if self.is_recording else "the primary and the secondary"
             raise StereocalError(f'{self.where}: "cameras" must name the files of {which}.')
+        with naming(self.where):
+            check_camera_names(wanted or named)
         found = {}
         for which in wanted or named:
             name = named[which]
@@ -194,7 +197,7 @@ def _object(description: Description) -> RigidObject:
                         f"the point {name[:40]!r} must be three numbers, in metres."
                     ) from error
             found = RigidObject(tuple(given), np.array(points), sigma)
-        longest = float(found.distances.max())
+        longest = found.longest_m
         check_length("longest distance between points of the object", longest)
         check_uncertainty("object", sigma, longest)
         return found

@@ -48,7 +48,7 @@ class RigFit(RobustFit):
             of_unit = np.searchsorted(frames, own.frames[own.of_frame])
             self.motion = np.nan_to_num(every[of_unit[:, None], own.targets])
         self.pixel_variance = np.ones(len(self.frames))
-        self._begin(unknowns, float(recording.object.distances.max()))
+        self._begin(unknowns, recording.object.longest_m)
         self.turns = self._within(3)
 
     def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, None]:

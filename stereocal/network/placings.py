@@ -1,11 +1,16 @@
 """The points of a recording as the joint adjustment takes them: units of two, seen by N cameras."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stereocal.errors import StereocalError
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
+
+MOST_IMAGES = 50_000_000
+"""Of all targets in all frames and cameras: 800 MB of pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +51,11 @@ def images_of(
     of_rows = recording.points if values is None else values
     frames, at = np.unique(recording.frame, return_inverse=True)
     shape = len(frames), len(recording.object.names), len(recording.cameras)
+    if math.prod(shape) > MOST_IMAGES:
+        raise StereocalError(
+            f"{shape[0]} frames of an object with {shape[1]} points before {shape[2]} cameras are "
+            "too many: name only the points that are seen, or take fewer frames."
+        )
     found = np.full((*shape, of_rows.shape[1]), np.nan)
     found[at, recording.target, recording.camera] = of_rows
     return frames, found
@@ -76,5 +86,5 @@ def placings_of(recording: Recording) -> Placings:
     which, ends = np.array(of_frame, np.int64), np.array(targets, np.int64).reshape(-1, 2)
     images = pixels[which[:, None], ends]
     images[ends[:, 1] < 0, 1] = np.nan
-    distances = recording.object.distances[ends[:, 0], ends[:, 1]]
+    distances = recording.object.distance(*ends.T)
     return Placings(frames, which, ends, images, np.where(ends[:, 1] < 0, np.nan, distances))

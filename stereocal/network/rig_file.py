@@ -18,6 +18,7 @@ from stereocal.network.unknowns import camera_at, lens_places
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
+from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters, software_versions
@@ -51,6 +52,9 @@ class RigFile:
     about: Mapping[str, Any]
     volume: Volume | None = None
     """Where the object was, as the reference sees it; None if not in front of it."""
+
+    def __post_init__(self) -> None:
+        check_camera_names(self.cameras)
 
     @property
     def names(self) -> list[str]:
@@ -90,9 +94,7 @@ class RigFile:
             method="refined",
             cost=0.0,
             settings={"rig": self.names},
-            inputs={}
-            if stated is None
-            else {"target_distance_m": float(stated.distances[stated.longest])},
+            inputs={} if stated is None else {"target_distance_m": stated.longest_m},
             matching_threshold_px=2.0 * self.noise_px,
             uncertainties={
                 "sigma_px": {

@@ -76,7 +76,7 @@ def unknowns_of(
         late = WIDE_TIME * (settings.time_offsets and number > 0)
         blocks.append(([(f"{name} time offset", late, [first + TIME])], None))
     stated = recording.object.sigma_m
-    longest = float(recording.object.distances.max())
+    longest = recording.object.longest_m
     sigma = DEFAULT_DISTANCE if stated is None else stated / longest
     if settings.object_sigma is not None:
         sigma = settings.object_sigma

@@ -82,7 +82,7 @@ class Inputs:
             secondary=self._known("secondary", secondary),
             correspondences=rows,
             baseline_m=float(self.baseline_m or (self.baseline_free and 1.0) or 0.0),
-            target_distance_m=float(own.distances.max() if own else self.target_distance_m or 0.0),
+            target_distance_m=own.longest_m if own else self.target_distance_m or 0.0,
             baseline_sigma_m=np.inf if self.baseline_free else self.baseline_sigma_m,
             target_distance_sigma_m=self.target_distance_sigma_m,
         )

@@ -54,10 +54,10 @@ def misplaced_target(fit: RefinedResult) -> str:
     suspects = [k for k in range(len(rows.names)) if _explains(fit, found, k)]
     off = sorted(found, key=lambda it: -abs(it.ratio) / it.sigma)
     named = [it for it in off if suspects[1:] or {*suspects} & {*it.ends}][:3]
-    stated, scale = rows.rigid_object.distances, _scale(found, suspects)
+    stated, scale = rows.rigid_object.distance, _scale(found, suspects)
     seen = "; ".join(
-        f"{rows.names[a]}-{rows.names[b]} {1e3 * stated[a, b] * np.exp(ratio - scale):.1f} ± "
-        f"{1e3 * stated[a, b] * sigma:.1f} mm, stated {1e3 * stated[a, b]:.1f} mm"
+        f"{rows.names[a]}-{rows.names[b]} {1e3 * stated(a, b) * np.exp(ratio - scale):.1f} ± "
+        f"{1e3 * stated(a, b) * sigma:.1f} mm, stated {1e3 * stated(a, b):.1f} mm"
         for (a, b), ratio, sigma in named or off[:3]
     )
     names = [rows.names[k] for k in suspects] or list(rows.names)
@@ -80,7 +80,7 @@ def _distances(fit: RefinedResult) -> list[_Distance]:
     points[at, rows.target] = fit.rig.reconstruct(rows.primary, rows.secondary)
     sigma_m, found = distance_sigma_m(fit.dataset, fit.settings), []
     for a, b in combinations(range(len(rows.names)), 2):
-        stated = rows.rigid_object.distances[a, b]
+        stated = rows.rigid_object.distance(a, b)
         logs = np.log(np.linalg.norm(points[:, a] - points[:, b], axis=1) / stated)
         logs = logs[np.isfinite(logs)]
         if len(logs) < FEWEST_FRAMES:

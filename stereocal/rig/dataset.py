@@ -404,7 +404,7 @@ class Dataset:
         rows = self.correspondences
         if rows.rigid_object is not None:
             one, other = rows.target[rows.bars].T
-            return np.asarray(rows.rigid_object.distances[one, other])
+            return rows.rigid_object.distance(one, other)
         own = rows.distance_m[rows.bars]
         of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)

@@ -15,6 +15,7 @@ import scipy
 
 from stereocal.errors import DAMAGED, StereocalError, naming, refuse
 from stereocal.rig.camera import Camera
+from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
@@ -93,6 +94,7 @@ class RigParameters(Rig):
     they have no others."""
 
     def __post_init__(self) -> None:
+        check_camera_names(self.camera_names or ())
         of_image = {"matching threshold": self.matching_threshold_px, "image noise": self.noise_px}
         refuse(
             (

@@ -8,6 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
 from stereocal.rig.rigid_object import RigidObject
@@ -39,6 +40,9 @@ class Recording:
     """Of the pairs whose baseline was measured; each pair in one order or the other."""
     baseline_sigma_m: float | None = None
     notes: str = ""
+
+    def __post_init__(self) -> None:
+        check_camera_names(self.cameras)
 
     @classmethod
     def of_pair(cls, dataset: Dataset) -> "Recording":
@@ -114,7 +118,7 @@ class Recording:
                 rigid_object=None if names == TARGETS else self.object,
             ),
             baseline_m=1.0 if measured is None else measured,
-            target_distance_m=float(self.object.distances[self.object.longest]),
+            target_distance_m=self.object.longest_m,
             baseline_sigma_m=np.inf if measured is None else self.baseline_sigma_m,
             target_distance_sigma_m=self.object.sigma_m,
             notes=self.notes,

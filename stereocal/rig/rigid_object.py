@@ -9,6 +9,8 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
 from stereocal.rig.board_pattern import BoardPattern
@@ -19,6 +21,8 @@ MOST_PAIRS = 2
 with 99 overlapping distances a board, stated errors are 4.6 to 11 times too small, with one or two
 disjoint ones they are true."""
 
+MOST_POINTS = 10_000
+"""As the largest board has."""
 ALIKE = 1e-6
 """Of its size, by which an object that looks the same when turned may differ."""
 FEWEST_TO_PLACE = 4
@@ -40,17 +44,20 @@ class RigidObject:
     """The pattern whose inner corners these are, named 0, 1, ... row by row."""
 
     def __post_init__(self) -> None:
-        if len(self.names) < 2 or self.points.shape != (len(self.names), 3):
-            raise StereocalError("An object needs two points at least, each with three numbers.")
+        if not 2 <= len(self.names) <= MOST_POINTS or self.points.shape != (len(self.names), 3):
+            raise StereocalError(
+                f"An object needs 2 to {MOST_POINTS} points, each with three numbers."
+            )
         if len({*self.names}) < len(self.names):
             raise StereocalError("Two points of the object have the same name.")
         if not np.isfinite(self.points).all():
             raise StereocalError("A point of the object is not a finite number.")
-        apart = self.distances + np.diag(np.full(len(self.names), np.inf))
-        if apart.min() <= 0:
-            first, second = np.unravel_index(int(apart.argmin()), apart.shape)
+        first, counts = np.unique(self.points, axis=0, return_index=True, return_counts=True)[1:]
+        if (counts > 1).any():
+            one = int(first[counts > 1][0])
+            other = np.flatnonzero((self.points == self.points[one]).all(axis=1))[1]
             raise StereocalError(
-                f"The points {self.names[first]} and {self.names[second]} of the object are at the "
+                f"The points {self.names[one]} and {self.names[other]} of the object are at the "
                 "same place."
             )
 
@@ -71,10 +78,10 @@ class RigidObject:
             return "board"
         return "bar" if len(self.names) == 2 else "object"
 
-    @cached_property
-    def distances(self) -> FloatArray:
-        """(k, k): distances between the points, in metres."""
-        return np.asarray(np.linalg.norm(self.points[:, None] - self.points[None], axis=2))
+    def distance(self, one: npt.ArrayLike, other: npt.ArrayLike) -> FloatArray:
+        """Distances between points by their indices, in metres, in the shape of the indices."""
+        found: FloatArray = np.linalg.norm(self.points[one] - self.points[other], axis=-1)
+        return found
 
     def pairs_among(self, seen: Iterable[int]) -> IntArray:
         """(p, 2): disjoint pairs of the points seen with the longest distances, at most two.
@@ -82,13 +89,29 @@ class RigidObject:
         Of a bar or a wand of three these are its two ends, of a board its two diagonals.
         """
         left = np.array(sorted({*seen}), dtype=np.int64)
-        found: list[tuple[int, int]] = []
+        found: list[IntArray] = []
         while len(left) > 1 and len(found) < MOST_PAIRS:
-            apart = self.distances[np.ix_(left, left)]
-            one, other = np.unravel_index(int(apart.argmax()), apart.shape)
-            found.append((int(left[one]), int(left[other])))
-            left = np.delete(left, [one, other])
+            found.append(self._farthest(left))
+            left = np.setdiff1d(left, found[-1])
         return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+    def _farthest(self, among: IntArray) -> IntArray:
+        """(2,): the two points that are farthest apart; the first such pair if there are several.
+
+        A distance is at most the sum of those of its ends from the middle of the points, so that
+        of a board only the corners are compared.
+        """
+        points = self.points[among]
+        radius = np.linalg.norm(points - 0.5 * (points.min(axis=0) + points.max(axis=0)), axis=1)
+        far = points[radius.argmax()]
+        at_least = np.linalg.norm(points - far, axis=1).max()
+        among = among[radius + radius.max() >= (1.0 - ALIKE) * at_least]
+        longest, best = -1.0, among[:2]
+        for at, one in enumerate(among[:-1]):
+            distances = self.distance(one, among[at + 1 :])
+            if distances.max() > longest:
+                longest, best = distances.max(), among[[at, at + 1 + int(distances.argmax())]]
+        return best
 
     @cached_property
     def half_turn(self) -> IntArray:
@@ -99,18 +122,23 @@ class RigidObject:
         """
         order = np.arange(len(self.names))
         turned = self.points.min(axis=0) + self.points.max(axis=0) - self.points
-        away = np.linalg.norm(turned[:, None] - self.points[None], axis=2)
-        if away.min(axis=1).max() < ALIKE * self.distances.max():
-            return np.asarray(away.argmin(axis=1), dtype=np.int64)
+        away, nearest = KDTree(self.points).query(turned)
+        if away.max() < ALIKE * self.longest_m:
+            return np.asarray(nearest, dtype=np.int64)
         one, other = self.longest
         order[[one, other]] = other, one
         return order
 
-    @property
+    @cached_property
     def longest(self) -> tuple[int, int]:
         """The two points that are farthest apart."""
-        one, other = self.pairs_among(range(len(self.names)))[0].tolist()
+        one, other = self._farthest(np.arange(len(self.names))).tolist()
         return one, other
+
+    @property
+    def longest_m(self) -> float:
+        """Their distance, in metres."""
+        return float(self.distance(*self.longest))
 
 
 def placed(frame: IntArray, points: FloatArray, rays: FloatArray) -> FloatArray:

@@ -236,7 +236,7 @@ def object_in_words(project: Project | None) -> str:
     if own is None:
         return ""
     return (
-        f"An object with {len(own.names)} targets, up to {own.distances.max():.4g} m apart: their "
+        f"An object with {len(own.names)} targets, up to {own.longest_m:.4g} m apart: their "
         "distances are the measured lengths."
     )
 

@@ -1,6 +1,7 @@
 """`stereocal rig`."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,7 +73,14 @@ def test_files_of_pairs_as_calibrate_writes_them(dataset: Path, tmp_path: Path) 
 def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     assert main(["rig", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
     assert main(["rig", str(dataset), str(dataset), "--out", str(tmp_path / "out")]) == 2
-    assert not (tmp_path / "out").exists()
+    description = json.loads((dataset / "dataset.json").read_text())
+    first, *others = description["cameras"].items()
+    description["cameras"] = {"../../outside": first[1], **dict(others)}
+    shutil.copytree(dataset, tmp_path / "escaping")
+    (tmp_path / "escaping/dataset.json").write_text(json.dumps(description))
+    before = {*tmp_path.rglob("*")}
+    assert main(["rig", str(tmp_path / "escaping"), "--out", str(tmp_path / "a/out")]) == 2
+    assert {*tmp_path.rglob("*")} == before
 
 
 def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> None:

@@ -204,11 +204,13 @@ def held_out(rig: RigCalibration, rows: Recording) -> tuple[float, dict[tuple[st
     )
     points, residuals, *_ = fit_points(rig.fit.cameras, flat, rays)
     placed = points.reshape(*pixels.shape[:2], 3)
-    names, distances = rows.object.names, rows.object.distances
+    names = rows.object.names
     lengths = {}
     for i in range(len(names)):
         for j in range(i + 1, len(names)):
-            found = np.linalg.norm(placed[:, i] - placed[:, j], axis=1) / distances[i, j] - 1
+            found = (
+                np.linalg.norm(placed[:, i] - placed[:, j], axis=1) / rows.object.distance(i, j) - 1
+            )
             lengths[names[i], names[j]] = float(best(np.abs(found)).mean())
     squares = np.square(residuals).sum(axis=2).mean(axis=1).reshape(pixels.shape[:2])
     return float(np.sqrt(best(squares[:, [0, -1]].ravel()).mean())), {

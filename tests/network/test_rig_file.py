@@ -67,6 +67,8 @@ def test_damaged_files_are_refused(rig: RigCalibration) -> None:
     ):
         with pytest.raises(StereocalError, match=message):
             RigFile.loads(json.dumps({**content, **change}), "rig.json")
+    with pytest.raises(StereocalError, match=r"^rig\.json: A camera cannot be called '\.\./c1'"):
+        RigFile.loads(json.dumps(content).replace('"c1"', '"../c1"'), "rig.json")
 
 
 def test_a_pair_of_the_rig_is_nearer_to_the_truth_than_by_itself(

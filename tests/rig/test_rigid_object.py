@@ -1,6 +1,7 @@
 """Rigid objects: known distances, parts of a frame, and what the methods take of them."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -27,8 +28,8 @@ def test_known_distances_are_disjoint_and_the_longest(
     assert len(pairs) == min(MOST_PAIRS, len(seen) // 2)
     assert len({*pairs.ravel().tolist()}) == 2 * len(pairs) and {*pairs.ravel().tolist()} <= seen
     if len(pairs):
-        rest = sorted(seen)
-        assert own.distances[tuple(pairs[0])] == own.distances[np.ix_(rest, rest)].max()
+        a, b = np.array([*combinations(sorted(seen), 2)]).T
+        assert own.distance(*pairs[0]) == own.distance(a, b).max()
 
 
 @given(objects, st.data())
@@ -61,7 +62,7 @@ def test_a_wand_and_a_board() -> None:
     assert WAND.pairs_among([1, 2]).tolist() == [[1, 2]]
     assert BOARD.pairs_among(range(35)).tolist() == [[0, 34], [6, 28]]
     data = recorded(BOARD, 4)
-    assert data.bar_distances_m == pytest.approx([BOARD.distances[0, 34]] * 8)
+    assert data.bar_distances_m == pytest.approx([BOARD.distance(0, 34)] * 8)
     assert len(data.correspondences.bars) == 8
 
 

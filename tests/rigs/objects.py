@@ -48,7 +48,7 @@ def recorded(
         rigid_object=stated,
     )
     rows = rows if seen is None else rows.where(np.asarray(seen).ravel())
-    longest = float(stated.distances[stated.longest])
+    longest = stated.longest_m
     return Dataset(
         "object",
         known_rig.PRIMARY,
