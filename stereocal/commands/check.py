@@ -9,7 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.commands.console import Options
-from stereocal.commands.options import LENSES_AND_LENGTHS, PAIR, dataset_from, finish
+from stereocal.commands.options import (
+    LENSES_AND_LENGTHS,
+    PAIR,
+    WITH_RIG,
+    dataset_from,
+    finish,
+    refuse_given,
+)
 from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
@@ -53,6 +60,8 @@ def run(parsed: argparse.Namespace) -> None:
     files: dict[str, bytes] = {}
     path, data = parsed.parameters, parsed.dataset
     if holds_rig(path):
+        names = ("sigma_px", "pair", "baseline_sigma", "distance_sigma")
+        refuse_given(parsed, WITH_RIG, *names)
         recording = read_recording(data, parsed.lens_model)
         whole = check_rig(RigFile.load(path), recording, smallest)
         answer, told, remarks = rig_to_json(whole), rig_sentence(whole), rig_notes(whole)
@@ -60,8 +69,11 @@ def run(parsed: argparse.Namespace) -> None:
         path, prior = _prior(path)
         is_file = data.is_file() and data.suffix != STORED_PROJECT
         if is_file and not zipfile.is_zipfile(data):
+            why = "is for a data set: leave it out with a table"
+            refuse_given(parsed, why, "pair", "baseline_sigma", "distance_sigma")
             images = images_in_table(data, str(data), prior.rig).stating(parsed.sigma_px)
         else:
+            refuse_given(parsed, "is for a table of matched points", "sigma_px")
             images = images_of_bars(dataset_from(parsed, data), prior.rig)
         found = recheck(prior, images, smallest)
         if found.offers_repair:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.intrinsics import detect_board
-from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, workers_from
+from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
@@ -38,6 +38,8 @@ DEFAULTS = {"target": "bar2x2"}
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the targets, print a line per frame, write the table."""
+    if parsed.videos is None:
+        refuse_given(parsed, "is for --videos", "every", "clock_ahead")
     if (board := parse_board(parsed.target)) is not None:
         detect_board(parsed, board)
         return

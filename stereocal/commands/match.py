@@ -13,17 +13,19 @@ import numpy as np
 
 from stereocal.commands.console import ONE_OF, Options, report, with_bar
 from stereocal.commands.options import (
+    WITH_RIG,
     WORKERS,
     answers,
     number_of,
     questions,
+    refuse_given,
     two_cameras,
     workers_from,
 )
 from stereocal.errors import StereocalError
 from stereocal.formats import point_answers
+from stereocal.formats.exchange.chosen_cameras import camera_indices
 from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
-from stereocal.formats.exchange.reading import camera_index
 from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, first_rows, layout_name, propose_layout
 from stereocal.formats.sleap_h5 import point_text
@@ -38,6 +40,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 
 A_POINT = np.zeros((1, 2))
+ANY_DEPTH = (0.0, float("inf"))
 BY_HAND = "columns"
 COUNTED = "-"
 OPTIONS: Options = {
@@ -77,7 +80,6 @@ OPTIONS: Options = {
         "--least-likelihood P": "leave out less likely points",
     },
 }
-DEFAULTS = {"depth": (0.0, float("inf"))}
 WITH_LAYOUT = {
     **{name: f"--{name}" for name in ("cameras", "columns")},
     **{name: QUESTIONS[name].option for name in ORIGIN},
@@ -107,7 +109,7 @@ def run(parsed: argparse.Namespace) -> None:
             else _theirs(parsed, which, getattr(rig, which), Path(folder))
             for which in CAMERAS
         )
-        about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth)
+        about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth or ANY_DEPTH)
         files = partial(match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px)
         with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
             matched = with_bar("frames", partial(files, executor=executor))
@@ -117,9 +119,8 @@ def run(parsed: argparse.Namespace) -> None:
 
 def _run_rig(parsed: argparse.Namespace) -> None:
     """The same of all cameras of a rig."""
-    for name in ("threshold", "layout", "unmatched"):
-        if getattr(parsed, name) is not None:
-            raise StereocalError(f"--{name} is for two cameras: leave it out with --rig.")
+    names = ("threshold", "depth", "layout", "unmatched", "workers", "scheduler", *WITH_LAYOUT)
+    refuse_given(parsed, WITH_RIG, *names)
     tables: dict[str, PointTable] = {}
     for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
         name, equals, file = text.partition("=")
@@ -188,7 +189,7 @@ def _theirs(
 def _camera(text: str | None, cameras: tuple[str, ...], which: int, source: str) -> str | None:
     if text is not None:
         wanted = two_cameras(text)[which]
-        return wanted if wanted in cameras else cameras[camera_index(wanted, cameras, source)]
+        return cameras[camera_indices([wanted], cameras, source)[0]]
     if len(cameras) > 2:
         raise StereocalError(
             f"{source}: the file has {len(cameras)} cameras ({', '.join(cameras)[:100]}): say "

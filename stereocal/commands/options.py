@@ -59,6 +59,7 @@ LENSES_AND_LENGTHS: Options = {
     "--baseline-sigma S": "standard error of the baseline, m",
     "--distance-sigma S": "standard error of the distance between the targets, m",
 }
+WITH_RIG = "is for two cameras: leave it out with a rig"
 PAIR: Options = {"--pair LEFT-RIGHT": "two cameras of a data set with more than two"}
 BOARD: Options = {
     "--board 18x12": {"required": True, "help": "inner corners, where four squares meet"},
@@ -83,6 +84,18 @@ def finish(
     placed = {folder / name: content for name, content in files.items()}
     write_all(placed)
     report(*lines, notes=notes, written=placed)
+
+
+def refuse_given(parsed: argparse.Namespace, why: str, *names: str) -> None:
+    """Reject options that have no effect here, rather than ignore them.
+
+    Args:
+        why: the rest of the sentence that begins with the option.
+        names: of the options, whose default is None or False.
+    """
+    for name in names:
+        if getattr(parsed, name) not in (None, False):
+            raise StereocalError(f"--{name.replace('_', '-')} {why}.")
 
 
 def answers(parsed: argparse.Namespace) -> dict[str, Any]:

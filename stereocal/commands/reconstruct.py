@@ -6,7 +6,14 @@ from functools import partial
 import numpy as np
 
 from stereocal.commands.console import ONE_OF, Options, report, with_bar
-from stereocal.commands.options import WORKERS, WORLD, workers_from, world_from
+from stereocal.commands.options import (
+    WITH_RIG,
+    WORKERS,
+    WORLD,
+    refuse_given,
+    workers_from,
+    world_from,
+)
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PointTable
@@ -35,6 +42,7 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> None:
     """Reconstruct, write the points, print their errors."""
     if parsed.rig is not None:
+        refuse_given(parsed, WITH_RIG, "matched_with", "workers", "scheduler")
         files = RigFile.load(parsed.rig), parsed.pairs, parsed.out
         found = reconstruct_rig(*files, world_from(parsed), parsed.sigma_px)
         report(found.sentence(), written=[parsed.out])

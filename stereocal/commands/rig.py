@@ -4,7 +4,7 @@ import argparse
 from functools import partial
 
 from stereocal.commands.console import Options, with_bar
-from stereocal.commands.options import finish, questions
+from stereocal.commands.options import finish, questions, refuse_given
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.formats.dataset_files import read_recording
@@ -31,6 +31,8 @@ def run(parsed: argparse.Namespace) -> None:
     pairs: dict[str, bytes] = {}
     notes: list[str] = []
     if all(path.suffix == ".json" and path.is_file() for path in parsed.inputs):
+        names = ("time_offset", "pairs", "baseline_sigma", "lens_model")
+        refuse_given(parsed, "is for a data set: the files of pairs have their own", *names)
         rig = fuse_files(parsed.inputs)
         name = ", ".join(file.stem for file in parsed.inputs)
     elif len(parsed.inputs) > 1:

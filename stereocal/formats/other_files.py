@@ -9,6 +9,10 @@ DEEPLABCUT = b"df_with_missing"
 """Name of the table in DeepLabCut's HDF5 files."""
 MATLAB = b"MATLAB "
 SECTION = re.compile(r"\[\s*([A-Za-z][^\[\]{}\"',]*)\]")
+CAMERA_LISTS = {
+    "COLMAP": re.compile(r"(?m)^\s*\d+ [A-Z_]{6,} \d+ \d+ [\d.]"),
+    "Qualisys": re.compile(r"<calibration\b[^>]*>"),
+}
 OUR_JSON = (
     '{"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "distortion": [k1, k2, p1, p2, k3], '
     '"image_size": [width, height]}'
@@ -47,6 +51,17 @@ def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) 
             f"{source}: this is an INI file (its first section is [{section}]), which is not read. "
             f"Write the numbers of each camera into a JSON file: {OUR_JSON}"
         )
+
+
+def refuse_camera_list(content: bytes, source: str) -> None:
+    """Reject COLMAP's or Qualisys's list of cameras in place of a table of points."""
+    text = content[:2000].decode("utf-8-sig", errors="replace")
+    for program, pattern in CAMERA_LISTS.items():
+        if pattern.search(text):
+            raise StereocalError(
+                f"{source}: this is a list of cameras of {program}, not a table of points, and its "
+                f"lenses are not read here: write each lens into a JSON file, {OUR_JSON}"
+            )
 
 
 def refuse_other_points(content: bytes, source: str) -> None:

@@ -64,6 +64,11 @@ class PointLayout:
         return tuple(dict.fromkeys(each.camera for each in self.columns))
 
     @property
+    def states_cameras(self) -> bool:
+        """Whether the names of the cameras are the file's own, and not counted."""
+        return self.header_rows > 0
+
+    @property
     def points(self) -> tuple[str, ...]:
         """Names of the points, in the file's order."""
         return tuple(dict.fromkeys(each.point for each in self.columns))

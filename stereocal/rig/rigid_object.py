@@ -9,7 +9,6 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
@@ -78,10 +77,9 @@ class RigidObject:
             return "board"
         return "bar" if len(self.names) == 2 else "object"
 
-    def distance(self, one: npt.ArrayLike, other: npt.ArrayLike) -> FloatArray:
+    def distance(self, one: IntArray | int, other: IntArray | int) -> FloatArray:
         """Distances between points by their indices, in metres, in the shape of the indices."""
-        found: FloatArray = np.linalg.norm(self.points[one] - self.points[other], axis=-1)
-        return found
+        return np.asarray(np.linalg.norm(self.points[one] - self.points[other], axis=-1))
 
     def pairs_among(self, seen: Iterable[int]) -> IntArray:
         """(p, 2): disjoint pairs of the points seen with the longest distances, at most two.
@@ -103,9 +101,9 @@ class RigidObject:
         """
         points = self.points[among]
         radius = np.linalg.norm(points - 0.5 * (points.min(axis=0) + points.max(axis=0)), axis=1)
-        far = points[radius.argmax()]
-        at_least = np.linalg.norm(points - far, axis=1).max()
-        among = among[radius + radius.max() >= (1.0 - ALIKE) * at_least]
+        far = points[np.argmax(radius)]
+        at_least = np.max(np.linalg.norm(points - far, axis=1))
+        among = among[radius + np.max(radius) >= (1.0 - ALIKE) * at_least]
         longest, best = -1.0, among[:2]
         for at, one in enumerate(among[:-1]):
             distances = self.distance(one, among[at + 1 :])
@@ -123,7 +121,7 @@ class RigidObject:
         order = np.arange(len(self.names))
         turned = self.points.min(axis=0) + self.points.max(axis=0) - self.points
         away, nearest = KDTree(self.points).query(turned)
-        if away.max() < ALIKE * self.longest_m:
+        if np.max(away) < ALIKE * self.longest_m:
             return np.asarray(nearest, dtype=np.int64)
         one, other = self.longest
         order[[one, other]] = other, one

@@ -111,15 +111,15 @@ def _cameras_in(content: bytes, label: str) -> tuple[str, ...]:
     return camera_names(label, content)
 
 
-def _cameras(project: Project, names: tuple[str, ...]) -> tuple[str, str]:
-    """The chosen primary and secondary, by number."""
+def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:
+    """The indices of the chosen primary and secondary."""
     both = f"choose two. For all, choose *{intake.SEVERAL}* above."
     st.caption(f"It has {len(names)} cameras: {both}")
     chosen = [
         choose_from_menu(project, f"archive_camera_{k}", title, names, names[k], place=place)
         for k, (place, title) in enumerate(zip(st.columns(2), CAMERA_TITLES, strict=True))
     ]
-    first, second = (str(names.index(name) + 1) for name in chosen)
+    first, second = (names.index(name) for name in chosen)
     return first, second
 
 

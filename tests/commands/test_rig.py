@@ -83,6 +83,37 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     assert {*tmp_path.rglob("*")} == before
 
 
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        *(
+            ("match a=a.csv b=b.csv --rig rig.json", option)
+            for option in ("--depth 1 9", "--workers 2", "--cameras 1,2", "--threshold 2")
+        ),
+        ("reconstruct tracks.csv --rig rig.json", "--matched-with parameters_2d.json"),
+        ("reconstruct tracks.csv --rig rig.json", "--workers 2"),
+        *(
+            ("check rig.json new", option)
+            for option in ("--sigma-px 0.5", "--pair a-b", "--baseline-sigma 0.01")
+        ),
+        ("rig rig.json rig.json", "--time-offset"),
+        ("detect new", "--every 5"),
+        ("detect new", "--clock-ahead 0.1"),
+    ],
+)
+def test_options_without_effect_are_rejected(
+    command: str,
+    option: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rig.json").write_text('{"format": "stereocal-rig/1"}')
+    assert main([*command.split(), *option.split(), "--out", "out"]) == 2
+    assert capsys.readouterr().err.startswith(f"stereocal: {option.split()[0]} is for ")
+
+
 def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> None:
     assert main(["rig", str(dataset), "--out", str(tmp_path)]) == 0
     rig = RigFile.load(tmp_path / "rig.json")
@@ -134,9 +165,10 @@ def test_all_cameras_of_another_program(tmp_path: Path) -> None:
     recording = read_recording(out)
     assert list(recording.cameras) == ["1", "2", "3"]
     # the same points as of each pair
-    for pair in ("1,2", "2,3"):
+    assert main([*words[:-3], "1,2", "--out", str(tmp_path / "asked")]) == 2  # cam1, or the first?
+    for pair, chosen in (("1,2", "cam0,cam1"), ("2,3", "2,3")):
         own = str(tmp_path / pair)
-        words = ["import", *files, "--distance", "0.5", "--cameras", pair, "--out", own]
+        words = ["import", *files, "--distance", "0.5", "--cameras", chosen, "--out", own]
         assert main([*words, "--baseline", "1"]) == 0
         expected = read_dataset(own).correspondences
         first, second = pair.split(",")

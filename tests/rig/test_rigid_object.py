@@ -62,7 +62,7 @@ def test_a_wand_and_a_board() -> None:
     assert WAND.pairs_among([1, 2]).tolist() == [[1, 2]]
     assert BOARD.pairs_among(range(35)).tolist() == [[0, 34], [6, 28]]
     data = recorded(BOARD, 4)
-    assert data.bar_distances_m == pytest.approx([BOARD.distance(0, 34)] * 8)
+    assert data.bar_distances_m == pytest.approx([float(BOARD.distance(0, 34))] * 8)
     assert len(data.correspondences.bars) == 8
 
 

@@ -20,6 +20,7 @@ from stereocal.formats.archives.archive import (
     with_background,
 )
 from stereocal.formats.correspondences_csv import PIXELS
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import (
     LOWER_LEFT,
     UNITS,
@@ -28,7 +29,7 @@ from stereocal.formats.exchange.options import (
     PixelOrigin,
     Unit,
 )
-from stereocal.formats.exchange.reading import camera_matrix, camera_of, chosen_pair
+from stereocal.formats.exchange.reading import camera_matrix, camera_of
 from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
 from stereocal.formats.point_files import BarPoints
 from stereocal.rig.camera import CAMERAS, Camera

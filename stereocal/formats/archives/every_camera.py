@@ -1,6 +1,5 @@
 """A recording of all cameras, from their files and one table of points."""
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -10,7 +9,8 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Taken, lens_taken, with_background
 from stereocal.formats.archives.easywand import LENS_FIELDS
-from stereocal.formats.archives.gather import TABLES, layout_of_bars, sorted_files
+from stereocal.formats.archives.gather import TABLES, layout_of_bars, names_in, sorted_files
+from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
 from stereocal.formats.point_files import read_bars
@@ -31,8 +31,6 @@ from stereocal.system.tables import EMPTY, read_rows
 ENDS = ("A", "B")
 MOST_TARGETS = 6
 """On a bar, whose places along it are asked for."""
-_PREFIX = re.compile(r"(?i)(cam(era)?)?[\s_.-]*0*(?=.)")
-"""Before the number of a camera: `camera_1` and `cam1` are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +95,8 @@ def _of_bars(
                 f"The table has the points of {len(layout.cameras)} cameras, and the camera files "
                 f"name {count}: give both for the same cameras, or --cameras 1,2."
             )
+        if layout.states_cameras and (same := namesakes(layout.cameras, names_in(others))):
+            cameras = [cameras[k] for k in same]
         heights = [(size or camera.image_size)[1] for camera in cameras]
         bars = read_bars(files[table], layout, layout.cameras, ends, heights, table)
     if distance_m is None:
@@ -209,7 +209,7 @@ def cameras_in(files: Mapping[str, bytes], options: ExchangeOptions) -> dict[str
         for number, camera in enumerate(of_file):
             if camera in found:
                 raise StereocalError(f"{name}: there is a camera {camera} already.")
-            chosen = None if len(names) < 2 else (str(1 + (number == 0)), str(number + 1))
+            chosen = None if len(names) < 2 else (int(number == 0), number)
             pair = read_camera_pair({name: content}, replace(options, cameras=chosen))
             found[camera] = pair.secondary
     return found
@@ -219,18 +219,14 @@ def _named_as(
     cameras: Mapping[str, Camera], wanted: Iterable[str], source: str
 ) -> dict[str, Camera]:
     """The cameras by their names in a table, in their own order."""
-    plain = {_PREFIX.sub("", name, count=1).lower(): name for name in cameras}
-    if len(plain) < len(cameras):
-        plain = {}
-    found, order = dict[str, str](), {name: number for number, name in enumerate(cameras)}
+    names, found = [*cameras], dict[int, str]()
     for name in wanted:
-        own = name if name in cameras else plain.get(_PREFIX.sub("", name, count=1).lower())
-        if own is None:
+        same = namesakes([name], names)
+        if not same:
             raise StereocalError(
                 f"{source}: it has points of a camera {name[:40]}, and no camera file is named so "
                 f"(there are {', '.join(cameras)[:200] or 'none'}): give {name[:40]}.json, or name "
                 "its file so."
             )
-        found[name] = own
-    pairs = [*found.items(), *((name, name) for name in cameras if name not in found.values())]
-    return {name: cameras[own] for name, own in sorted(pairs, key=lambda each: order[each[1]])}
+        found[same[0]] = name
+    return {found.get(k, name): cameras[name] for k, name in enumerate(names)}

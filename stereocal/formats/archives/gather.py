@@ -6,16 +6,17 @@ found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
-from stereocal.formats.exchange.exchange import format_of, read_camera_pair
+from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras, namesakes
+from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.reading import chosen_pair, has_cameras
 from stereocal.formats.matlab_file import SAVE_AGAIN
-from stereocal.formats.other_files import is_hdf5, is_matlab
+from stereocal.formats.other_files import is_hdf5, is_matlab, refuse_camera_list
 from stereocal.formats.point_files import PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.rig.camera import CAMERAS
@@ -43,14 +44,90 @@ def gather(
     table, others, opened = sorted_files(files)
     if opened is not None:
         return read_easywand(opened, options)
-    found = _cameras(others, options, baseline_known) if others else Archive(())
-    return _with_table(found, table, files[table], options) if table else found
+    of_table, named = table_cameras(files[table], table, options) if table else ((), False)
+    of_files = names_in(others)
+    wanted, remarks = _wanted(of_table, named, of_files, options.cameras)
+    found = Archive(())
+    if others:
+        own = replace(options, cameras=wanted[1])
+        if own.cameras and all(len(camera_names(*each)) < 2 for each in others.items()):
+            pair = chosen_pair(of_files, own.cameras, ", ".join(others)).pair
+            others = {name: others[name] for name in ([*others][k] for k in pair)}
+        found = _cameras(others, own, baseline_known)
+    if table:
+        found = _with_table(found, table, files[table], replace(options, cameras=wanted[0]))
+    return replace(found, remarks=(*remarks, *found.remarks))
+
+
+def table_cameras(
+    content: bytes, name: str, options: ExchangeOptions
+) -> tuple[tuple[str, ...], bool]:
+    """The cameras in a table of points, and whether it states their names."""
+    if is_correspondences(content, name):
+        return CAMERAS, True
+    layout = propose_layout(content, name, options.layout)
+    return layout.cameras, layout.states_cameras
+
+
+def names_in(files: Mapping[str, bytes]) -> tuple[str, ...]:
+    """Names of the cameras in camera files: those in a file of several, or of the files of one."""
+    found: list[str] = []
+    for name, content in files.items():
+        several = camera_names(name, content)
+        found += several if len(several) > 1 else [PurePath(name).stem]
+    return tuple(found)
+
+
+Wanted = tuple[str | int, str | int] | None
+
+
+def _wanted(
+    of_table: tuple[str, ...], named: bool, of_files: tuple[str, ...], wanted: Wanted
+) -> tuple[tuple[Wanted, Wanted], tuple[str, ...]]:
+    """The cameras wanted of the table, those of the camera files, and remarks.
+
+    A choice is looked for in both. Without one, lenses go to the points of the same name where the
+    table states names that the files have, or else both are taken in their order.
+    """
+    if len(of_table) < 2 or len(of_files) < 2:
+        return (wanted, wanted), ()
+    if wanted is None:
+        same = namesakes(of_table, of_files)[:2] if named else []
+        if not same or same == [0, 1]:
+            return (None, None), ()
+        return (None, (same[0], same[1])), (
+            f"The lenses of {of_table[0]} and {of_table[1]} are those that are called so.",
+        )
+    in_files, in_table = (has_cameras(each, wanted) for each in (of_files, of_table))
+    if (
+        (in_files or in_table)
+        and len(of_table) == len(of_files)
+        and not (named and namesakes(of_table, of_files))
+    ):
+        # The same cameras by other names: a choice by the names of one is about both.
+        own = of_table if in_table and not in_files else of_files
+        both = chosen_pair(own, wanted, "the camera files").pair
+        return (both, both), ()
+    for at, own, other in ((0, of_table, "camera files"), (1, of_files, "table")):
+        # The choice among three may be about the other alone.
+        if len(own) == 2 and not has_cameras(own, wanted):
+            return (None, wanted) if at == 0 else (wanted, None), (
+                f"{own[0]} and {own[1]} are primary and secondary; --cameras was used for the "
+                f"{other} only.",
+            )
+    return (wanted, wanted), ()
 
 
 def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], EasyWandFile | None]:
     """The name of the table, or empty, the camera files, and the file that has everything."""
-    tables = [name for name in files if name.lower().endswith(TABLES)]
+    tables = [
+        name
+        for name, content in files.items()
+        if name.lower().endswith(TABLES) and format_of(name, content) is None
+    ]
     others = {name: each for name, each in files.items() if name not in tables}
+    for name in tables:
+        refuse_camera_list(files[name], name)
     for name, content in others.items():
         if is_hdf5(content):
             raise StereocalError(
@@ -89,9 +166,8 @@ def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_know
 
 def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     """With the bars of a table, in images of the stated or the cameras' height."""
-    head, _ = first_rows(content, name)
     remarks: tuple[str, ...] = ()
-    if set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}:
+    if is_correspondences(content, name):
         rows, words = read_table(content, name).strict(name), "stereocal"
     else:
         sizes = [
@@ -101,16 +177,8 @@ def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOpti
             )
         ]
         heights = [None if size is None else size[1] for size in sizes]
-        cameras, wanted = propose_layout(content, name, options.layout).cameras, options.cameras
-        # Of a table with two cameras, the choice may be about the camera files alone.
-        if wanted and len(cameras) == 2 and found.primary and not has_cameras(cameras, wanted):
-            options = replace(options, cameras=None)
-            remarks = (
-                f"The two cameras of {name} are primary and secondary; --cameras was used for the "
-                "camera files only.",
-            )
         read = bars_of(content, name, options, heights)
-        rows, words, remarks = read.rows, read.words, remarks + read.remarks
+        rows, words, remarks = read.rows, read.words, read.remarks
     return replace(
         found,
         taken=(points_taken(rows, f"{name} ({words})"), *found.taken),
@@ -118,6 +186,12 @@ def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOpti
         notes=(*found.notes, f"Points from {name}, {words}."),
         remarks=(*found.remarks, *remarks),
     )
+
+
+def is_correspondences(content: bytes, name: str) -> bool:
+    """Whether a table is `correspondences.csv`."""
+    head, _ = first_rows(content, name)
+    return set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}
 
 
 def holds_bars(content: bytes, source: str) -> bool:

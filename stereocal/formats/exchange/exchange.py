@@ -9,6 +9,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.camera_file import K_NAMES, read_camera
+from stereocal.formats.exchange.argus_profile import ARGUS
 from stereocal.formats.exchange.matlab import MATLAB
 from stereocal.formats.exchange.options import ExchangeOptions, Unit
 from stereocal.formats.exchange.reading import STORAGES, CameraFormat, CameraPair, Files
@@ -77,6 +78,7 @@ def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPai
 
 READ: Mapping[str, CameraFormat] = {
     **FORMATS,
+    "argus": ARGUS,
     "camera": CameraFormat("camera files", _read_cameras, _is_camera, one_camera=True),
     "stereocal": CameraFormat(
         "stereocal",

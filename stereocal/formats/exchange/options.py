@@ -64,8 +64,8 @@ class ExchangeOptions:
 
     image_sizes: tuple[ImageSize | None, ImageSize | None] = (None, None)
     """Of primary and secondary."""
-    cameras: tuple[str, str] | None = None
-    """Primary and secondary, by number (from 1) or name; None: the first two."""
+    cameras: tuple[str | int, str | int] | None = None
+    """Primary and secondary, by name or number (from 1), or by index; None: the first two."""
     unit: Unit | None = None
     """Of the lengths in the files; reading only."""
     lens_model: LensModel | None = None

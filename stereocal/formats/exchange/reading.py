@@ -8,6 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import lens_model_of
+from stereocal.formats.exchange.chosen_cameras import Chosen
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
@@ -18,36 +19,6 @@ from stereocal.system.arrays import LARGEST
 
 STORAGES = (".yaml", ".yml", ".xml", ".json")
 Files = Sequence[ForeignFile]
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """The two cameras that are taken of those in a file."""
-
-    cameras: tuple[str, ...]
-    pair: tuple[int, int]
-    """Indices of the primary and the secondary."""
-    by_user: bool
-
-    @property
-    def names(self) -> tuple[str, str]:
-        return self.cameras[self.pair[0]], self.cameras[self.pair[1]]
-
-    @property
-    def words(self) -> str:
-        """Which cameras are used, in words."""
-        more = f" of {len(self.cameras)}" if len(self.cameras) > 2 else ""
-        return f"cameras {self.names[0]} and {self.names[1]}{more}"
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """A remark if two of more cameras were taken that nobody chose."""
-        if len(self.cameras) <= 2 or self.by_user:
-            return ()
-        return (
-            f"There are {len(self.cameras)} cameras ({', '.join(self.cameras)[:100]}); the first "
-            "two were taken. Choose others with --cameras, as --cameras 1,3.",
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,42 +77,6 @@ class CameraFormat:
     """Whether each file has one camera."""
     unit: Unit | None = None
     """Unit of all its files, by its documentation."""
-
-
-def chosen_pair(cameras: Sequence[str], wanted: tuple[str, str] | None, source: str) -> Chosen:
-    """The primary and the secondary among the cameras of a file."""
-    names = tuple(cameras)
-    if len(names) < 2:
-        raise StereocalError(f"two cameras are expected; the file has {len(names)}.", source)
-    if wanted is None:
-        return Chosen(names, (0, 1), False)
-    first, second = (camera_index(name, names, source) for name in wanted)
-    if first == second:
-        raise StereocalError("primary and secondary are the same camera: choose two.", source)
-    return Chosen(names, (first, second), True)
-
-
-def has_cameras(cameras: tuple[str, ...], wanted: tuple[str, str]) -> bool:
-    """Whether the two wanted cameras are in a file."""
-    try:
-        chosen_pair(cameras, wanted, "")
-    except StereocalError:
-        return False
-    return True
-
-
-def camera_index(wanted: str, names: tuple[str, ...], source: str) -> int:
-    """The index of a camera by its number from 1, or its name with or without `cam`."""
-    for name in (wanted, f"cam{wanted}"):
-        if name in names and not wanted.isdecimal():
-            return names.index(name)
-    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
-        return int(wanted) - 1
-    raise StereocalError(
-        f"there is no camera {wanted}; the file has {len(names)}, counted from 1 "
-        f"({', '.join(names)[:200]}).",
-        source,
-    )
 
 
 def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFile:

@@ -24,6 +24,7 @@ from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import (
     CameraPair,
@@ -31,7 +32,6 @@ from stereocal.formats.exchange.reading import (
     array_of,
     camera_matrix,
     camera_of,
-    chosen_pair,
     only_file,
     pose_of,
     size_of,
@@ -54,6 +54,9 @@ from stereocal.system.json_text import check_depth
 MOST_DOTS = 100
 """In one key. The parser keeps every beginning of a dotted key: 20,000 parts took 1.5 GB."""
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
+_NUMBERS = r"(?:[-+\d.,\seE]|nan|inf)"
+LONG_LIST = re.compile(rf"\[(?:{_NUMBERS}|\[{_NUMBERS}*\]){{4000,}}\]")
+"""Of numbers or points, as Caliscope writes all that it has adjusted: longer than any matrix."""
 FIRST_PIXEL = 0.5
 RATIONAL, FISHEYE = COEFFICIENTS[:8], FISHEYE_UNKNOWNS[4:]
 MODELS: Mapping[str, tuple[str, ...]] = {
@@ -121,13 +124,13 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
             "camera_array.toml.",
             file.name,
         )
-    chosen = chosen_pair([*sections], options.cameras, file.name)
+    chosen = chosen_pair(_called(sections), options.cameras, file.name, [*sections])
     cameras, poses = [], []
     for k, name in enumerate(chosen.names):
-        own, where = sections[name], f"{file.name}, {name}"
+        own, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
         lens = own.get("matrix"), own.get("distortions"), own.get("size"), own.get("fisheye")
         cameras.append(camera_of(*lens, options, k, where))
-        if "rotation" in own and "translation" in own:
+        if all(own.get(key) not in (None, "null") for key in ("rotation", "translation")):
             poses.append(_toml_pose(own, where))
     return CameraPair(
         cameras[0],
@@ -142,7 +145,13 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
 
 def aniposelib_names(file: ForeignFile) -> tuple[str, ...]:
     """Names of the cameras."""
-    return tuple(_sections(read_toml(file.text, file.name)))
+    return _called(_sections(read_toml(file.text, file.name)))
+
+
+def _called(sections: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """Each camera's `name`, or else the names of the sections."""
+    names = [own["name"] for own in sections.values() if isinstance(own.get("name"), str)]
+    return tuple(names if len({*names}) == len(sections) else sections)
 
 
 def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -154,13 +163,14 @@ def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     found = caliscope if isinstance(caliscope, dict) else data
     return {
         key: found[key]
-        for key in sorted(found, key=lambda key: (len(key), key))
+        for key in found
         if isinstance(found[key], dict) and "matrix" in found[key] and not found[key].get("ignore")
     }
 
 
 def read_toml(text: str, name: str) -> dict[str, Any]:
     """The content of a TOML file."""
+    text = LONG_LIST.sub("[]", text)
     check_length(text, name)
     check_depth(text, name)
     if any(piece.count(".") > MOST_DOTS for piece in BETWEEN_KEYS.split(text)):

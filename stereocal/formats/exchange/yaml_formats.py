@@ -8,6 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import FISHEYE, K_NAMES, five_or_more
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import (
     STORAGES,
@@ -16,7 +17,6 @@ from stereocal.formats.exchange.reading import (
     array_of,
     camera_matrix,
     camera_of,
-    chosen_pair,
     only_file,
     pose_of,
 )

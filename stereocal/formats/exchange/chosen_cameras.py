@@ -1,0 +1,131 @@
+"""Which cameras of a file are the primary and the secondary: by name first, then in their order."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stereocal.errors import StereocalError
+
+_PREFIX = re.compile(r"(?i)(cam(era)?)?[\s_.-]*0*(?=.)")
+"""Before the number of a camera: `camera_1`, `cam01` and `1` are the same."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The two cameras that are taken of those in a file."""
+
+    cameras: tuple[str, ...]
+    pair: tuple[int, int]
+    """Indices of the primary and the secondary."""
+    by_user: bool
+
+    @property
+    def names(self) -> tuple[str, str]:
+        return self.cameras[self.pair[0]], self.cameras[self.pair[1]]
+
+    @property
+    def words(self) -> str:
+        """Which cameras are used, in words."""
+        more = f" of {len(self.cameras)}" if len(self.cameras) > 2 else ""
+        return f"cameras {self.names[0]} and {self.names[1]}{more}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A remark if two of more cameras were taken that nobody chose."""
+        if len(self.cameras) <= 2 or self.by_user:
+            return ()
+        return (
+            f"There are {len(self.cameras)} cameras ({', '.join(self.cameras)[:100]}); the first "
+            "two were taken. Choose others with --cameras, as "
+            f"--cameras {self.cameras[0]},{self.cameras[2]}.",
+        )
+
+
+def chosen_pair(
+    cameras: Sequence[str],
+    wanted: tuple[str | int, str | int] | None,
+    source: str,
+    also: Sequence[str] = (),
+) -> Chosen:
+    """The primary and the secondary among the cameras of a file.
+
+    Args:
+        wanted: names or numbers from 1 as a user writes them, or indices; None: the first two.
+        also: other names of the cameras, in the same order.
+    """
+    names = tuple(cameras)
+    if len(names) < 2:
+        raise StereocalError(f"two cameras are expected; the file has {len(names)}.", source)
+    if wanted is None:
+        return Chosen(names, (0, 1), False)
+    first, second = camera_indices(wanted, names, source, also)
+    if first == second:
+        raise StereocalError("primary and secondary are the same camera: choose two.", source)
+    return Chosen(names, (first, second), True)
+
+
+def has_cameras(cameras: Sequence[str], wanted: Sequence[str | int]) -> bool:
+    """Whether the wanted cameras are in a file, by name or by number."""
+    return any(_readings(wanted, cameras))
+
+
+def camera_indices(
+    wanted: Sequence[str | int], names: Sequence[str], source: str, also: Sequence[str] = ()
+) -> list[int]:
+    """The indices of cameras that are wanted as in `chosen_pair`.
+
+    Raises:
+        StereocalError: a camera is not there, or names and numbers say different cameras.
+    """
+    by_name, by_number = _readings(wanted, names, also)
+    words = [str(each) for each in wanted]
+    if by_name and by_number and by_name != by_number:
+        called, counted = ([names[k] for k in each] for each in (by_name, by_number))
+        raise StereocalError(
+            f"--cameras {','.join(words)} can mean the cameras that are called so "
+            f"({', '.join(called)}), or those with these numbers, counted from 1 "
+            f"({', '.join(counted)}): write {_called(called)} or {_called(counted)}.",
+            source,
+        )
+    if not (found := by_name or by_number):
+        unknown = [each for each in words if not any(_readings([each], names))]
+        raise StereocalError(
+            f"there is no camera {' or '.join(unknown or words)}; the file has {len(names)}, "
+            f"counted from 1 ({', '.join(names)[:200]}).",
+            source,
+        )
+    return found
+
+
+def _readings(
+    wanted: Sequence[str | int], names: Sequence[str], also: Sequence[str] = ()
+) -> tuple[list[int], list[int]]:
+    """The indices of cameras by name, and by number; empty where one is not there."""
+    words = [each for each in wanted if isinstance(each, str)]
+    if len(words) < len(wanted):
+        return [], [each for each in wanted if isinstance(each, int)]
+    numbers = [int(each) - 1 for each in words if each.isdecimal()]
+    known = len(numbers) == len(words) and all(0 <= each < len(names) for each in numbers)
+    return namesakes(words, names) or namesakes(words, also), numbers if known else []
+
+
+def namesakes(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
+    """The indices of cameras by name, as written or else but for `cam` and zeros before a number.
+
+    Empty if one of them has no namesake, or two have one.
+    """
+    for of in (str, _plain):
+        known = {of(name): k for k, name in enumerate(names)}
+        found = [known[of(each)] for each in wanted if of(each) in known]
+        if len(known) == len(names) and len({*found}) == len(wanted):
+            return found
+    return []
+
+
+def _plain(name: str) -> str:
+    return _PREFIX.sub("", name, count=1).lower()
+
+
+def _called(names: Sequence[str]) -> str:
+    """The names so that none is a number."""
+    return ",".join(f"cam{name}" if name.isdecimal() else name for name in names)
