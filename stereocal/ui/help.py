@@ -10,6 +10,8 @@ from stereocal.system.resources import ROOT
 
 DOCS = ROOT / "docs"
 FIRST = "tutorial"
+FIRST_PAGES, REFERENCE, RECIPES = "index", "reference", "howto/index"
+"""Pages that list others."""
 TOPIC = "topic"
 _TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```\n?", re.M | re.S)
 _INCLUDE = re.compile(r"^```\{include\} (\S+)\n(?::[^\n]*\n)*```\n?", re.M)
@@ -17,33 +19,43 @@ _PICTURE = re.compile(r"^!\[(?P<alt>[^\]]*)\]\((?P<file>[^)]+)\)$", re.M)
 _LINK = re.compile(r"\[([^\]]+)\]\((?!https?:|#)([\w./-]+)(#[\w-]+)?\)")
 
 
-def topics() -> dict[str, str]:
-    """Titles of the pages by their name in the documentation, in its order."""
+def topics(*lists: str) -> dict[str, str]:
+    """Titles of the pages in these lists by their name in the documentation; of all if none."""
     found = {}
-    for name in [*_listed("index"), *(f"howto/{name}" for name in _listed("howto/index"))]:
+    for name in [name for of in lists or (FIRST_PAGES, REFERENCE, RECIPES) for name in _listed(of)]:
         first = _text(name).partition("\n")[0]
-        if first.startswith("# "):
+        if first.startswith("# ") and name != REFERENCE:
             found[name] = first.removeprefix("# ").replace("`", "")
     return found
 
 
 def show_help() -> None:
-    """One page of the documentation, and the choice of another."""
+    """One page of the documentation: of the first ones, or of the reference, which is folded."""
     titles = topics()
     if not titles:
         st.info(f"The documentation is not in this installation: {DOCS} is missing.")
         return
     asked = st.query_params.get(TOPIC, FIRST)
-    names = list(titles)
-    at = names.index(asked) if asked in titles else names.index(FIRST)
-    name = st.selectbox("About", names, at, titles.__getitem__, key=f"help_{asked}")
-    if name != asked:
-        st.query_params[TOPIC] = name
-        st.rerun()
-    for text, picture in parts(name):
+    asked = asked if asked in titles else FIRST
+    _choose("Begin with", topics(FIRST_PAGES, RECIPES), asked)
+    reference = topics(REFERENCE)
+    with st.expander("Reference", expanded=asked in reference):
+        _choose("About", reference, asked)
+    for text, picture in parts(asked):
         st.markdown(text)
         if picture is not None and picture[1].is_file():
             st.image(str(picture[1]), caption=picture[0], alt=picture[0])
+
+
+def _choose(label: str, titles: dict[str, str], asked: str) -> None:
+    """A menu of pages; empty if the page shown is none of them."""
+    at = [*titles].index(asked) if asked in titles else None
+    name = st.selectbox(
+        label, titles, at, titles.__getitem__, key=f"help_{label}_{asked}", placeholder="Choose"
+    )
+    if name is not None and name != asked:
+        st.query_params[TOPIC] = name
+        st.rerun()
 
 
 def parts(name: str) -> Iterator[tuple[str, tuple[str, Path] | None]]:
@@ -81,4 +93,5 @@ def _read(path: Path) -> str:
 
 def _listed(name: str) -> list[str]:
     lines = [line for block in _TOCTREE.findall(_text(name)) for line in block.splitlines()]
-    return [line for line in lines if line and not line.startswith(":")]
+    folder = name.rpartition("/")[0]
+    return [str(Path(folder, line)) for line in lines if line and not line.startswith(":")]
