@@ -49,7 +49,7 @@ def layout_of(content: bytes, source: str) -> PointLayout:
 
 def layout_by_hand(content: bytes, source: str) -> PointLayout:
     """A table with one row per point, whose columns are to be chosen."""
-    rows, delimiter = first_rows(content, source)
+    rows, dialect = first_rows(content, source)
     header = 0
     while header < len(rows) - 1 and not any(_is_value(cell) for cell in rows[header]):
         header += 1
@@ -57,7 +57,7 @@ def layout_by_hand(content: bytes, source: str) -> PointLayout:
         program=UNKNOWN,
         columns=(),
         header_rows=header,
-        delimiter=delimiter,
+        dialect=dialect,
         questions=("Which columns hold the number of the frame, u and v?",),
     )
 
@@ -118,7 +118,7 @@ def answered(layout: PointLayout, answers: Answers, content: bytes, source: str)
 
 
 def _is_value(cell: str) -> bool:
-    return cell.strip() != "" and is_number(cell.replace(",", "."))
+    return cell.strip() != "" and is_number(cell)
 
 
 def _with_columns(

@@ -7,8 +7,6 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 (the pixel origin, which cameras to use).
 """
 
-import io
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -19,10 +17,9 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.exchange.options import PixelOrigin
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences
+from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
-from stereocal.system.tables import MISSING, Column, cells_of, numbers_in, rows_below, text_of
-
-HEAD = 1_000_000
+from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class PointLayout:
     """Program that writes such files, for messages."""
     columns: tuple[PointColumns, ...]
     header_rows: int = 1
-    delimiter: str = ","
+    dialect: Dialect = field(default_factory=Dialect)
     frame: int | None = None
     """Column of the frame number; None: rows are counted from 1."""
     further: tuple[tuple[str, int], ...] = ()
@@ -164,13 +161,10 @@ def _table(
     """The rows below the header, all as text, with their lines as index."""
     text = text_of(content, source)
     Limits.from_environment().check_rows(text.count("\n"), source)
-    head = list(itertools.islice(io.StringIO(text[:HEAD]), layout.header_rows + 8))
-    cells = cells_of("".join(head), layout.delimiter, source)
+    cells = layout.dialect.cells("".join(head_of(text)[layout.dialect.above :]), source)
     below = [len(row) for row in cells[layout.header_rows :] if any(row)]
     named = max((len(row) for row in cells[: layout.header_rows]), default=max(below, default=0))
-    raw, problems = rows_below(
-        text, layout.header_rows, named, layout.delimiter, source, first_rows
-    )
+    raw, problems = rows_below(text, layout.dialect, layout.header_rows, named, source, first_rows)
     if problems:
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
     wanted = [layout.frame, *(index for _, index in layout.further)]
@@ -220,7 +214,7 @@ class _Rows:
         name = f"column {index + 1}"
         column = Column(name, may_be_empty=not is_whole, is_whole=is_whole)
         own = self.raw[[index]].set_axis([name], axis=1)
-        values, reasons = numbers_in(own, [column], self.layout.delimiter == ";", MISSING)
+        values, reasons = numbers_in(own, [column], self.layout.dialect.decimal_comma, MISSING)
         if reasons:
             problems = [RowProblem(int(self.raw.index[row]), reasons[row]) for row in reasons]
             raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")

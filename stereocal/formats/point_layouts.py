@@ -1,7 +1,5 @@
 """Propose the layout of a point file from its first rows."""
 
-import csv
-import io
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,6 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.point_files import PointColumns, PointLayout
+from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
 
 HEAD_BYTES = 200_000
 FRAME_NAMES = ("frame", "frames", "frame_number", "image", "t", "time", "index")
@@ -32,14 +31,14 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
     Args:
         name: the layout in `LAYOUTS` to use; None: try all.
     """
-    rows, delimiter = first_rows(content, source)
+    rows, dialect = first_rows(content, source)
     known: Mapping[str, Guess] = LAYOUTS
     if name is not None:  # a wand file chosen by the user may have any header
         known = {name: partial(_wand, any_header=True) if name == "wand" else LAYOUTS[name]}
     for guess in known.values():
         if (layout := guess(rows)) is not None:
-            return replace(layout, delimiter=delimiter)
-    first = f'its first line is "{delimiter.join(rows[0])[:100]}".'
+            return replace(layout, dialect=dialect)
+    first = f'its first line is "{dialect.delimiter.join(rows[0])[:100]}".'
     if name is not None:
         raise StereocalError(f"{source}: the file does not have the layout {name}; {first}")
     raise StereocalError(
@@ -58,26 +57,23 @@ def layout_name(content: bytes, source: str) -> str | None:
     return next((name for name, guess in LAYOUTS.items() if guess(rows)), None)
 
 
-def first_rows(content: bytes, source: str) -> tuple[list[list[str]], str]:
-    """The first eight rows as text, and their delimiter."""
+def first_rows(content: bytes, source: str) -> tuple[list[list[str]], Dialect]:
+    """The first eight rows, their numbers with decimal points, and how the table is written."""
     head = content[:HEAD_BYTES]
-    text = head.decode("utf-8-sig", errors="replace")
+    text = head.decode(encoding_of(head), errors="replace")
     if not text.strip():
         raise StereocalError(f"{source}: the file is empty.")
     refuse_other_points(content, source)
     if "\ufffd" in text[:-3] or "\x00" in text:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).")
-    lines = text.splitlines()
+    lines = head_of(text)
     if len(content) > HEAD_BYTES and len(lines) > 1:
         lines.pop()  # may be truncated
-    delimiter = max(",;\t", key=lines[0].count)
-    try:
-        rows = list(csv.reader(io.StringIO("\n".join(lines[:8])), delimiter=delimiter))
-    except csv.Error as error:
-        raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
+    dialect = dialect_of(lines)
+    rows = dialect.cells("".join(lines[dialect.above :]), source)[:8]
     if len(rows) < 2:
         raise StereocalError(f"{source}: the file has one row only.")
-    return rows, delimiter
+    return [dialect.with_points(row) for row in rows], dialect
 
 
 def _deeplabcut(rows: list[list[str]]) -> PointLayout | None:

@@ -15,7 +15,7 @@ import csv
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +25,13 @@ import pandas as pd
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.compiled import IntArray
 from stereocal.system.atomic_files import write_in_parts
+from stereocal.system.dialect import HEAD_CHARACTERS, Dialect, dialect_of, encoding_of, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
     MISSING,
     Column,
-    cells_of,
     check_names,
     chunks_of_file,
-    delimiter_of,
     is_missing,
     numbers_in,
 )
@@ -43,7 +42,6 @@ BLOCK_CELLS = 5_000_000
 """Limit that reduces the rows of a block with many columns."""
 WRITTEN_ROWS = 50_000
 """Rows that are written at once."""
-LONGEST_HEADER = 1_000_000
 SIGMA = "sigma_px"
 PAIR_SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
 SIGMAS = (SIGMA, *PAIR_SIGMAS)
@@ -77,7 +75,7 @@ class PointTable:
         self.label = label or str(path)
         self.numbers = tuple(numbers)
         self.is_parquet = path.suffix.lower() in PARQUET
-        self.delimiter = ","
+        self.dialect = Dialect()
         try:
             Limits.from_environment().check_size(path.stat().st_size, self.label)
             names = self._parquet_names() if self.is_parquet else self._csv_names()
@@ -162,7 +160,7 @@ class PointTable:
         chunks = (
             self._parquet_chunks(rows)
             if self.is_parquet
-            else chunks_of_file(self.path, self.names, self.delimiter, rows, self.label)
+            else chunks_of_file(self.path, self.names, self.dialect, rows, self.label)
         )
         yield from map(self._converted, chunks)
 
@@ -198,24 +196,25 @@ class PointTable:
         return [str(name) for name in file.schema_arrow.names]
 
     def _csv_names(self) -> list[str]:
-        with self.path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline(LONGEST_HEADER)
-            if not first.strip():
-                raise StereocalError(
-                    f"{self.label}: the file or its first line is empty; the first line must name "
-                    f"the columns frame, {', '.join(self.numbers)}."
-                )
-            self.delimiter = delimiter_of(first)
-            (names,) = cells_of(first, self.delimiter, self.label)
-            # A quoted cell may continue on the next line.
-            lines = iter(lambda: file.readline(LONGEST_HEADER), "")
-            cells = next(csv.reader(lines, delimiter=self.delimiter), [])
-            if len(cells) > len(names):  # pandas would use this width for the table
-                raise StereocalError(
-                    f"{self.label}: 1 row cannot be used: line 2: {len(cells)} cells instead of "
-                    f"{len(names)}."
-                )
-            return names
+        with self.path.open("rb") as binary:
+            encoding = encoding_of(binary.read(2))
+        with self.path.open(encoding=encoding, newline="") as file:
+            lines = head_of(file.read(HEAD_CHARACTERS))
+        if not "".join(lines).strip():
+            raise StereocalError(
+                f"{self.label}: the file is empty; the first line must name the columns frame, "
+                f"{', '.join(self.numbers)}."
+            )
+        self.dialect = replace(dialect_of(lines), encoding=encoding)
+        # A quoted cell may continue on the next line.
+        rows = self.dialect.cells("".join(lines[self.dialect.above :]), self.label)
+        names, cells = rows[0], rows[1] if len(rows) > 1 else []
+        if len(cells) > len(names):  # pandas would use this width for the table
+            raise StereocalError(
+                f"{self.label}: 1 row cannot be used: line {self.dialect.above + 2}: {len(cells)} "
+                f"cells instead of {len(names)}."
+            )
+        return names
 
     def _converted(self, raw: pd.DataFrame) -> pd.DataFrame:
         """Convert the numbers and drop rows without points.
@@ -230,7 +229,7 @@ class PointTable:
         # Blank lines do not count.
         self._left_out += int((unseen & ~is_missing(raw["frame"])).sum())
         raw = raw[~unseen]
-        values, reasons = numbers_in(raw, columns, self.delimiter == ";", MISSING)
+        values, reasons = numbers_in(raw, columns, self.dialect.decimal_comma, MISSING)
         if reasons:
             lines = raw.index.to_numpy()
             problems = [RowProblem(int(lines[row]), reasons[row]) for row in sorted(reasons)]

@@ -1,9 +1,9 @@
-"""Read text tables separated by comma, semicolon or tab; errors name the lines.
+"""Read text tables as spreadsheets and programs of any country write them; errors name the lines.
 
-All tables from users are read here. The caller describes the numeric columns by `Column`.
+All tables from users are read here. The caller describes the numeric columns by `Column`; how the
+table is written is found in its first lines (`dialect`).
 """
 
-import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
 from stereocal.system.limits import Limits
 
 MAXIMUM_COLUMNS = 2_000
@@ -82,28 +83,27 @@ def read_rows(
         empty: words, in lower case, that mark an empty cell.
     """
     text = text_of(content, source)
-    names, delimiter, above = names_of(text, source)
+    names, dialect = names_of(text, source)
     check_names(names, required, (*required, *(column.name for column in columns), *texts), source)
-    raw, too_long = rows_below(text, above, len(names), delimiter, source)
+    raw, too_long = rows_below(text, dialect, 1, len(names), source)
     if not len(raw) and not too_long:
         raise StereocalError(f"{source}: the table has a header and no rows.")
     raw.columns = pd.Index(names)
-    return Rows(raw, *numbers_in(raw, columns, delimiter == ";", empty), too_long)
+    return Rows(raw, *numbers_in(raw, columns, dialect.decimal_comma, empty), too_long)
 
 
-def names_of(text: str, source: str) -> tuple[list[str], str, int]:
-    """The names of the columns in lower case, the delimiter, and the lines above the rows."""
-    lines = text.splitlines()
-    first = next(number for number, line in enumerate(lines) if line.strip())
-    delimiter = delimiter_of(lines[first])
-    (cells,) = cells_of(lines[first], delimiter, source)
-    return [cell.strip().lower() for cell in cells], delimiter, first + 1
+def names_of(text: str, source: str) -> tuple[list[str], Dialect]:
+    """The names of the columns in lower case, and the dialect."""
+    lines = head_of(text)
+    dialect = dialect_of(lines)
+    (cells,) = dialect.cells(lines[dialect.above], source)
+    return [cell.strip().lower() for cell in cells], dialect
 
 
 def text_of(content: bytes, source: str) -> str:
     Limits.from_environment().check_size(len(content), source)
     try:
-        text = content.decode("utf-8-sig")
+        text = content.decode(encoding_of(content))
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
     if "\0" in text:
@@ -111,18 +111,6 @@ def text_of(content: bytes, source: str) -> str:
     if not text.strip():
         raise StereocalError(f"{source}: the file is empty.")
     return text
-
-
-def delimiter_of(line: str) -> str:
-    """The most frequent of comma, semicolon and tab in a line."""
-    return max(",;\t", key=line.count)
-
-
-def cells_of(lines: str, delimiter: str, source: str) -> list[list[str]]:
-    try:
-        return list(csv.reader(io.StringIO(lines), delimiter=delimiter))
-    except csv.Error as error:
-        raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
 
 
 def check_names(
@@ -150,22 +138,23 @@ def check_names(
 
 
 def rows_below(
-    text: str, lines: int, width: int, delimiter: str, source: str, most: int | None = None
+    text: str, dialect: Dialect, header: int, width: int, source: str, most: int | None = None
 ) -> tuple[pd.DataFrame, list[RowProblem]]:
-    """The rows below the first `lines`, all cells as text, with their lines as index.
+    """The rows below the header, all cells as text, with their lines as index.
 
     Args:
+        header: number of its lines.
         width: number of named columns; rows with more cells are returned as problems.
         most: largest number of rows to read.
     """
-    widest = 1 + max((line.count(delimiter) for line in io.StringIO(text)), default=0)
-    widest = max(widest, width)
+    lines = dialect.above + header
+    widest = max(width, max(map(dialect.count, io.StringIO(text)), default=0))
     if widest > MAXIMUM_COLUMNS or widest * text.count("\n") > MAXIMUM_CELLS:
         raise StereocalError(
             f"{source}: {widest} columns of {text.count(chr(10))} rows are too many for one table."
         )
     options = {"skiprows": lines, "nrows": most, "skip_blank_lines": False}
-    (raw,) = _read(io.StringIO(text), delimiter, range(widest), source, options)
+    (raw,) = _read(io.StringIO(text), dialect, range(widest), source, options)
     if not len(raw):
         raise StereocalError(f"{source}: the table has a header and no rows.")
     within = _line_ends(raw) if '"' in text else 0
@@ -185,19 +174,20 @@ def rows_below(
 
 
 def chunks_of_file(
-    path: Path, names: Sequence[str], delimiter: str, rows: int, source: str
+    path: Path, names: Sequence[str], dialect: Dialect, rows: int, source: str
 ) -> Iterator[pd.DataFrame]:
     """The rows of a file below its first line in blocks of `rows`, as text."""
     options = {
         "header": 0,
+        "skiprows": dialect.above,
         "index_col": False,
-        "encoding": "utf-8-sig",
+        "encoding": dialect.encoding,
         "chunksize": rows,
         "skip_blank_lines": False,
         "on_bad_lines": "error",
     }
-    for chunk in _read(path, delimiter, names, source, options):
-        chunk.index += 2  # line 1 names the columns
+    for chunk in _read(path, dialect, names, source, options):
+        chunk.index += dialect.above + 2  # the line above names the columns
         yield chunk
 
 
@@ -249,15 +239,16 @@ def is_missing(column: "pd.Series[Any]", empty: frozenset[str] = MISSING) -> npt
 
 def _read(
     file: Path | io.StringIO,
-    delimiter: str,
+    dialect: Dialect,
     names: Sequence[Any],
     source: str,
     options: Mapping[str, Any],
 ) -> Iterator[pd.DataFrame]:
     every: dict[str, Any] = {"header": None, **options}
+    separator = r"\s+" if dialect.delimiter == " " else dialect.delimiter
     try:
         found: Any = pd.read_csv(
-            file, sep=delimiter, names=list(names), dtype=str, keep_default_na=False, **every
+            file, sep=separator, names=list(names), dtype=str, keep_default_na=False, **every
         )
         if isinstance(found, pd.DataFrame):
             yield found

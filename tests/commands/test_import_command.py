@@ -3,14 +3,18 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.rig.parameters import RigParameters
 from tests.archives import easywand_fields, mat
 from tests.known_rig import BASELINE_M
 from tests.known_rig import dataset as known_dataset
+
+EUROPEAN = Path(__file__).parents[1] / "cases" / "european_wand_table"
 
 
 @pytest.fixture
@@ -81,3 +85,35 @@ def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         rig = RigParameters.load(out / f"parameters_{name}.json")
         assert rig.pose.baseline == pytest.approx(BASELINE_M, rel=0.01)
         assert "not measured" in rig.inputs["baseline"]
+
+
+class TestTablesOfAnyCountry:
+    """Decimal commas, semicolons, tabs, a blank first line, Excel's `sep=`: the same 50 pairs."""
+
+    FILES = ("blank_first.csv", "sep.csv", "tab_comma.tsv", "wand.csv")
+
+    @staticmethod
+    def run(table: str, out: Path) -> int:
+        lenses = [str(EUROPEAN / name) for name in ("l.yml", "r.yml")]
+        lengths = ["--baseline", "1.2176", "--distance", "0.5", "--out", str(out)]
+        return main(["import", str(EUROPEAN / table), *lenses, *lengths])
+
+    def test_are_read_alike(self, tmp_path: Path) -> None:
+        for table in self.FILES:
+            assert self.run(table, tmp_path / table) == 0
+        first, *others = (
+            read_table((tmp_path / table / "correspondences.csv").read_bytes(), table).strict(table)
+            for table in self.FILES
+        )
+        assert len(first.bars) == 25 and first.primary[0].tolist() == [1215.883, 618.4661]
+        for other in others:  # the wand's numbers have three decimals
+            order = np.lexsort([other.target, other.frame])
+            for side in ("primary", "secondary"):
+                found, expected = getattr(other, side)[order], getattr(first, side)
+                np.testing.assert_allclose(found, expected, rtol=0, atol=6e-4)
+
+    def test_commas_for_both_are_refused(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert self.run("comma_comma.csv", tmp_path / "set") == 2
+        assert "4 cameras" in capsys.readouterr().err

@@ -4,6 +4,7 @@ import io
 import zipfile
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -68,18 +69,30 @@ class TestTable:
         np.testing.assert_array_equal(read.correspondences.line, [2 + 3 * blank, 4 + 7 * blank])
 
     @pytest.mark.parametrize(
-        ("delimiter", "point"), [(",", "."), (";", "."), (";", ","), ("\t", ".")]
+        ("delimiter", "point"), [*product(";\t| ", ".,"), (",", "."), ('","', ",")]
     )
-    def test_delimiters_columns_in_any_order_and_further_ones(
-        self, delimiter: str, point: str
+    @pytest.mark.parametrize("above", ["", "\n", "sep={}\n", '"sep={}"\r\n'])
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    def test_delimiters_decimal_signs_columns_in_any_order_and_further_ones(
+        self, delimiter: str, point: str, above: str, encoding: str
     ) -> None:
-        header = "note,V_Secondary, target ,u_secondary,v_primary,u_primary,frame"
-        row = f"hello;4{point}5;b;3{point}25;2;1;17"
-        content = table(row.replace(";", delimiter), header=header.replace(",", delimiter))
-        rows = read_table(content, "t.csv").strict("t.csv")
+        header = "note;V_Secondary;target;u_secondary;v_primary;u_primary;frame"
+        row = f"hello;1204{point}5;b;3{point}25;2;1;17"
+        content = table(f"{row}\n", header=f"{header}").decode().replace(";", delimiter)
+        if '"' in delimiter:
+            content = "\n".join(f'"{line}"' * (line != "") for line in content.split("\n"))
+        content = above.format(delimiter.strip('"')) + content
+        rows = read_table(content.encode(encoding), "t.csv").strict("t.csv")
         assert (rows.frame[0], rows.target[0]) == (17, 1)
         np.testing.assert_array_equal(rows.primary, [[1, 2]])
-        np.testing.assert_array_equal(rows.secondary, [[3.25, 4.5]])
+        np.testing.assert_array_equal(rows.secondary, [[3.25, 1204.5]])
+
+    def test_thousands_are_not_taken_for_decimals(self) -> None:
+        assert problems_of(table('1,A,"1,215",200,300,400')) == [
+            (2, 'u_primary is "1,215", which is not a number')
+        ]
+        mixed = table("1;A;100.5;200;300;400", "1;B;1,215;2;3;4", header=HEADER.replace(",", ";"))
+        assert [line for line, _ in problems_of(mixed)] == [3]
 
     @pytest.mark.parametrize(
         ("row", "says"),
@@ -139,7 +152,7 @@ class TestTable:
             (table(ROW, header="frame,target,u_primary"), "v_primary, u_secondary"),
             (table(ROW, header=HEADER.replace("frame", "time")), "column frame"),
             (table(ROW, header=HEADER + ",frame"), "column frame"),
-            (b"\xff\xfef\x00r\x00", "text file"),
+            (b"\xfff,r\n\xe4", "text file"),
             (b"\x00\x01\x02", "text file"),
         ],
     )

@@ -1,0 +1,95 @@
+"""How a text table is written, found in its first lines.
+
+The delimiter is comma, semicolon, tab, bar or blanks, the decimal sign is point or comma, and blank
+lines or Excel's `sep=;` may stand above the first row.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from stereocal.errors import StereocalError
+
+DELIMITERS = ",;\t| "
+"""The last stands for any number of blanks."""
+HEAD_LINES, HEAD_CHARACTERS = 30, 1_000_000
+"""What a dialect is found in."""
+_SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?(\d+(\.\d*|,\d+)?|[.,]\d+)(e[-+]?\d+)?|nan|", re.IGNORECASE)
+_COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d+")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table is written."""
+
+    delimiter: str = ","
+    above: int = 0
+    """Lines above its first row."""
+    decimal_comma: bool = False
+    encoding: str = "utf-8-sig"
+
+    def cells(self, lines: str, source: str) -> list[list[str]]:
+        """The cells of lines."""
+        if self.delimiter == " ":
+            return [line.split() for line in lines.splitlines()]
+        try:
+            return list(csv.reader(io.StringIO(lines), delimiter=self.delimiter))
+        except csv.Error as error:
+            raise StereocalError(f"{source}: this is not a CSV file ({error}).") from error
+
+    def with_points(self, row: list[str]) -> list[str]:
+        """A row whose numbers have decimal points."""
+        if not self.decimal_comma:
+            return row
+        return [c.replace(",", ".") if _COMMA.fullmatch(c.strip()) else c for c in row]
+
+    def count(self, line: str) -> int:
+        """The largest possible number of cells of a line."""
+        return len(line.split()) if self.delimiter == " " else 1 + line.count(self.delimiter)
+
+
+def dialect_of(lines: Sequence[str]) -> Dialect:
+    """The dialect of a table's first lines: that which makes the most of its cells numbers."""
+    above = 0
+    while above < len(lines) - 1 and not lines[above].strip(f'"{DELIMITERS}\r\n'):
+        above += 1
+    stated = _SEPARATOR.fullmatch(lines[above].strip("\ufeff\r\n")) if lines else None
+    if stated is not None and len(lines) > above + 1:
+        above += 1
+    own = lines[above : above + HEAD_LINES]
+    tried = stated[1] if stated else [sign for sign in DELIMITERS if any(sign in k for k in own)]
+    found = [_tried(Dialect(sign, above), own) for sign in tried or ","]
+    return max(found, key=lambda each: each[0])[1]
+
+
+def _tried(dialect: Dialect, lines: Sequence[str]) -> tuple[float, Dialect]:
+    """The share of cells that are numbers, and the dialect with its decimal sign."""
+    try:
+        rows = [row for row in dialect.cells("".join(lines), "") if any(row)]
+    except StereocalError:
+        return 0.0, dialect
+    widths = [len(row) for row in rows]
+    usual = max(set(widths), key=widths.count, default=0)
+    cells = [cell.strip() for row in rows[len(rows) > 1 :] for cell in row if len(row) == usual]
+    share = sum(_NUMBER.fullmatch(cell) is not None for cell in cells) / max(len(cells), 1)
+    commas = [cell for cell in cells if _COMMA.fullmatch(cell)]
+    if dialect.delimiter == ",":  # only in quotes: 1,215 may be thousands
+        comma = any(not _THOUSANDS.fullmatch(cell) for cell in commas)
+    else:
+        comma = not any(_POINT.fullmatch(cell) for cell in cells)
+    score = share * widths.count(usual) / max(len(rows), 1) + 1e-3 if usual > 1 else 0.0
+    return score, replace(dialect, decimal_comma=comma)
+
+
+def head_of(text: str) -> list[str]:
+    """The first lines, with their ends."""
+    return text[:HEAD_CHARACTERS].splitlines(keepends=True)[:HEAD_LINES]
+
+
+def encoding_of(head: bytes) -> str:
+    """UTF-8, or the UTF-16 of Excel's *Unicode text*."""
+    return "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
