@@ -31,6 +31,7 @@ from stereocal.formats.point_layouts import LAYOUTS, first_rows, layout_name, pr
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
+from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PARQUET, PointTable
 from stereocal.matching.several_files import match_rig
@@ -64,6 +65,12 @@ OPTIONS: Options = {
     "--sigma-px PX": "noise of the points, one standard deviation of a coordinate (default: of "
     "their column sigma_px, or estimated from their epipolar errors)",
     "--depth NEAR FAR": "only pairs at this depth in front of the primary camera, in metres",
+    "--names COLUMN": {
+        "type": str,
+        "help": "the column of both tables that names their points (several: with commas); only "
+        'points of one name are a pair. "auto" (default): point, bodypart, node, track and the '
+        'like, if the images agree; "none": names are not used',
+    },
     "--unmatched FILE": "write the points without a partner here",
     **WORKERS,
     "point files of other programs:": {
@@ -80,6 +87,7 @@ OPTIONS: Options = {
         "--least-likelihood P": "leave out less likely points",
     },
 }
+DEFAULTS = {"names": AUTO}
 WITH_LAYOUT = {
     **{name: f"--{name}" for name in ("cameras", "columns")},
     **{name: QUESTIONS[name].option for name in ORIGIN},
@@ -110,7 +118,9 @@ def run(parsed: argparse.Namespace) -> None:
             for which in CAMERAS
         )
         about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth or ANY_DEPTH)
-        files = partial(match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px)
+        files = partial(
+            match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px, names=parsed.names
+        )
         with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
             matched = with_bar("frames", partial(files, executor=executor))
     sentences = matched.chosen.sentence(), matched.sentence()

@@ -1,5 +1,6 @@
 """Match two tables of points frame by frame and write the table of pairs."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
@@ -14,10 +15,20 @@ import pandas as pd
 from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.in_step import bring_into_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, purpose_warning
-from stereocal.matching.pairs import POINT, further_names, match_frame, pixels_of, sample_pixels
+from stereocal.matching.names import (
+    AUTO,
+    WITHIN,
+    Names,
+    Sample,
+    choose_named_threshold,
+    choose_names,
+    stated_columns,
+    texts,
+)
+from stereocal.matching.pairs import POINT, further_names, match_frame, pixels_of
 from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.point_table import Contents, PointTable, open_table, together
-from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
+from stereocal.matching.threshold import ThresholdChoice, sample_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
@@ -26,7 +37,7 @@ from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 OTHER_IMAGES = 0.2
 """With a larger fraction of points outside the image, the parameters are of other images."""
-FEW_MATCHED, MANY_LOST = 0.1, 0.1
+FEW_MATCHED, MANY_LOST, USUAL_LOST = 0.1, 0.1, 0.05
 MANY_POINTS = 100
 BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
 Frame = tuple[int, pd.DataFrame, pd.DataFrame]
@@ -45,10 +56,14 @@ class MatchReport:
     unmatched_primary: int
     unmatched_secondary: int
     notes: list[str] = field(default_factory=list)
+    names: Names = field(default_factory=Names)
 
     def sentence(self) -> str:
+        by = ""
+        if self.names.columns:
+            by = f", of points of one name ({self.names.in_words}),"
         return (
-            f"{self.pairs} pairs in {self.frames} frames at a threshold of "
+            f"{self.pairs} pairs in {self.frames} frames{by} at a threshold of "
             f"{rounded(self.chosen.threshold_px, 3)} px; {self.ambiguous} of them ambiguous "
             "(another partner is within the threshold as well); without partner: "
             f"{self.unmatched_primary} points of the primary, {self.unmatched_secondary} of the "
@@ -68,6 +83,7 @@ def match_tables(
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
     sigma_px: float | None = None,
+    names: str = AUTO,
 ) -> MatchReport | None:
     """Match two tables (`frame,u,v` and further columns) and write the pairs; None if cancelled.
 
@@ -77,29 +93,35 @@ def match_tables(
         unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
         progress: called with the number of frames done and the total.
         executor: matches blocks of frames; None: the calling thread.
+        names: as of `pairs.match`.
     """
     secondary, timing = bring_into_step(secondary, POINT, rig)
     tables = (primary, secondary)
+    columns = stated_columns(names, primary.further, secondary.further)
     contents = [
-        check_points(table, getattr(rig, which), which)
+        check_points(table, getattr(rig, which), which, columns)
         for table, which in zip(tables, CAMERAS, strict=True)
     ]
     check_depths(depths_m)
     notes = [*filter(None, [timing]), *_notes(rig, tables, contents)]
-    chosen = _settle(rig, tables, contents, threshold_px, depths_m, sigma_px)
-    names = further_names(primary.further, secondary.further)
+    sample = _sample(tables, contents)
+    distinct = contents[0].distinct, contents[1].distinct
+    known, note = choose_names(rig, sample, distinct, columns, names != AUTO)
+    notes += [note] if note else []
+    chosen = choose_named_threshold(rig, sample, known, depths_m, sigma_px, threshold_px)
+    renamed = further_names(primary.further, secondary.further)
     total = len(np.union1d(contents[0].frames, contents[1].frames))
     tasks = (
         Task(
             f"matched {block[0][0]} to {block[-1][0]}",
             _match_block,
-            (rig, block, chosen.threshold_px, depths_m, names, chosen.noise),
+            (rig, block, chosen.threshold_px, depths_m, renamed, chosen.noise, known),
             len(block),
         )
         for block in _blocks(_side_by_side(primary, secondary))
     )
     matched = run_tasks(tasks, executor, total, progress, cancelled, ahead=AHEAD)
-    counts = np.zeros(4, dtype=np.int64)
+    counts, doubtful = np.zeros(4, dtype=np.int64), Counter[str]()
     try:
         with ExitStack() as stack:
             pairs = stack.enter_context(open_table(out))
@@ -109,6 +131,12 @@ def match_tables(
                 lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
             for _, (found, numbers, lonely) in stack.enter_context(closing(matched)):
                 pairs.add(found)
+                if known.columns:
+                    off = found[~found[WITHIN]].rename(
+                        columns={v: k for k, v in renamed[0].items()}
+                    )
+                    for name in texts(off, known.columns):
+                        doubtful[name] = doubtful.get(name, 0) + 1
                 if lost is not None:
                     lost.add(lonely)
                 counts += numbers
@@ -126,12 +154,16 @@ def match_tables(
             else f"{few} Make sure that points, parameters and the two cameras (primary, secondary)"
             " belong together; if your points are less exact than the targets, state their noise."
         )
+    notes += _on_names(chosen, count, doubtful)
     common = len(np.intersect1d(contents[0].frames, contents[1].frames))
-    return MatchReport(chosen, common, count, ambiguous, left_primary, left_secondary, notes)
+    left = left_primary, left_secondary
+    return MatchReport(chosen, common, count, ambiguous, *left, notes, known)
 
 
-def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
-    """Read a table once and check its points."""
+def check_points(
+    table: PointTable, camera: Camera, which: str, columns: Sequence[str] = ()
+) -> Contents:
+    """Read a table once and check its points; `columns` as of `PointTable.check`."""
     size = np.array(camera.image_size)
     image = f"{size[0]}x{size[1]} px"
 
@@ -155,7 +187,7 @@ def check_points(table: PointTable, camera: Camera, which: str) -> Contents:
         ]
         return sorted(problems, key=lambda problem: problem.line)
 
-    return table.check(refuse)
+    return table.check(refuse, columns)
 
 
 def _blocks(frames: Iterator[Frame]) -> Iterator[Frames]:
@@ -179,12 +211,13 @@ def _match_block(
     depths_m: tuple[float, float],
     names: Sequence[Mapping[str, str]],
     noise: PointNoise | None,
+    known: Names,
 ) -> tuple[pd.DataFrame, list[int], pd.DataFrame]:
     """The pairs of a block; numbers of pairs, ambiguous pairs, and unmatched points of each camera;
     the unmatched points.
     """
     found, lonely = zip(
-        *(match_frame(rig, *frame, threshold, depths_m, names, noise) for frame in block),
+        *(match_frame(rig, *frame, threshold, depths_m, names, noise, known) for frame in block),
         strict=True,
     )
     _, first, second = zip(*block, strict=True)
@@ -211,15 +244,8 @@ def _frame_of(side: tuple[int, tuple[int, pd.DataFrame]]) -> int:
     return side[1][0]
 
 
-def _settle(
-    rig: RigParameters,
-    tables: tuple[PointTable, PointTable],
-    contents: list[Contents],
-    threshold_px: float | None,
-    depths_m: tuple[float, float],
-    sigma_px: float | None,
-) -> ThresholdChoice:
-    """The threshold, and what it rests on."""
+def _sample(tables: tuple[PointTable, PointTable], contents: list[Contents]) -> Sample:
+    """Some of the frames that both tables have."""
     common = np.intersect1d(contents[0].frames, contents[1].frames)
     if not len(common):
         a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in contents)
@@ -228,12 +254,20 @@ def _settle(
             f"{tables[1].label} has frames {b}. Use the same frame numbers in both."
         )
     wanted = sample_of(common.tolist(), contents[0].rows / len(contents[0].frames))
-    sample = [
-        sample_pixels(first, second)
-        for frame, first, second in _side_by_side(*tables)
-        if frame in wanted
+    return [(one, two) for frame, one, two in _side_by_side(*tables) if frame in wanted]
+
+
+def _on_names(chosen: ThresholdChoice, pairs: int, doubtful: Counter[str]) -> list[str]:
+    """A note on names whose points do not fit together, where that is more than noise."""
+    expected = USUAL_LOST if chosen.shares is None else chosen.shares.lost
+    count = doubtful.total()
+    if count <= 3 + 3 * expected * pairs:
+        return []
+    named = ", ".join(f"{name} {times} times" for name, times in doubtful.most_common(3))
+    return [
+        f"{count} of {pairs} pairs of one name have errors above the threshold (column {WITHIN}; "
+        f"{named}): these names may be of different points, or exchanged in a camera."
     ]
-    return choose_threshold(rig, sample, depths_m, sigma_px, threshold_px)
 
 
 def _notes(

@@ -9,9 +9,19 @@ import pandas as pd
 from stereocal.errors import StereocalError
 from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, match_points
+from stereocal.matching.names import (
+    AUTO,
+    NO_NAMES,
+    WITHIN,
+    Names,
+    choose_named_threshold,
+    choose_names,
+    match_groups,
+    stated_columns,
+)
 from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.point_table import PAIR_SIGMAS, SIGMA, SIGMAS
-from stereocal.matching.threshold import FramePixels, choose_threshold, sample_of
+from stereocal.matching.threshold import sample_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
@@ -29,6 +39,7 @@ def match(
     threshold_px: float | Literal["auto"] | None = "auto",
     depths_m: tuple[float, float] = ANY_DEPTH,
     sigma_px: float | None = None,
+    names: str = AUTO,
 ) -> pd.DataFrame:
     """Match two tables in memory: columns `frame`, `u`, `v` (raw pixels), and any further ones.
 
@@ -36,6 +47,8 @@ def match(
         threshold_px: "auto" or None: by the noise of the points.
         sigma_px: the noise of the points, if it is known; None: that of the column `sigma_px`,
             else estimated.
+        names: "auto": where both tables name their points (`names.name_columns`), only points of
+            one name are a pair; "none": names are not used; else the columns that name points.
 
     Returns:
         The pairs, with the columns of `pairs.csv`, ordered by frame.
@@ -53,20 +66,31 @@ def match(
     ]
     frames = sorted(both[0].keys() & both[1].keys())
     own = ("frame", *POINT, *SIGMAS)
-    further = ([str(c) for c in table if c not in own] for table in (primary, secondary))
-    names = further_names(*further)
+    further = [[str(c) for c in table if c not in own] for table in (primary, secondary)]
+    renamed = further_names(*further)
     wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
-    sample = [sample_pixels(both[0][f], both[1][f]) for f in sorted(wanted)]
+    rows = [(both[0][f], both[1][f]) for f in sorted(wanted)]
+    columns = stated_columns(names, *further)
+    distinct = primary[list(columns)], secondary[list(columns)]
+    known, _ = choose_names(rig, rows, distinct, columns, names != AUTO)
     given_px = None if threshold_px == "auto" else threshold_px
-    chosen = choose_threshold(rig, sample, depths_m, sigma_px, given_px)
+    chosen = choose_named_threshold(rig, rows, known, depths_m, sigma_px, given_px)
     found = [
         match_frame(
-            rig, f, both[0][f], both[1][f], chosen.threshold_px, depths_m, names, chosen.noise
+            rig,
+            f,
+            both[0][f],
+            both[1][f],
+            chosen.threshold_px,
+            depths_m,
+            renamed,
+            chosen.noise,
+            known,
         )[0]
         for f in frames
     ]
     if not found:
-        return pd.DataFrame(columns=[*PAIR_COLUMNS, *names[0].values(), *names[1].values()])
+        return pd.DataFrame(columns=[*PAIR_COLUMNS, *renamed[0].values(), *renamed[1].values()])
     return pd.concat(found, ignore_index=True)
 
 
@@ -91,10 +115,17 @@ def match_frame(
     depths_m: tuple[float, float],
     names: Sequence[Mapping[str, str]],
     noise: PointNoise | None = None,
+    known: Names = NO_NAMES,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is known."""
+    """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is known,
+    and with `WITHIN` if the points have names.
+    """
     primary, secondary = pixels_of(first), pixels_of(second)
-    found = match_points(rig, primary, secondary, threshold, depths_m)
+    if known.columns:
+        groups = known.groups(first, second)
+        found = match_groups(rig, primary, secondary, groups, threshold, depths_m)
+    else:
+        found = match_points(rig, primary, secondary, threshold, depths_m)
     i, j = found.primary, found.secondary
     columns: dict[str, Any] = {
         "frame": np.full(len(found), frame),
@@ -102,6 +133,7 @@ def match_frame(
         "error_px": found.error_px.round(ERROR_DECIMALS),
         "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
         "ambiguous": found.ambiguous,
+        **({WITHIN: found.error_px <= threshold} if known.columns else {}),
     }
     for name, table, at in zip(sigma_columns(noise), (first, second), (i, j), strict=False):
         assert noise is not None
@@ -120,13 +152,6 @@ def match_frame(
 def sigma_columns(noise: PointNoise | None) -> tuple[str, ...]:
     """`PAIR_SIGMAS`, if the noise is that of the points."""
     return PAIR_SIGMAS if noise is not None and noise.source != "calibration" else ()
-
-
-def sample_pixels(first: pd.DataFrame, second: pd.DataFrame) -> FramePixels:
-    """Pixels of one frame, with standard deviations if both cameras' tables have them."""
-    names = [*POINT, *([SIGMA] if SIGMA in first and SIGMA in second else [])]
-    sides = (table[names].to_numpy(dtype=np.float64) for table in (first, second))
-    return next(sides), next(sides)
 
 
 def pixels_of(table: pd.DataFrame) -> FloatArray:

@@ -59,6 +59,8 @@ class Contents:
     """Rows without numbers."""
     largest: tuple[float, ...]
     """The largest value of each column of numbers."""
+    distinct: pd.DataFrame
+    """The different rows of the columns asked for."""
 
 
 class PointTable:
@@ -90,14 +92,20 @@ class PointTable:
         self._left_out = 0
         self._in_order: bool | None = None
 
-    def check(self, refuse: Callable[[pd.DataFrame], list[RowProblem]] | None = None) -> Contents:
+    def check(
+        self,
+        refuse: Callable[[pd.DataFrame], list[RowProblem]] | None = None,
+        columns: Sequence[str] = (),
+    ) -> Contents:
         """Read and check the whole table.
 
         Args:
             refuse: returns further problems in a block of whole frames.
+            columns: whose different rows are wanted.
         """
         limits = Limits.from_environment()
         frames: list[IntArray] = []
+        distinct: list[pd.DataFrame] = []
         rows = self._left_out = 0
         largest = np.full(len(self.numbers), -np.inf)
         try:
@@ -107,13 +115,20 @@ class PointTable:
                 rows += len(block)
                 limits.check_rows(rows, self.label)
                 frames.append(np.unique(block["frame"].to_numpy()))
+                distinct.append(block[list(columns)].drop_duplicates())
                 largest = np.maximum(largest, block[list(self.numbers)].to_numpy().max(axis=0))
         except _OutOfOrderError:
             self._in_order = False
-            return self.check(refuse)
+            return self.check(refuse, columns)
         if not rows:
             raise StereocalError(f"{self.label}: the table has no rows with points.")
-        return Contents(rows, np.unique(np.concatenate(frames)), self._left_out, tuple(largest))
+        return Contents(
+            rows,
+            np.unique(np.concatenate(frames)),
+            self._left_out,
+            tuple(largest),
+            pd.concat(distinct).drop_duplicates(),
+        )
 
     def frames(self) -> Iterator[tuple[int, pd.DataFrame]]:
         """Number and rows of each frame, in order. The index is the line in the file."""

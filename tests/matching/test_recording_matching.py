@@ -55,7 +55,7 @@ def test_the_2d_set_finds_the_pairs(
 ) -> None:
     def right(name: str, threshold: float | None) -> tuple[float, float]:
         """Right pairs over all that there are, and over those found."""
-        pairs = match(sets[name], *markers, threshold_px=threshold)
+        pairs = match(sets[name], *markers, threshold_px=threshold, names="none")
         right = pairs["marker_primary"] == pairs["marker_secondary"]
         return float(right.sum() / len(markers[0])), float(right.mean())
 
@@ -64,6 +64,9 @@ def test_the_2d_set_finds_the_pairs(
     assert right("2d", 50.0)[0] >= 0.995
     # With a threshold from the points. Measured: 100 % found, 100 % of those right, at 2.5 px.
     assert min(right("2d", None)) >= 0.995
+    pairs = match(sets["3d"], *markers)  # by name
+    assert len(pairs) == len(markers[0])
+    assert (pairs["marker_primary"] == pairs["marker_secondary"]).all()
 
 
 def mean_errors(rig: RigParameters, pairs: pd.DataFrame) -> dict[tuple[str, str], float]:
@@ -83,7 +86,7 @@ def mean_errors(rig: RigParameters, pairs: pd.DataFrame) -> dict[tuple[str, str]
 def test_the_3d_set_measures_what_the_2d_set_matched(
     markers: tuple[pd.DataFrame, pd.DataFrame], sets: dict[str, RigParameters]
 ) -> None:
-    pairs = match(sets["2d"], *markers, threshold_px=5.0)
+    pairs = match(sets["2d"], *markers, threshold_px=5.0, names="none")
     pairs = pairs[pairs["marker_primary"] == pairs["marker_secondary"]]
     assert len(pairs) >= 0.995 * len(markers[0])
     errors = mean_errors(sets["3d"], pairs)

@@ -92,9 +92,9 @@ def _wanted(
     if len(of_table) < 2 or len(of_files) < 2:
         return (wanted, wanted), ()
     if wanted is None:
-        if named and len(of_files) == 2 and (own := namesakes(of_files, of_table)):
-            return ((own[0], own[1]), None), ()
         if len(of_table) > len(of_files):
+            if named and (own := namesakes(of_files, of_table)):
+                return ((own[0], own[1]), None), ()
             raise StereocalError(
                 f"The table is read as the points of {len(of_table)} cameras, and the camera files "
                 f"are of {len(of_files)}. Say which cameras they are, as --cameras 1,3. If the "
