@@ -17,11 +17,12 @@ import pandas as pd
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.matching_files import match_tables
+from stereocal.matching.names import AUTO, WITHIN, Sample
 from stereocal.matching.pairs import PIXELS, POINT
-from stereocal.matching.point_table import SIGMA, PointTable
+from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, reconstruct_table
-from stereocal.matching.threshold import FramePixels, sample_of
+from stereocal.matching.threshold import sample_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.geometry import Pose
@@ -64,6 +65,8 @@ class Application:
     """`world_from_primary` of the points; None: points in the primary's frame."""
     sigma_px: float | None = None
     """Noise of the points; None: by their columns, or estimated."""
+    names: str = AUTO
+    """As of `pairs.match`."""
 
     @property
     def digest(self) -> str:
@@ -73,6 +76,7 @@ class Application:
             [digest_of(each) for each in (self.matching, self.measuring)],
             self.threshold_px,
             [repr(depth) for depth in self.depths_m],
+            ["names", self.names],
         ]
         if self.world is not None:
             content.append(name_of_world(self.world))
@@ -114,6 +118,8 @@ class Outcome:
     Empty in results of version 1.0."""
     sigma_px: float | None = None
     """Noise of the points, if it was stated."""
+    names: str = AUTO
+    """As of the `Application`."""
 
     @property
     def rig(self) -> Rig:
@@ -158,7 +164,7 @@ def apply_sets(
     given = work.threshold_px, work.depths_m
     pairs = folder / PAIRS
     matched = match_tables(
-        work.matching, first, second, pairs, *given, sigma_px=work.sigma_px, **how
+        work.matching, first, second, pairs, *given, sigma_px=work.sigma_px, names=work.names, **how
     )
     if matched is None:
         return None
@@ -205,20 +211,19 @@ def apply_sets(
             "measuring": [work.measuring.method, digest_of(work.measuring)],
         },
         sigma_px=work.sigma_px,
+        names=work.names,
     )
 
 
-def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[FramePixels]:
-    """Pixels of a sample of the frames common to both tables, to choose a threshold from."""
-    names = [*POINT, *([SIGMA] if SIGMA in primary and SIGMA in secondary else [])]
+def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> Sample:
+    """A sample of the frames common to both tables, to choose a threshold from."""
     common = np.intersect1d(primary["frame"], secondary["frame"])
     wanted = sorted(sample_of(common, len(primary) / max(primary["frame"].nunique(), 1)))
     sides = []
     for table in (primary, secondary):
-        rows = table[table["frame"].isin(wanted)].sort_values("frame", kind="stable")
-        ends = np.searchsorted(rows["frame"], wanted[1:])
-        sides.append(np.split(rows[names].to_numpy(dtype=np.float64), ends))
-    return list(zip(*sides, strict=True)) if wanted else []
+        rows = table[table["frame"].isin(wanted)]
+        sides.append(dict(list(rows.groupby("frame"))))
+    return [(sides[0][frame], sides[1][frame]) for frame in wanted]
 
 
 def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -254,7 +259,11 @@ def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
 
 
 def agreement(pairs: pd.DataFrame) -> str | None:
-    """How many pairs have equal values in a column of both tables; None without such a column."""
+    """How many pairs have equal values in a column of both tables that was not used for matching;
+    None without such a column.
+    """
+    if WITHIN in pairs:
+        return None
     for name in pairs.columns:
         first = str(name).removesuffix("_primary")
         other = f"{first}_secondary"

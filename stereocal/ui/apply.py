@@ -10,12 +10,13 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
+from stereocal.matching.names import AUTO
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
-from stereocal.ui.apply_threshold import ThresholdForm, chosen_depths
+from stereocal.ui.apply_threshold import ThresholdForm, ask_names, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
@@ -52,12 +53,13 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     matching_at, threshold_at, measuring_at = st.columns(3)
     with points_at:
         points = _choose_points(project, store)
+        names = AUTO if points is None else ask_names(store, points)
     sets = _choose_sets(source, store, (matching_at, measuring_at))
     form = threshold = depths = sigma_px = world = None
     if points is not None and sets is not None:
         with ErrorsShown():
             depths = chosen_depths(project)
-        form = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH)
+        form = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH, names)
         threshold, sigma_px = form.choose(noise_at, threshold_at)
         for warning in filter(None, map(purpose_warning, sets, ("matching", "reconstruction"))):
             st.warning(escape_markdown(warning))
@@ -80,7 +82,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     work = None
     if threshold is not None and depths is not None:
         stated = threshold.threshold_px if threshold.is_forced else None
-        work = Application(*points, *sets, stated, depths, world, sigma_px)
+        work = Application(*points, *sets, stated, depths, world, sigma_px, names)
     return Chosen(work, partial(form.show, threshold))
 
 

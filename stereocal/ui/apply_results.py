@@ -18,6 +18,7 @@ from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.space import VIEWS
 from stereocal.matching import lengths
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
+from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import pixels_of
 from stereocal.matching.reconstruction_files import COORDINATES
 from stereocal.projects.application import USES, ProjectApplication
@@ -175,6 +176,7 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
         sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
+        by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
         suffixes = [Path(name).suffix for name in outcome.tables]
         names = [f"{which}{end}" for which, end in zip(CAMERAS, suffixes, strict=True)]
         match_with, measure_with = (
@@ -182,7 +184,7 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         )
         st.code(
             f"python -m stereocal match {names[0]} {names[1]} --parameters {match_with} "
-            f"--threshold {outcome.threshold_px!r}{sigma}{depths} --out {PAIRS}\n"
+            f"--threshold {outcome.threshold_px!r}{sigma}{depths}{by_name} --out {PAIRS}\n"
             f"python -m stereocal reconstruct {PAIRS} --parameters {measure_with} "
             f"{'' if outcome.world is None else f'--world {WORLD_FILE} '}--out {POINTS}",
             language="shell",

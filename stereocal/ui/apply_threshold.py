@@ -11,10 +11,20 @@ from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points, digest_of, sample_frames
 from stereocal.matching.in_step import shift_pixels
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
+from stereocal.matching.names import (
+    AUTO,
+    NO_NAMES,
+    OFF,
+    Sample,
+    choose_named_threshold,
+    choose_names,
+    name_columns,
+    stated_columns,
+)
 from stereocal.matching.pairs import POINT
 from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold
+from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
@@ -62,6 +72,7 @@ class ThresholdForm:
     rig: RigParameters
     """To match with."""
     depths: Depths
+    names: str = AUTO
 
     @property
     def key(self) -> str:
@@ -106,7 +117,8 @@ class ThresholdForm:
                     field.number_input(title, column, format="%.6g")
         with figure:
             threshold = 0.0 if found is None else found.threshold_px
-            nearest = jobs.compute(nearest_errors, self.rig, _sampled(self), self.depths)
+            sample = [NO_NAMES.samples(*own)[0] for own in _sampled(self)]
+            nearest = jobs.compute(nearest_errors, self.rig, sample, self.depths)
             words = describe_pair_errors(nearest, threshold, found)
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", fold=False)
 
@@ -114,15 +126,21 @@ class ThresholdForm:
 @st.cache_resource(
     show_spinner=False,
     max_entries=16,
-    hash_funcs={ThresholdForm: lambda form: (digest_of(form.rig), form.key, form.depths)},
+    hash_funcs={
+        ThresholdForm: lambda form: (digest_of(form.rig), form.key, form.depths, form.names)
+    },
 )
 def _chosen(
     form: ThresholdForm, threshold: float | None, sigma_px: float | None
 ) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
     try:
-        given = (form.rig, _sampled(form), form.depths, sigma_px, threshold)
-        return jobs.compute(choose_threshold, *given), ""
+        sample, tables = _sampled(form), _tables(form)
+        columns = stated_columns(form.names, *(list(map(str, each)) for each in tables))
+        distinct = tables[0][list(columns)], tables[1][list(columns)]
+        names, _ = choose_names(form.rig, sample, distinct, columns)
+        given = (form.rig, sample, names, form.depths, sigma_px, threshold)
+        return jobs.compute(choose_named_threshold, *given), ""
     except StereocalError as error:
         return None, str(error)
 
@@ -132,10 +150,28 @@ def _chosen(
     max_entries=8,
     hash_funcs={ThresholdForm: lambda form: (form.key, form.rig.time_offset)},
 )
-def _sampled(form: ThresholdForm) -> list[FramePixels]:
+def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
-    first, second = (whole_table(each.name, each.label, form.store) for each in form.points)
+    first, second = _tables(form)
     return sample_frames(first, shift_pixels(form.rig, second, POINT))
+
+
+def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
+    first, second = (whole_table(each.name, each.label, form.store) for each in form.points)
+    return first, second
+
+
+def ask_names(store: ProjectApplication, points: tuple[Points, Points]) -> str:
+    """Whether names decide, where both cameras have them; as of `pairs.match`."""
+    field = setting(store.project, "apply_names", True, yes_or_no)
+    tables = (whole_table(each.name, each.label, store) for each in points)
+    columns = name_columns(*(list(map(str, each)) for each in tables))
+    if not columns:
+        return AUTO
+    title = f"Only points of one name are a pair (column {escape_markdown(', '.join(columns))})"
+    told = "The images check the names: pairs that do not fit are marked, and counted below."
+    st.toggle(title, **field.widget(), help=told)
+    return AUTO if field.value() else OFF
 
 
 @st.cache_resource(show_spinner="Reading the points.", max_entries=4)

@@ -21,6 +21,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluat
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.photograph import read_photograph
 from stereocal.matching.application import sample_frames, unlabelled
+from stereocal.matching.names import NO_NAMES
 from stereocal.matching.matching import nearest_errors
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import reconstruct_points
@@ -58,7 +59,8 @@ forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
 reconstruct_points(rig, rows.primary, rows.secondary)
 reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
-frames = sample_frames(*unlabelled(rows))
+sample = sample_frames(*unlabelled(rows))
+frames = [NO_NAMES.samples(*own)[0] for own in sample]
 nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
 image = read_photograph(data / "photographs" / "primary" / "0001.jpg")
 targets = detect_targets(image).targets

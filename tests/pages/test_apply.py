@@ -136,6 +136,21 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     assert "90 pairs in 6 frames" in told(again, "success")
 
 
+def test_names_decide_with_a_switch(app: AppTest, home: Path) -> None:
+    """The names of two points are exchanged in one camera."""
+    first, second = (table.rename(columns={"bird": "point"}) for table in tables().values())
+    second["point"] = second["point"].replace({0: 1, 1: 0})
+    give_sets(give_points(begun(app), csv(first), csv(second)), SET_2D, SET_3D)
+    pairs, _ = written(app, home)
+    assert (pairs["point_primary"] == pairs["point_secondary"]).all()
+    assert len(pairs) == 89  # an exchanged one meets behind a camera
+    assert "2D" in told(app, "caption") and "of points of one name" in told(app, "caption")
+    assert set(pairs["point_primary"][~pairs["within_threshold"]]) == {0, 1}
+    app.toggle(key="apply_names").set_value(False).run()
+    pairs, _ = written(app, home)
+    assert (pairs["point_primary"] != pairs["point_secondary"]).sum() == 12
+
+
 def test_a_long_work_runs_as_a_job(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
