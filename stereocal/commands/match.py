@@ -87,7 +87,6 @@ OPTIONS: Options = {
         "--least-likelihood P": "leave out less likely points",
     },
 }
-DEFAULTS = {"names": AUTO}
 WITH_LAYOUT = {
     **{name: f"--{name}" for name in ("cameras", "columns")},
     **{name: QUESTIONS[name].option for name in ORIGIN},
@@ -119,7 +118,11 @@ def run(parsed: argparse.Namespace) -> None:
         )
         about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth or ANY_DEPTH)
         files = partial(
-            match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px, names=parsed.names
+            match_tables,
+            *about,
+            parsed.unmatched,
+            sigma_px=parsed.sigma_px,
+            names=parsed.names or AUTO,
         )
         with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
             matched = with_bar("frames", partial(files, executor=executor))
@@ -129,8 +132,8 @@ def run(parsed: argparse.Namespace) -> None:
 
 def _run_rig(parsed: argparse.Namespace) -> None:
     """The same of all cameras of a rig."""
-    names = ("threshold", "depth", "layout", "unmatched", "workers", "scheduler", *WITH_LAYOUT)
-    refuse_given(parsed, WITH_RIG, *names)
+    options = ("threshold", "depth", "names", "layout", "unmatched", "workers", "scheduler")
+    refuse_given(parsed, WITH_RIG, *options, *WITH_LAYOUT)
     tables: dict[str, PointTable] = {}
     for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
         name, equals, file = text.partition("=")
