@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from scipy.io import savemat
 
+from stereocal.formats.exchange.dlt import dlt_coefficients
 from stereocal.formats.exchange.exchange import export_files
 from stereocal.formats.exchange.matlab import FIRST_PIXEL
 from stereocal.formats.exchange.options import ExchangeOptions, PixelOrigin
-from stereocal.formats.exchange.text_formats import dlt_coefficients
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

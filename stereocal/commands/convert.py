@@ -9,6 +9,7 @@ from stereocal.commands.options import (
     answers,
     image_size,
     questions,
+    two_cameras,
     world_from,
 )
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
@@ -27,17 +28,22 @@ OPTIONS: Options = {
     **questions("unit"),
     **LENSES_AND_LENGTHS,
     "DLT coefficients:": {**questions(*ORIGIN), **WORLD},
-    **{
-        f"--image-size-{which} WxH": "with --from, for files that do not state it (DLT, OpenCV)"
-        for which in CAMERAS
-    },
+    "--cameras P,S": "with --from, primary and secondary camera of a file with more than two, or "
+    "of two files: 1,3 or names",
+    "--image-size WxH": "with --from, of both cameras, for files without it (DLT, OpenCV)",
+    **{f"--image-size-{which} WxH": f"of the {which} camera alone" for which in CAMERAS},
 }
 
 
 def run(parsed: argparse.Namespace) -> None:
     """Convert, and print the files written."""
+    size = image_size(parsed.image_size)
     options = ExchangeOptions(
-        (image_size(parsed.image_size_primary), image_size(parsed.image_size_secondary)),
+        (
+            image_size(parsed.image_size_primary) or size,
+            image_size(parsed.image_size_secondary) or size,
+        ),
+        cameras=None if parsed.cameras is None else two_cameras(parsed.cameras),
         world=world_from(parsed),
         **answers(parsed),
     )
@@ -51,5 +57,6 @@ def run(parsed: argparse.Namespace) -> None:
         written = export(rig, parsed.to, parsed.out, options)
         report(notes=export_notes(rig, parsed.to), written=written)
     else:
-        import_parameters(parsed.parameters, parsed.origin_format, options).save(parsed.out)
-        report(written=[parsed.out])
+        rig = import_parameters(parsed.parameters, parsed.origin_format, options)
+        rig.save(parsed.out)
+        report(notes=rig.inputs.get("notes", ()), written=[parsed.out])

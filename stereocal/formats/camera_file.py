@@ -5,6 +5,7 @@ Four coefficients may be OpenCV's standard lens model (k1 k2 p1 p2) or its fishe
 """
 
 import json
+import re
 from codecs import BOM_UTF8
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,31 +21,67 @@ from stereocal.formats.file_storage import (
     find_node,
     is_number,
     matrix_of,
-    stated_lens_model,
+    plain_name,
 )
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.rig.camera import Camera, LensModel, LensUncertainty
 from stereocal.rig.compiled import FloatArray
 
 CAMERA_FORMAT = "stereocal-camera/1"
-K_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M")
+K_NAMES = ("camera_matrix", "K", "M", "k", "mtx", "intrinsic_matrix")
 DISTORTION_NAMES = (
     "distortion_coefficients",
-    "Distortion_Coefficients",
-    "distCoeffs",
     "dist_coeffs",
-    "D",
+    "dist_coeff",
+    "dist_coefs",
+    "distortion_coeffs",
     "distortion",
+    "dist",
+    "D",
+    "d",
 )
-SIZE_NAMES = ("image_size", "imageSize", "resolution")
-WIDTH_NAMES = ("image_width", "image_Width", "width")
-HEIGHT_NAMES = ("image_height", "image_Height", "height")
+SIZE_NAMES = (
+    "image_size",
+    "camera_resolution",
+    "resolution",
+    "image_resolution",
+    "frame_size",
+    "img_size",
+    "size",
+)
+WIDTH_NAMES, HEIGHT_NAMES = (
+    (f"image_{side}", f"img_{side}", f"frame_{side}", side) for side in ("width", "height")
+)
+"""As `find_node` finds them; `k` and `d` are of ROS 2."""
 EXPECTED = (
     "stereocal reads its own JSON, and OpenCV's YAML, XML or JSON with camera_matrix, "
     "distortion_coefficients, image_width and image_height"
 )
-USUAL = ("brown", "plumb_bob", "radtan", "rational_polynomial", "pinhole", "opencv")
-FISHEYE = ("fisheye", "equidistant", "equi", "kannala_brandt", "kannala_brandt4", "kb4")
+BEGINS = re.compile(rb"\{|<|%YAML|---|#|[\w\"'][\w \"'.-]*:(\s|$)")
+"""The first characters of a JSON, XML or YAML file."""
+USUAL = (
+    "plumb_bob",
+    "rational_polynomial",
+    "brown",
+    "brown_conrady",
+    "radtan",
+    "pinhole",
+    "opencv",
+    "thin_prism",
+    "tilted",
+)
+FISHEYE = ("equidistant", "fisheye", "equi", "kannala_brandt", "kannala_brandt4", "kb4")
+
+
+class ImageSizeError(StereocalError):
+    """A camera whose image size is not stated."""
+
+    def __init__(self, source: str, of: str = "") -> None:
+        self.question = f"{source}: the file does not state the size of the images{of}."
+        super().__init__(
+            f"{self.question} Give --image-size WxH, as --image-size 1920x1080, or write "
+            "image_width and image_height into the file."
+        )
 
 
 class FourCoefficientsError(StereocalError):
@@ -66,41 +103,111 @@ def five_or_more(coefficients: FloatArray) -> FloatArray:
     return np.append(coefficients, np.zeros(max(5 - coefficients.size, 0)))
 
 
+def stated_lens_model(storage: Storage, source: str) -> bool | None:
+    """Whether the lens in a file is stated to be a fisheye; None if the file does not state it."""
+    for key in ("distortion_model", "model"):
+        stated = find_node(storage, [key])
+        name = plain_name(stated) if isinstance(stated, str) else ""
+        if name in map(plain_name, FISHEYE + USUAL):
+            return name in map(plain_name, FISHEYE)
+        if key != "model" and name not in ("", "none"):  # a model may be that of the camera
+            raise StereocalError(
+                f"{source}: the lens model {str(stated)[:40]} is not supported; use plumb_bob, "
+                "rational_polynomial or equidistant."
+            )
+    fisheye = find_node(storage, ["fisheye_model"])  # of OpenCV's calibration program
+    return bool(fisheye) if isinstance(fisheye, int) else None
+
+
 def lens_model_of(
-    coefficients: FloatArray, stated: object, by_user: LensModel | None, source: str
+    coefficients: FloatArray, is_fisheye: object, by_user: LensModel | None, source: str
 ) -> LensModel:
     """The model of a lens in a file.
 
     Args:
-        stated: the file's name of its lens model, or whether it is a fisheye; None if not stated.
+        is_fisheye: as the file states it; None if it does not.
         by_user: the model that the user states, which counts if the file states none.
 
     Raises:
         FourCoefficientsError: four coefficients of an unstated model.
     """
-    name = str(stated).strip().lower() if isinstance(stated, str) else ""
-    if name in FISHEYE or stated is True:
-        return "fisheye"
-    if name in USUAL or stated is False:
-        return "brown"
+    if is_fisheye in (True, False):
+        return "fisheye" if is_fisheye else "brown"
     if by_user is None and coefficients.size == 4 and coefficients.any():
         raise FourCoefficientsError(source)
     return by_user or "brown"
 
 
-def read_camera(content: bytes, source: str, lens_model: LensModel | None = None) -> Camera:
+def image_size_in(storage: Storage, source: str, of: str = "") -> tuple[int, int] | None:
+    """Width and height in a file; None if it does not state them.
+
+    Args:
+        of: the end of the names of one camera's size, as 1 in `image_size_1`; names without it
+            are those of both.
+    """
+    for end in dict.fromkeys((of, "")):
+        names = WIDTH_NAMES, HEIGHT_NAMES, SIZE_NAMES
+        width, height, size = (find_node(storage, [name + end for name in each]) for each in names)
+        if width is not None and height is not None:
+            size = [width, height]
+        if isinstance(size, dict):
+            size = size.get("data") or [find_node(size, each) for each in names[:2]]
+        if isinstance(size, str):
+            size = [int(side) for side in re.findall(r"\d{1,9}", size)]
+        if size is None:
+            continue
+        if not isinstance(size, list) or len(size) != 2 or not all(map(is_number, size)):
+            raise StereocalError(
+                f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
+            )
+        with naming(source):
+            return _whole(size[0]), _whole(size[1])
+    return None
+
+
+def agreed_size(
+    stated: tuple[int, int] | None, by_user: tuple[int, int] | None, source: str, of: str = ""
+) -> tuple[int, int]:
+    """The image size as the file states it, or else the user.
+
+    Args:
+        of: whose images, as " of the primary camera".
+
+    Raises:
+        ImageSizeError: neither states it.
+        StereocalError: they contradict each other.
+    """
+    if (size := stated or by_user) is None:
+        raise ImageSizeError(source, of)
+    if by_user is not None and by_user != size:
+        raise StereocalError(
+            f"the images{of} have {size[0]}x{size[1]} px in the file, but "
+            f"{by_user[0]}x{by_user[1]} px were entered.",
+            source,
+        )
+    return size
+
+
+def read_camera(
+    content: bytes,
+    source: str,
+    lens_model: LensModel | None = None,
+    image_size: tuple[int, int] | None = None,
+) -> Camera:
     """The camera in a file; the format is determined from the content.
 
     Args:
         lens_model: meaning of four coefficients if the file does not state it.
+        image_size: of its images if the file does not state it.
 
     Raises:
         FourCoefficientsError: four coefficients that may be those of a fisheye.
+        ImageSizeError: the image size is not stated.
         StereocalError: an empty file, an unknown format, or an invalid camera.
     """
     refuse_other_camera(content, source)
     file, start = ForeignFile(source, content), content.removeprefix(BOM_UTF8).lstrip()
-    if start and not start.startswith((b"{", b"%YAML", b"<?xml")):
+    if start and not BEGINS.match(start):
         raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
     storage = file.storage
     if str(storage.get("format", "")).startswith("stereocal-camera"):
@@ -112,21 +219,17 @@ def read_camera(content: bytes, source: str, lens_model: LensModel | None = None
         return Camera.from_json(storage, source)
     K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
     distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
-    size = [find_node(storage, names) for names in (WIDTH_NAMES, HEIGHT_NAMES)]
-    if None in size:
-        size = _node(storage, SIZE_NAMES, source)
-    if not isinstance(size, list) or len(size) != 2 or not all(map(is_number, size)):
-        raise StereocalError(
-            f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
-        )
+    _refuse_part_of_sensor(storage, source)
+    size = agreed_size(image_size_in(storage, source), image_size, source)
     stated = storage.get("uncertainty")
     K = K.reshape(3, 3) if K.size == 9 else K
     try:
         uncertainty = None if stated is None else LensUncertainty.from_json(stated)
-        camera = Camera(K, distortion.ravel(), (int(size[0]), int(size[1])), uncertainty)
+        camera = Camera(K, distortion.ravel(), size, uncertainty)
     except (ValueError, OverflowError) as error:  # of a StereocalError too
         raise StereocalError(f"{source}: {error}") from error
-    model = lens_model_of(camera.distortion, stated_lens_model(storage), lens_model, source)
+    is_fisheye = stated_lens_model(storage, source)
+    model = lens_model_of(camera.distortion, is_fisheye, lens_model, source)
     with naming(source):
         return replace(camera, model=model)
 
@@ -163,6 +266,24 @@ def write_opencv_camera(camera: Camera) -> bytes:
     coefficients = camera.distortion if camera.is_fisheye else five_or_more(camera.distortion)
     storage.write("distortion_coefficients", coefficients.reshape(1, -1).copy())
     return str(storage.releaseAndGetString()).encode()
+
+
+def _whole(side: float) -> int:
+    if not abs(side) < 1e9:  # rejects NaN too
+        raise StereocalError(f"the image size has a side of {side:g} px.")
+    return int(side)
+
+
+def _refuse_part_of_sensor(storage: Storage, source: str) -> None:
+    """Refuse a ROS message whose matrix is not of the images, but of the whole sensor."""
+    binned = [storage.get(f"binning_{axis}") for axis in "xy"]
+    roi = storage.get("roi")
+    cut = [roi.get(f"{axis}_offset") for axis in "xy"] if isinstance(roi, dict) else []
+    if any(isinstance(each, int) and each > 1 for each in binned) or any(cut):
+        raise StereocalError(
+            f"{source}: its numbers are of the whole sensor, but its images are binned or cut "
+            "(binning_x, binning_y, roi): give those of the images, with binning 1 and without roi."
+        )
 
 
 def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:

@@ -1,7 +1,7 @@
 """Read YAML of Kalibr, ROS and OpenCV, and the rest of OpenCV's FileStorage, as plain data."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,7 +22,12 @@ LONGEST = 50_000
 LONG_LIST = re.compile(r"\[[^\[\]]{4000,}\]")
 """Longer than any matrix of a camera: OpenCV's calibration program writes all found corners, and
 200,000 characters would take 3 s."""
-OPENCV_HEAD = re.compile(r"\A%YAML:1\.\d[^\n]*")
+YAML_HEAD = re.compile(r"^%YAML\b.*", re.MULTILINE)
+"""OpenCV's is not YAML's."""
+BETWEEN_DOCUMENTS = re.compile(r"^(?:---|\.\.\.)(?=\s|$)", re.MULTILINE)
+NOT_EMPTY = re.compile(r"^[ \t]*[^\s#]", re.MULTILINE)
+MESSAGE_HEADER = re.compile(r"^header:[ \t]*\n(?:[ \t]+.*\n)*", re.MULTILINE)
+"""Number and time of a ROS message."""
 NUMBER = re.compile(
     r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.inf|\.nan", re.ASCII | re.IGNORECASE
 )
@@ -65,14 +70,25 @@ def read_storage(text: str, source: str) -> Storage:
     if start.startswith("<"):
         return _read_xml(start, source)
     if not start.startswith("{"):
-        return read_yaml(start if start.startswith("%") else text, source)
+        return read_yaml(text, source)
     data = read_json(start, source)
     return data if isinstance(data, dict) else {}
 
 
-def find_node(storage: Storage, names: tuple[str, ...]) -> Any:
-    """The first node found with one of these names, else None."""
-    return next((storage[name] for name in names if name in storage), None)
+def find_node(storage: Storage, names: Sequence[str]) -> Any:
+    """The first node found with one of these names, else None.
+
+    Capitals, `_`, `-`, `.` and spaces do not count in names of more than two characters: k1 is a
+    coefficient, K1 a matrix.
+    """
+    plain = {plain_name(key): node for key, node in storage.items()}
+    found = (plain.get(plain_name(name)) for name in names)
+    return next((node for node in found if node is not None), None)
+
+
+def plain_name(name: str) -> str:
+    """A name of more than two characters without what does not count in it."""
+    return name if len(name) < 3 else re.sub(r"[\s_.-]", "", name).lower()
 
 
 def matrix_of(node: Any, name: str, source: str) -> FloatArray:
@@ -89,22 +105,16 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
     found = np.array(table, dtype=np.float64)
     if not isinstance(node, dict):
         return found
-    if min(rows, cols) < 0 or rows * cols != found.size:
+    if min(rows, cols) >= 0 and rows * cols == found.size:
+        return found.reshape(rows, cols)
+    if "dt" in node:  # an OpenCV matrix, which may be cut; ROS files have the wrong size at times
         raise StereocalError(f"{source}: {name} does not have rows x cols numbers.")
-    return found.reshape(rows, cols)
+    return found
 
 
 def is_number(value: object) -> bool:
     """Whether a node is a number within the range of int64 or float64."""
     return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 63)
-
-
-def stated_lens_model(storage: Storage) -> str | bool | None:
-    """The name of the lens model in a file, or whether it is a fisheye; None if not stated."""
-    names = [storage.get(name) for name in ("distortion_model", "model")]
-    stated = next((each for each in names if isinstance(each, str)), None)
-    fisheye = storage.get("fisheye_model")  # of OpenCV's calibration program
-    return bool(fisheye) if stated is None and isinstance(fisheye, int) else stated
 
 
 def _read_xml(text: str, source: str) -> Storage:
@@ -181,7 +191,7 @@ _PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0
 
 def read_yaml(text: str, source: str) -> dict[str, Any]:
     """The mapping in a YAML text."""
-    text = LONG_LIST.sub("[]", OPENCV_HEAD.sub("", text))
+    text = _document(LONG_LIST.sub("[]", YAML_HEAD.sub("", text)), source)
     check_length(text, source)
     try:
         data = yaml.load(text, Loader=_PlainLoader)
@@ -191,6 +201,20 @@ def read_yaml(text: str, source: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise StereocalError(f"{source}: this is not a parameter file (a YAML mapping).")
     return {str(key): value for key, value in data.items()}
+
+
+def _document(text: str, source: str) -> str:
+    """The only document in a YAML text; a stream of ROS messages of one camera counts as one."""
+    documents = [each for each in BETWEEN_DOCUMENTS.split(text) if NOT_EMPTY.search(each)]
+    if len(documents) < 2:
+        return BETWEEN_DOCUMENTS.sub("", text)  # errors count its lines
+    first, *more = (MESSAGE_HEADER.sub("", each).strip() for each in documents)
+    if not all(map(first.startswith, more)):  # the last message may be cut
+        raise StereocalError(
+            f"{source}: it contains different YAML documents (between lines ---); give each camera "
+            "a file of its own."
+        )
+    return documents[0]
 
 
 def check_length(text: str, source: str) -> None:

@@ -162,7 +162,7 @@ def _pose(data: Mapping[str, Any], source: str) -> Pose | AimedPose:
             f"{source}: R must be 3 rows of 3 numbers, and T 3 numbers in metres."
         ) from error
     with naming(source):
-        return Pose(R, T)
+        return Pose.nearest(R, T)  # written by hand
 
 
 def _part(entry: Any, kind: type[T], where: str, optional: tuple[str, ...] = ()) -> T:

@@ -13,7 +13,7 @@
   Q^R, Section 2.3). Parallel rays and points behind a camera give NaN, never 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +22,15 @@ import numpy.typing as npt
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray, compiled, contiguous, inlined
 from stereocal.rig.fisheye import imaged_shift
+from stereocal.rig.rotations import (
+    EXACT_ROTATION,
+    NEAREST_TOLERANCE,
+    ROTATION_TOLERANCE,
+    nearest_rotation,
+    rotation_error,
+)
 
 FARTHEST_M = 1e12
-ROTATION_TOLERANCE = 1e-6
-"""Tolerance for the entries of R R^T - I; enough for matrices printed with six digits."""
-
 PARALLEL_SINE_SQUARED = 1e-14
 """Rays within 1e-7 rad of parallel are not triangulated: rounding dominates their depth."""
 
@@ -47,6 +51,8 @@ class Pose:
 
     R: FloatArray
     T: FloatArray
+    rounding: float = field(default=0.0, kw_only=True)
+    """Largest entry of R R^T - I of the matrix that R is the nearest rotation to."""
 
     def __post_init__(self) -> None:
         R = np.array(self.R, dtype=np.float64)
@@ -62,12 +68,15 @@ class Pose:
                 f"A pose with a translation of {np.abs(T).max():g} m is impossible; "
                 "T must be in metres."
             )
-        # Entries are checked first, because their squares may overflow.
-        orthonormal = (
-            np.abs(R).max() < 2 and np.abs(R @ R.T - np.eye(3)).max() <= ROTATION_TOLERANCE
-        )
-        if not orthonormal or np.linalg.det(R) < 0:
-            raise StereocalError("R is not a rotation: its rows must be orthonormal, with det +1.")
+        error = rotation_error(R)
+        if error > ROTATION_TOLERANCE:
+            few = f" They are to {error:.1g}: write R with five decimals or more."
+            raise StereocalError(
+                "R is not a rotation: its rows must be orthonormal, with det +1."
+                + few * (error <= NEAREST_TOLERANCE)
+            )
+        if error > EXACT_ROTATION:
+            R = nearest_rotation(R)
         R.setflags(write=False)
         T.setflags(write=False)
         object.__setattr__(self, "R", R)
@@ -79,6 +88,17 @@ class Pose:
         R, T = np.empty((3, 3)), np.empty(3)
         fill_pose(np.array(angles, dtype=np.float64), baseline, R, T)
         return cls(R, T)
+
+    @classmethod
+    def nearest(cls, R: FloatArray, T: FloatArray) -> "Pose":
+        """The pose with the rotation nearest to a matrix that was printed with few decimals.
+
+        Its `rounding` says how far the matrix was from a rotation.
+        """
+        error = rotation_error(np.asarray(R, dtype=np.float64))
+        if not EXACT_ROTATION < error <= NEAREST_TOLERANCE:
+            return cls(R, T)
+        return cls(nearest_rotation(R), T, rounding=error)
 
     @property
     def baseline(self) -> float:
@@ -98,11 +118,12 @@ class Pose:
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """`c_from_b @ b_from_a` is `c_from_a`."""
-        return Pose(self.R @ other.R, self.R @ other.T + self.T)
+        rounding = max(self.rounding, other.rounding)
+        return Pose(self.R @ other.R, self.R @ other.T + self.T, rounding=rounding)
 
     def inverse(self) -> "Pose":
         """`a_from_b` of `b_from_a`."""
-        return Pose(self.R.T, -self.R.T @ self.T)
+        return Pose(self.R.T, -self.R.T @ self.T, rounding=self.rounding)
 
     def apply(self, points: npt.ArrayLike) -> FloatArray:
         """Points of shape (n, 3) or (3,) in frame a, expressed in frame b."""

@@ -71,7 +71,16 @@ class TestUnits:
             np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
 
     @pytest.mark.parametrize(
-        ("said", "unit"), [("mm", "mm"), ("millimeters", "mm"), ("centimeters", "cm"), ("m", "m")]
+        ("said", "unit"),
+        [
+            ("mm", "mm"),
+            ("millimeters", "mm"),
+            ("Millimetres", "mm"),
+            ("centimeters", "cm"),
+            ("m", "m"),
+            ("inches", "inch"),
+            ("in", "inch"),
+        ],
     )
     def test_matlabs_world_units(self, said: str, unit: Unit) -> None:
         rig = RICHEST["matlab"]
@@ -81,8 +90,8 @@ class TestUnits:
         told = plain.replace(b"'WorldUnits', 'm'", f"'WorldUnits', '{said}'".encode())
         read = import_files({file: told}, "matlab")
         np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-12)
-        other = plain.replace(b"'WorldUnits', 'm'", b"'WorldUnits', 'in'")
-        with pytest.raises(StereocalError, match="WorldUnits are in"):
+        other = plain.replace(b"'WorldUnits', 'm'", b"'WorldUnits', 'feet'")
+        with pytest.raises(StereocalError, match="WorldUnits are feet"):
             import_files({file: other}, "matlab")
 
 

@@ -46,6 +46,8 @@ class Archive:
     """For the data set."""
     remarks: tuple[str, ...] = ()
     """For the user."""
+    no_baseline: str = ""
+    """Why there is none in the camera files."""
 
     @property
     def baseline_sigma_m(self) -> float | None:
@@ -56,10 +58,11 @@ class Archive:
         """Lines of the report on what is missing; lengths as for `dataset`."""
         baseline = self.baseline_m if baseline_m is None else baseline_m
         distance = self.target_distance_m if distance_m is None else distance_m
+        why = f"{self.no_baseline.removesuffix('.')}: " if self.no_baseline else ""
         wanted = (
             ("table of points", self.correspondences, "give the CSV of the bar's ends"),
             ("camera files", self.primary, "give both lenses"),
-            ("baseline", baseline, "give --baseline B in metres, or free"),
+            ("baseline", baseline, f"{why}give --baseline B in metres, or free"),
             ("distance A-B", distance, "give --distance D in metres"),
         )
         return [Taken(what, "missing", remedy) for what, value, remedy in wanted if value is None]

@@ -156,19 +156,21 @@ def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], Eas
 def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool) -> Archive:
     pair = read_camera_pair(files, options)
     source = ", ".join(files)
-    origin = f"{source} ({', '.join(filter(None, (pair.program, pair.words)))})"
-    cameras = pair.primary, pair.secondary
-    taken = [lens_taken(*each, origin) for each in zip(CAMERAS, cameras, strict=True)]
+    about = ", ".join(filter(None, (pair.program, pair.words)))
+    lenses = zip(CAMERAS, (pair.primary, pair.secondary), pair.files or (source,) * 2, strict=True)
+    taken = [lens_taken(which, own, f"{file} ({about})") for which, own, file in lenses]
     baseline = None if pair.pose is None or baseline_known else pair.pose.baseline
     if baseline is not None:
         baseline *= pair.scale(baseline, options.unit, source)
         taken.append(baseline_taken(baseline, f"{source}, its own solution"))
     return Archive(
         tuple(taken),
-        *cameras,
+        pair.primary,
+        pair.secondary,
         baseline_m=baseline,
-        notes=(f"Lenses from {origin}.",),
-        remarks=pair.chosen.remarks if pair.chosen else (),
+        no_baseline=pair.no_pose if pair.pose is None else "",
+        notes=(f"Lenses from {source} ({about}).",),
+        remarks=pair.remarks,
     )
 
 

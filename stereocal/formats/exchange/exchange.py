@@ -10,20 +10,14 @@ import numpy as np
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.camera_file import K_NAMES, read_camera
 from stereocal.formats.exchange.argus_profile import ARGUS
+from stereocal.formats.exchange.dlt import DLT
 from stereocal.formats.exchange.matlab import MATLAB
 from stereocal.formats.exchange.options import ExchangeOptions, Unit
 from stereocal.formats.exchange.reading import STORAGES, CameraFormat, CameraPair, Files
-from stereocal.formats.exchange.text_formats import ANIPOSELIB, CALISCOPE, COLMAP, DLT
+from stereocal.formats.exchange.ros import ROS, is_ros
+from stereocal.formats.exchange.text_formats import ANIPOSELIB, CALISCOPE, COLMAP
 from stereocal.formats.exchange.writing import OUR_UNIT, ExchangeFormat, Posed, fewer_coefficients
-from stereocal.formats.exchange.yaml_formats import (
-    KALIBR,
-    ONE_LENS,
-    OPENCV,
-    PRIMARY_FIRST,
-    ROS,
-    SINGLE_FILES,
-    is_ros,
-)
+from stereocal.formats.exchange.yaml_formats import KALIBR, ONE_LENS, OPENCV, SINGLE_FILES
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.rig.geometry import Pose
@@ -62,10 +56,14 @@ def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> Camera
     """The cameras of two files, or a nominal lens for both."""
     if len(files) > 2:
         raise StereocalError(f"{source}: {len(files)} camera files; give one or two.")
-    cameras = [read_camera(file.content, file.name, options.lens_model) for file in files]
-    words = ONE_LENS if len(cameras) == 1 else PRIMARY_FIRST
+    cameras = [
+        read_camera(file.content, file.name, options.lens_model, size)
+        for file, size in zip(files, options.image_sizes, strict=False)
+    ]
+    words = ONE_LENS if len(cameras) == 1 else ""
     no_pose = f"{source}: files of single cameras have no pose."
-    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words)
+    names = files[0].name, files[-1].name
+    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words, files=names)
 
 
 def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
@@ -114,6 +112,8 @@ def read_camera_pair(files: Mapping[str, bytes], options: ExchangeOptions) -> Ca
     A single file with one camera serves for both: a nominal lens.
     """
     found = {name: format_of(name, content) for name, content in files.items()}
+    if {*found.values()} == {"ros", "camera"}:  # one without the pair's matrices
+        found = dict.fromkeys(found, "camera")
     key = next(iter(found.values()))
     if key is None or len(set(found.values())) > 1:
         named = ", ".join(f"{name} ({each or 'unknown'})" for name, each in found.items())
@@ -202,15 +202,19 @@ def import_files(
     options: ExchangeOptions | None = None,
     source: str = "parameters",
 ) -> RigParameters:
-    """Parameters from the files of a format by name; the method is `imported`."""
+    """Parameters from the files of a format by name; the method is `imported`.
+
+    `inputs["notes"]` has what the user is to know of how they were read.
+    """
     if not files:
         raise StereocalError(f"{source}: there are no files.")
-    known, options = _format(name), options or ExchangeOptions()
+    known, options = _format(name), replace(options or ExchangeOptions(), in_order=False)
     if len(files) == 1:
         ((only, content),) = files.items()
         if known is not MATLAB or not is_matlab(content):
             refuse_other_camera(content, only, may_be_toml=known in (ANIPOSELIB, CALISCOPE))
-    rig = _read(files, known, options, source).rig(options, source)
+    pair = _read(files, known, options, source)
+    rig = pair.rig(options, source)
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
     return RigParameters(
         rig.primary,
@@ -219,7 +223,8 @@ def import_files(
         method="imported",
         cost=None,
         settings={},
-        inputs={"format": name, "sha256": digest},
+        inputs={"format": name, "sha256": digest}
+        | ({"notes": [*pair.remarks]} if pair.remarks else {}),
     )
 
 

@@ -5,14 +5,14 @@ is the inverse of our pose. The first pixel is (1, 1).
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import ExchangeOptions, Unit
+from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
@@ -77,12 +77,19 @@ def write_matlab(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
 
 WORLD_UNITS: Mapping[str, Unit] = {
     "m": "m",
-    "meters": "m",
+    "meter": "m",
+    "metre": "m",
     "cm": "cm",
-    "centimeters": "cm",
+    "centimeter": "cm",
+    "centimetre": "cm",
     "mm": "mm",
-    "millimeters": "mm",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "in": "inch",
+    "inch": "inch",
+    "inche": "inch",
 }
+"""By their names in lower case, without a plural s."""
 _WORLD_UNITS = re.compile(r"WorldUnits['\"]?\s*[,=]\s*['\"]([^'\"]*)['\"]")
 _ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MULTILINE)
 
@@ -116,15 +123,20 @@ def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     fields: dict[str, Any] = dict(assigned)
     for k, part in enumerate(PARTS, start=1):
         fields[part] = {key[:-1]: assigned[key] for key in assigned if key.endswith(str(k))}
-    units = set(_WORLD_UNITS.findall(code))
-    known = {WORLD_UNITS.get(unit) for unit in units}
+    fields["WorldUnits"] = _WORLD_UNITS.findall(code)
+    return replace(stereo_of({"": fields}, file.name, options), program="", words="")
+
+
+def _unit_of(stated: Iterable[object], source: str) -> Unit | None:
+    """The unit that a file states, at several places; None if at none."""
+    words = {word.strip() for word in stated if isinstance(word, str) and word.strip()}
+    known = {WORLD_UNITS.get(word.lower().removesuffix("s")) for word in words}
     if None in known or len(known) > 1:
         raise StereocalError(
-            f"{file.name}: its WorldUnits are {', '.join(sorted(units))[:60]}; write the lengths "
-            "in one of m, cm and mm."
+            f"{source}: its WorldUnits are {', '.join(sorted(words))[:60]}; write the lengths in "
+            f"one of {', '.join(UNITS)}."
         )
-    pair = stereo_of({"": fields}, file.name, options)
-    return replace(pair, program="", words="", stated=next(iter(known), None))
+    return next(iter(known), None)
 
 
 def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptions) -> CameraPair:
@@ -135,8 +147,11 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
                 _camera(fields[part], options, k, f"{source}, {CAMERAS[k]}")
                 for k, part in enumerate(PARTS)
             )
-            stated = [part.get("WorldUnits") for part in (fields, *(fields[p] for p in PARTS))]
-            known = {WORLD_UNITS[u] for u in stated if isinstance(u, str) and u in WORLD_UNITS}
+            stated = [
+                word
+                for part in (fields, *(fields[part] for part in PARTS))
+                for word in np.ravel(part.get("WorldUnits", ""))
+            ]
             return CameraPair(
                 primary,
                 secondary,
@@ -144,7 +159,7 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
                 f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct.",
                 "MATLAB",
                 "stereoParams",
-                stated=known.pop() if len(known) == 1 else None,
+                stated=_unit_of(stated, source),
             )
     raise StereocalError(
         f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "

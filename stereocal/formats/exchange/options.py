@@ -12,8 +12,8 @@ from stereocal.rig.camera import LensModel
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 
-Unit = Literal["m", "cm", "mm"]
-UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+Unit = Literal["m", "cm", "mm", "inch"]
+UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 """Metres per unit."""
 POSSIBLE_M = (0.002, 100.0)
 """Plausible baselines: stereo laparoscopes have 4 mm; the largest still allow a portable bar."""
@@ -66,6 +66,9 @@ class ExchangeOptions:
     """Of primary and secondary."""
     cameras: tuple[str | int, str | int] | None = None
     """Primary and secondary, by name or number (from 1), or by index; None: the first two."""
+    in_order: bool = True
+    """Whether files of one camera each are given as primary and secondary; in a folder they are
+    not."""
     unit: Unit | None = None
     """Of the lengths in the files; reading only."""
     lens_model: LensModel | None = None
@@ -150,9 +153,22 @@ class UnitError(StereocalError):
             for unit, scale in UNITS.items()
             if low <= baseline * scale <= high
         ]
-        choice = " or ".join(fitting) or "m, cm or mm; none of them is plausible"
+        choice = " or ".join(fitting) or f"{', '.join(UNITS)}; none of them is plausible"
         self.question = f"{found}: state the unit of its lengths, {choice}."
         super().__init__(f"{found}: state the unit of its lengths, --unit {choice}.")
+
+
+class OriginError(StereocalError):
+    """DLT coefficients whose pixel origin seems to be another than is usual."""
+
+    def __init__(self, source: str) -> None:
+        self.question = (
+            f"{source}: the coefficients seem to be counted from the lower left, as those of "
+            "easyWand, Argus and DLTdv5 to 7; or else the world's origin lies behind the cameras."
+        )
+        super().__init__(
+            f"{self.question} Give --image-origin lower-left; or, if it lies there, upper-left."
+        )
 
 
 def metres_per_unit(

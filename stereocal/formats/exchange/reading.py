@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.formats.camera_file import lens_model_of
+from stereocal.formats.camera_file import agreed_size, lens_model_of
 from stereocal.formats.exchange.chosen_cameras import Chosen
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
 from stereocal.formats.file_storage import ForeignFile
@@ -15,6 +15,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.rig.rotations import ROTATION_TOLERANCE
 from stereocal.system.arrays import LARGEST
 
 STORAGES = (".yaml", ".yml", ".xml", ".json")
@@ -40,6 +41,23 @@ class CameraPair:
     """Unit of the file, if it states one."""
     usual: Unit | None = None
     """Unit of all files of this program."""
+    files: tuple[str, str] | None = None
+    """The files of the primary and the secondary, if each has its own."""
+    notes: tuple[str, ...] = ()
+    """What the reader has to tell."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the user is told."""
+        error = 0.0 if self.pose is None else self.pose.rounding
+        found = self.notes + (self.chosen.remarks if self.chosen else ())
+        if error <= ROTATION_TOLERANCE:
+            return found
+        return (
+            *found,
+            f"A rotation in the files is one to {error:.1g} only, as with three or four decimals: "
+            f"the nearest was taken, which may be wrong by {np.degrees(error / 2):.1g} degrees.",
+        )
 
     def scale(self, baseline: float, unit: Unit | None, source: str) -> float:
         """Metres per unit of the file; `unit` is stated by the user.
@@ -54,7 +72,8 @@ class CameraPair:
         names = self.chosen.cameras if self.chosen else ()
         if len(names) > 2 and options.cameras is None:
             raise StereocalError(
-                f"two cameras are expected; the file has {len(names)} ({', '.join(names)[:200]}).",
+                f"two cameras are expected; the file has {len(names)} ({', '.join(names)[:200]}): "
+                "choose two with --cameras, as --cameras 1,2.",
                 source,
             )
         if self.pose is None:
@@ -107,21 +126,11 @@ def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> Floa
 
 def size_of(value: Any, options: ExchangeOptions, k: int, source: str) -> ImageSize:
     """The image size of camera `k`: the file's (`value`), or else the user's."""
-    by_user, which = options.image_sizes[k], CAMERAS[k]
-    if value is None:
-        if by_user is None:
-            raise StereocalError(
-                f"the file does not state the image size of the {which} camera: state it.", source
-            )
-        return by_user
-    width, height = (int(side) for side in array_of(value, (2,), "the image size", source))
-    if by_user is not None and by_user != (width, height):
-        raise StereocalError(
-            f"the images of the {which} camera have {width}x{height} px in the file, but "
-            f"{by_user[0]}x{by_user[1]} px were entered.",
-            source,
-        )
-    return width, height
+    stated = None
+    if value is not None:
+        width, height = (int(side) for side in array_of(value, (2,), "the image size", source))
+        stated = width, height
+    return agreed_size(stated, options.image_sizes[k], source, f" of the {CAMERAS[k]} camera")
 
 
 def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
@@ -154,10 +163,13 @@ def camera_of(
 
 
 def pose_of(R: Any, T: Any, source: str) -> Pose:
-    """The pose of what a file has: 3x3 and 3 numbers, or 4x4 numbers in `R` if there is no `T`."""
+    """The pose of what a file has: 3x3 and 3 numbers, or 4x4 numbers in `R` if there is no `T`.
+
+    A rotation with few decimals is replaced by the nearest, as `Pose.nearest`.
+    """
     if T is None:
         whole = array_of(R, (4, 4), "the pose", source)
         R, T = whole[:3, :3], whole[:3, 3]
     rotation, shift = array_of(R, (3, 3), "R", source), array_of(T, (3,), "T", source)
     with naming(source):
-        return Pose(rotation, shift)
+        return Pose.nearest(rotation, shift)

@@ -1,4 +1,4 @@
-"""Camera files in YAML: OpenCV's stereo sample, ROS camera_info, and Kalibr's camchain."""
+"""Camera files in YAML: OpenCV's stereo sample, and Kalibr's camchain."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,9 +7,16 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import FISHEYE, K_NAMES, five_or_more
+from stereocal.formats.camera_file import (
+    DISTORTION_NAMES,
+    FISHEYE,
+    K_NAMES,
+    five_or_more,
+    image_size_in,
+    stated_lens_model,
+)
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.exchange.reading import (
     STORAGES,
     CameraPair,
@@ -21,27 +28,30 @@ from stereocal.formats.exchange.reading import (
     pose_of,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number, numbers
-from stereocal.formats.file_storage import (
-    ForeignFile,
-    find_node,
-    is_number,
-    matrix_of,
-    stated_lens_model,
-)
+from stereocal.formats.file_storage import ForeignFile, find_node, matrix_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 
+
+def _of_camera(k: int) -> dict[str, tuple[str, ...]]:
+    """Names of the matrices of camera 1 or 2, of which we write the first."""
+    side = ("left", "right")[k - 1]
+    ends = (str(k), side[0].upper(), f"_{side}")
+    found = {}
+    for key, names in (("M", ("M", *K_NAMES, "CM")), ("D", ("D", *DISTORTION_NAMES))):
+        ended = (name + end for end in ends for name in names)
+        found[f"{key}{k}"] = (*ended, *(f"{side}_{name}" for name in names))
+    return found
+
+
 NAMES: Mapping[str, tuple[str, ...]] = {
-    "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "CM1"),
-    "M2": ("M2", "K2", "cameraMatrix2", "camera_matrix_2", "CM2"),
-    "D1": ("D1", "distCoeffs1", "distortion_coefficients_1"),
-    "D2": ("D2", "distCoeffs2", "distortion_coefficients_2"),
-    "R": ("R",),
-    "T": ("T",),
+    **_of_camera(1),
+    **_of_camera(2),
+    "R": ("R", "rotation", "rotation_matrix"),
+    "T": ("T", "translation", "translation_vector"),
 }
-"""Common names of OpenCV's matrices; we write those of its sample."""
-ONE_LENS, PRIMARY_FIRST = "one lens for both cameras", "primary first"
+ONE_LENS = "one lens for both cameras"
 SINGLE_FILES = "camera files"
 """Program and words of cameras that were calibrated one by one."""
 
@@ -117,27 +127,27 @@ def is_opencv(file: ForeignFile) -> bool:
     """Whether it has one of the matrices of a stereo file, and not that of a single camera."""
     if not file.ends_with(*STORAGES) or "format" in file.storage:
         return False
-    nodes = {key for names in NAMES.values() for key in names}
-    return find_node(file.storage, K_NAMES) is None and not nodes.isdisjoint(file.storage)
+    if find_node(file.storage, K_NAMES) is not None:
+        return False
+    return any(find_node(file.storage, names) is not None for names in NAMES.values())
 
 
 def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     """Two cameras from one or several files; their pose if R and T are there."""
     found: dict[str, FloatArray] = {}
-    sizes: dict[int, Any] = {}
-    models: list[str | bool] = []
+    sizes: dict[int, ImageSize] = {}
+    models: list[bool] = []
     for file in files:
         if not file.ends_with(*STORAGES):
             continue
         for key, known in NAMES.items():
             if (node := find_node(file.storage, known)) is not None:
                 found[key] = matrix_of(node, key, file.name)
-        if (stated := stated_lens_model(file.storage)) is not None:
+        if (stated := stated_lens_model(file.storage, file.name)) is not None:
             models.append(stated)
         for k in (0, 1):
-            node = find_node(file.storage, (f"image_size_{k + 1}", "image_size", "imageSize"))
-            if isinstance(node, list) and len(node) == 2 and all(map(is_number, node)):
-                sizes[k] = node
+            if (size := image_size_in(file.storage, file.name, str(k + 1))) is not None:
+                sizes[k] = size
     missing = [key for key in NAMES if key not in found]
     lacks = (
         f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
@@ -160,110 +170,6 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     )
     pose = None if missing else pose_of(found["R"], found["T"], source)
     return CameraPair(first, second, pose, lacks)
-
-
-def write_ros(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
-    """`primary.yaml` and `secondary.yaml`."""
-    R1, R2, P1, P2, _Q = rectification(two)
-    files = {}
-    for (which, camera, _pose), R, P in zip(two, (R1, R2), (P1, P2), strict=True):
-        model, coefficients = "equidistant", camera.distortion
-        if not camera.is_fisheye:
-            model = "rational_polynomial" if coefficients[5:].any() else "plumb_bob"
-            coefficients = coefficients if coefficients[5:].any() else coefficients[:5]
-        width, height = camera.image_size
-        text = header(
-            "#",
-            f"The {which} camera of the pair. The centre of the top-left pixel is (0, 0).",
-            "The pair's R and T are not in it as such: R = R2^T R1 and",
-            "T = R2^T (P2[0,3] / P2[0,0], P2[1,3] / P2[1,1], 0) from the rectification matrices.",
-        )
-        text += (
-            f"image_width: {width}\nimage_height: {height}\ncamera_name: {which}\n"
-            + _table("camera_matrix", camera.K)
-            + f"distortion_model: {model}\n"
-            + _table("distortion_coefficients", coefficients[None])
-            + _table("rectification_matrix", R)
-            + _table("projection_matrix", P)
-        )
-        files[f"{which}.yaml"] = text.encode()
-    return files
-
-
-def _table(name: str, values: FloatArray) -> str:
-    rows, columns = values.shape
-    return f"{name}:\n  rows: {rows}\n  cols: {columns}\n  data: {numbers(values)}\n"
-
-
-def is_ros(file: ForeignFile) -> bool:
-    """Whether it is a camera_info file."""
-    keys = {"camera_matrix", "projection_matrix", "distortion_model"}
-    return file.ends_with(".yaml", ".yml") and keys <= set(file.storage)
-
-
-def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
-    """The cameras of two camera_info files, or one lens for both; their pose if it is in them."""
-    fitting = [file for file in files if file.ends_with(".yaml", ".yml")]
-    no_pose = (
-        f"{source}: two camera_info files are expected, there are {len(fitting)}: use their folder."
-    )
-    if not 1 <= len(fitting) <= 2:
-        raise StereocalError(no_pose)
-    pose = None
-    if len(fitting) == 2:
-        try:
-            pose, fitting = _rectified_pair(fitting, source)
-        except StereocalError as error:  # cameras that were calibrated one by one
-            no_pose = str(error)
-    cameras = [_ros_camera(file, k, options) for k, file in enumerate(fitting)]
-    if pose is not None:
-        return CameraPair(cameras[0], cameras[1], pose)
-    words = ONE_LENS if len(cameras) == 1 else PRIMARY_FIRST
-    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words)
-
-
-def _rectified_pair(files: Files, source: str) -> tuple[Pose, list[ForeignFile]]:
-    """The pose, and the files with the primary's first: its last column of P has zeros."""
-    projections = [_data_of(file, "projection_matrix", (3, 4)) for file in files]
-    shifts = [float(np.abs(P[:2, 3]).max()) for P in projections]
-    if min(shifts) > 0 or max(shifts) == 0:
-        raise StereocalError(
-            f"{source}: the projection matrices are not those of a stereo pair: one must have a "
-            "last column of zeros, the other the baseline."
-        )
-    first, second = (0, 1) if shifts[0] == 0 else (1, 0)
-    turns = [_data_of(file, "rectification_matrix", (3, 3)) for file in files]
-    R1, R2, P2 = turns[first], turns[second], projections[second]
-    if not (P2[0, 0] > 0 and P2[1, 1] > 0):
-        raise StereocalError(f"{source}: the focal lengths of a projection matrix are not above 0.")
-    T = R2.T @ np.array([P2[0, 3] / P2[0, 0], P2[1, 3] / P2[1, 1], 0.0])
-    return pose_of(R2.T @ R1, T, source), [files[first], files[second]]
-
-
-def _ros_camera(file: ForeignFile, k: int, options: ExchangeOptions) -> Camera:
-    data = file.storage
-    model = data.get("distortion_model")
-    if model not in (None, "plumb_bob", "rational_polynomial", *FISHEYE):
-        raise StereocalError(
-            f"{file.name}: the lens model {model} is not supported; use plumb_bob, "
-            "rational_polynomial or equidistant."
-        )
-    size = [data.get("image_width"), data.get("image_height")]
-    return camera_of(
-        _data_of(file, "camera_matrix", (3, 3)),
-        _data_of(file, "distortion_coefficients", (-1,)),
-        None if None in size else size,
-        model,
-        options,
-        k,
-        file.name,
-    )
-
-
-def _data_of(file: ForeignFile, key: str, shape: tuple[int, ...]) -> FloatArray:
-    table = file.storage.get(key)
-    values = table.get("data") if isinstance(table, dict) else table
-    return array_of(values, shape, key, file.name)
 
 
 def write_kalibr(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
@@ -353,16 +259,6 @@ OPENCV = ExchangeFormat(
     is_opencv,
     write=write_opencv,
     skew="ignored",
-)
-ROS = ExchangeFormat(
-    "ROS (two camera_info files)",
-    read_ros,
-    is_ros,
-    one_camera=True,
-    unit="m",
-    write=write_ros,
-    skew="ignored",
-    coefficients=8,
 )
 KALIBR = ExchangeFormat(
     "Kalibr (camchain.yaml)",

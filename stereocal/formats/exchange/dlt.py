@@ -1,0 +1,187 @@
+"""DLT coefficients, for DLTdv, easyWand and Argus: 11 rows, one column per camera.
+
+`u = (L1 X + L2 Y + L3 Z + L4) / (L9 X + L10 Y + L11 Z + 1)`, v with L5 to L8, for undistorted
+points; the lens is not in the file. They are P = K [R | t] row by row, divided by its last entry.
+
+That entry is the depth of the world's origin. So where the origin is in front of a camera, the
+determinant of the first three columns is positive, unless v is counted from below.
+"""
+
+import csv
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
+from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
+from stereocal.formats.exchange.projection import decomposed
+from stereocal.formats.exchange.reading import CameraPair, Files, camera_of, only_file, size_of
+from stereocal.formats.exchange.writing import ExchangeFormat, Posed, number
+from stereocal.formats.file_storage import ForeignFile
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.system.arrays import LARGEST
+
+ORIGIN_BEHIND_M = 1e-6
+"""DLT cannot represent a camera at the origin, where the last entry of P is 0. So without a world
+frame of the user, the origin is put 0.001 mm in front of the primary camera."""
+COEFFICIENTS = 11
+ENDINGS = (".csv", ".txt", ".tsv")
+WHOLE = re.compile(r"[-+]?\d*")
+
+
+def write_dlt(cameras: Sequence[Posed], options: ExchangeOptions) -> dict[str, bytes]:
+    """`dlt.csv`, a column a camera."""
+    first = Pose(np.eye(3), np.array([0.0, 0.0, ORIGIN_BEHIND_M]))
+    if options.world is not None:
+        first = options.world.inverse()
+    columns = [dlt_coefficients(camera, pose @ first, options) for _, camera, pose in cameras]
+    rows = zip(*columns, strict=True)
+    return {"dlt.csv": "".join(",".join(map(number, row)) + "\n" for row in rows).encode()}
+
+
+def dlt_coefficients(
+    camera: Camera, camera_from_world: Pose, options: ExchangeOptions
+) -> FloatArray:
+    """(11,): of a camera, for undistorted pixels with the origin of `options`."""
+    origin = options.origin().matrix(camera.image_size[1])
+    P = origin @ camera.K @ np.column_stack([camera_from_world.R, camera_from_world.T])
+    if abs(P[2, 3]) < 1e-9:
+        raise StereocalError(
+            "The origin of the world lies in the plane of a camera's centre, where DLT "
+            "coefficients do not exist: move the world's origin."
+        )
+    return np.asarray((P / P[2, 3]).ravel()[:11])
+
+
+def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """Two cameras without lens distortion, and their pose; the world frame is ignored."""
+    names, table, name = _coefficients(files, source)
+    chosen = chosen_pair(names, options.cameras, name)
+    cameras, poses, behind = [], [], []
+    for k, which in enumerate(CAMERAS):
+        where = f"{name}, {which}"
+        size = size_of(None, options, k, name)
+        P = table[chosen.pair[k]].reshape(3, 4)
+        P = np.linalg.inv(options.origin().matrix(size[1])) @ P
+        K, pose = decomposed(P, where)
+        cameras.append(camera_of(K, (), size, False, options, k, where))
+        poses.append(pose)
+        behind.append(bool(np.linalg.det(P[:, :3]) < 0))
+    # The file cannot state a unit; our files are recognised by their world origin.
+    near = np.allclose(poses[0].T[:2], 0.0, rtol=0, atol=1e-3 * ORIGIN_BEHIND_M) and np.isclose(
+        abs(poses[0].T[2]), ORIGIN_BEHIND_M, rtol=1e-3, atol=0
+    )
+    if options.corner is None and (all(behind) or (near and behind[0])):
+        raise OriginError(name)
+    ours = near and np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6)
+    return CameraPair(
+        cameras[0],
+        cameras[1],
+        poses[1] @ poses[0].inverse(),
+        words=chosen.words,
+        chosen=chosen,
+        stated="m" if ours else None,
+        notes=() if ours else _on_origin(behind, options),
+    )
+
+
+def dlt_names(file: ForeignFile) -> tuple[str, ...]:
+    """Names of the cameras."""
+    return _coefficients([file], file.name)[0]
+
+
+def _on_origin(behind: Sequence[bool], options: ExchangeOptions) -> tuple[str, ...]:
+    """A note if the world's origin lies behind a camera, so that v may be counted otherwise."""
+    which = " and ".join(name for name, own in zip(CAMERAS, behind, strict=True) if own)
+    corner = options.origin().corner
+    other = next(each for each in CORNERS if each != corner)
+    return (
+        f"The world's origin lies behind the {which} camera, if points are counted from the "
+        f"{corner.replace('-', ' ')}. If it does not, give --image-origin {other}.",
+    ) * any(behind)
+
+
+def _coefficients(files: Files, source: str) -> tuple[tuple[str, ...], FloatArray, str]:
+    """Names of the cameras, their coefficients (cameras, 12), and the name of the file.
+
+    A file has all cameras, or each camera its own.
+    """
+    fitting = [file for file in files if file.ends_with(*ENDINGS)]
+    read = [_table(file) for file in fitting]
+    if len(fitting) > 1 and all(len(table) == 1 for _, table in read):
+        names = tuple(file.name.rsplit(".", 1)[0] for file in fitting)
+        return names, np.vstack([table for _, table in read]), source
+    file = only_file(files, ENDINGS, source)
+    names, table = read[0] if read else _table(file)
+    return names or tuple(f"cam{k + 1}" for k in range(len(table))), table, file.name
+
+
+def _table(file: ForeignFile) -> tuple[tuple[str, ...], FloatArray]:
+    """The names of cameras if the file has them, and the coefficients (cameras, 12)."""
+    rows = _rows(file)
+    names: list[str] = []
+    if rows and not all(map(_is_number, rows[0][-1:])):
+        names, *rows = rows
+    labels: list[str] = []
+    if all(len(row) > 1 and not _is_number(row[0]) for row in rows):
+        labels, rows = [row[0] for row in rows], [row[1:] for row in rows]
+    widths = {len(row) for row in rows}
+    wrong = next((cell for row in rows for cell in row if not _is_number(cell)), None)
+    if wrong is not None:
+        raise StereocalError(f'"{wrong[:40]}" is not a number.', file.name)
+    expected = (COEFFICIENTS, COEFFICIENTS + 1)
+    if len(widths) != 1 or not {len(rows), *widths} & {*expected}:
+        raise StereocalError(
+            f"{COEFFICIENTS} rows with one column for each camera are expected; the file has "
+            f"{len(rows)} rows and {max(widths, default=0)} columns.",
+            file.name,
+        )
+    if all(WHOLE.fullmatch(cell) for row in rows for cell in row):
+        raise StereocalError(
+            "all its numbers are whole: with decimal commas, separate the columns by semicolons.",
+            file.name,
+        )
+    table = np.array(rows, dtype=np.float64)
+    if len(rows) in expected:
+        table, labels = table.T, names[-len(table.T) :]
+    if table.shape[1] == COEFFICIENTS:
+        table = np.column_stack([table, np.ones(len(table))])
+    return tuple(labels if len({*labels}) == len(table) else ()), table
+
+
+def _rows(file: ForeignFile) -> list[list[str]]:
+    """The cells between commas, semicolons, tabs or spaces; decimal commas become points."""
+    lines = [line.strip() for line in file.text.splitlines()]
+    lines = [line for line in lines if line and not line.startswith(("#", "%"))]
+    between = next((mark for mark in ";\t," if any(mark in line for line in lines)), None)
+    try:
+        rows = list(csv.reader(lines, delimiter=between)) if between else map(str.split, lines)
+    except csv.Error as error:
+        raise StereocalError(f"this is not a CSV file ({error}).", file.name) from error
+    found = [[cell.strip(' ",') for cell in row] for row in rows]
+    if found and all(len(row) > 1 and not row[-1] for row in found):
+        found = [row[:-1] for row in found]
+    if between == ",":
+        return found
+    return [[cell.replace(",", ".") for cell in row] for row in found]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return bool(abs(float(cell)) <= LARGEST)  # rejects NaN too
+    except ValueError:
+        return False
+
+
+DLT = ExchangeFormat(
+    "DLT coefficients (DLTdv, easyWand, Argus)",
+    read_dlt,
+    names=dlt_names,
+    write=write_dlt,
+    of_rigs=True,
+    without_lens=True,
+)

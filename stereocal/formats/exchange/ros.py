@@ -1,0 +1,192 @@
+"""ROS: camera_info files, and messages as `rostopic echo` and `ros2 topic echo` print them.
+
+A point x of the first camera's rectified frame is at P x in the image that a projection matrix P is
+of. Of a rectified pair, P = K' [I | t], and the rectification matrix turns the camera into that
+frame. Other programs write P = K [R | t] of the camera itself, with the rectification I.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import PurePath
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import K_NAMES, read_camera
+from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.projection import decomposed
+from stereocal.formats.exchange.reading import STORAGES, CameraPair, Files, array_of, pose_of
+from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, numbers
+from stereocal.formats.exchange.yaml_formats import ONE_LENS, SINGLE_FILES, rectification
+from stereocal.formats.file_storage import ForeignFile, find_node
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+
+P_NAMES = ("projection_matrix", "P", "p")
+R_NAMES = ("rectification_matrix", "R", "r")
+"""Of files, of ROS 1 and of ROS 2."""
+MESSAGE = re.compile(rb"^(K|k|camera_matrix):", re.MULTILINE)
+MOST_SKEW, MOST_DIFFERENT = 0.01, 0.5
+"""Of a projection matrix with a rotation: its skew by its focal length, and the difference of its
+camera matrix from the camera's own."""
+
+
+def write_ros(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
+    """`primary.yaml` and `secondary.yaml`."""
+    R1, R2, P1, P2, _Q = rectification(two)
+    files = {}
+    for (which, camera, _pose), R, P in zip(two, (R1, R2), (P1, P2), strict=True):
+        model, coefficients = "equidistant", camera.distortion
+        if not camera.is_fisheye:
+            model = "rational_polynomial" if coefficients[5:].any() else "plumb_bob"
+            coefficients = coefficients if coefficients[5:].any() else coefficients[:5]
+        width, height = camera.image_size
+        text = header(
+            "#",
+            f"The {which} camera of the pair. The centre of the top-left pixel is (0, 0).",
+            "The pair's R and T are not in it as such: R = R2^T R1 and",
+            "T = R2^T (P2[0,3] / P2[0,0], P2[1,3] / P2[1,1], 0) from the rectification matrices.",
+        )
+        text += (
+            f"image_width: {width}\nimage_height: {height}\ncamera_name: {which}\n"
+            + _table("camera_matrix", camera.K)
+            + f"distortion_model: {model}\n"
+            + _table("distortion_coefficients", coefficients[None])
+            + _table("rectification_matrix", R)
+            + _table("projection_matrix", P)
+        )
+        files[f"{which}.yaml"] = text.encode()
+    return files
+
+
+def _table(name: str, values: FloatArray) -> str:
+    rows, columns = values.shape
+    return f"{name}:\n  rows: {rows}\n  cols: {columns}\n  data: {numbers(values)}\n"
+
+
+def is_ros(file: ForeignFile) -> bool:
+    """Whether it is a camera_info file or message."""
+    if not file.ends_with(*STORAGES) and not (
+        file.ends_with(".txt") and MESSAGE.search(file.content)
+    ):
+        return False
+    if "format" in file.storage:
+        return False
+    return all(find_node(file.storage, names) is not None for names in (K_NAMES, P_NAMES))
+
+
+def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+    """The cameras of two camera_info files, or one lens for both; their pose if it is in them."""
+    files = [file for file in files if file.ends_with(*STORAGES, ".txt")]
+    no_pose = (
+        f"{source}: two camera_info files are expected, there are {len(files)}: use their folder."
+    )
+    if not 1 <= len(files) <= 2:
+        raise StereocalError(no_pose)
+    pose, notes = None, list[str]()
+    if len(files) == 2:
+        files = _ordered(files, options)
+        if not options.in_order:
+            primary, secondary = (file.name for file in files)
+            notes.append(
+                f"{primary} was taken as the primary camera, {secondary} as the secondary."
+            )
+        try:
+            pose = _pose_of_pair(files, source, notes)
+        except StereocalError as error:  # cameras that were calibrated one by one
+            no_pose = str(error)
+    cameras = [
+        read_camera(file.content, file.name, options.lens_model, size)
+        for file, size in zip(files, options.image_sizes, strict=False)
+    ]
+    return CameraPair(
+        cameras[0],
+        cameras[-1],
+        pose,
+        no_pose,
+        "ROS" if pose else SINGLE_FILES,
+        ONE_LENS if len(files) == 1 else "",
+        files=(files[0].name, files[-1].name),
+        notes=tuple(notes),
+    )
+
+
+def _ordered(files: Files, options: ExchangeOptions) -> Files:
+    """The primary's file and the secondary's.
+
+    As the user chooses or gives them; of a folder, the left camera first, whose P has no baseline.
+    """
+    names = tuple(PurePath(file.name).stem for file in files)
+    if options.cameras is not None and has_cameras(names, options.cameras):
+        return [files[k] for k in chosen_pair(names, options.cameras, "").pair]
+    if options.in_order:
+        return files
+    return sorted(files, key=lambda file: bool(_numbers(file, P_NAMES, (3, 4))[:, 3].any()))
+
+
+def _pose_of_pair(files: Files, source: str, notes: list[str]) -> Pose:
+    """The secondary from the primary; adds to `notes` how it was read."""
+    read = [_from_world(file) for file in files]
+    shifted = [bool(np.abs(pose.T).max() > 0) for pose, _ in read]
+    if not any(shifted) or (all(shifted) and not any(turned for _, turned in read)):
+        raise StereocalError(
+            f"{source}: the projection matrices are not those of a stereo pair: one must have a "
+            "last column of zeros, the other the baseline."
+        )
+    if turned := [file.name for file, (_, turned) in zip(files, read, strict=True) if turned]:
+        notes.append(
+            f"The projection matrix of {' and '.join(turned)} has a rotation in it, as K [R | t] "
+            "has: the pose was taken from it."
+        )
+    (first, _), (second, _) = read
+    return second @ first.inverse()
+
+
+def _from_world(file: ForeignFile) -> tuple[Pose, bool]:
+    """The camera from the frame of the pair, and whether the projection matrix turns into it."""
+    P, R = _numbers(file, P_NAMES, (3, 4)), np.eye(3)
+    if find_node(file.storage, R_NAMES) is not None:
+        R = _numbers(file, R_NAMES, (3, 3))
+    still = pose_of(R.T, np.zeros(3), f"{file.name}, {R_NAMES[0]}")
+    if P[1, 0] == 0 and np.array_equal(P[2, :3], [0, 0, 1]):
+        if not (P[0, 0] > 0 and P[1, 1] > 0):
+            raise StereocalError(
+                "the focal lengths of its projection matrix are not above 0.", file.name
+            )
+        shift = np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
+        return still @ Pose(np.eye(3), shift), False
+    if np.abs(R - np.eye(3)).max() > 0:
+        raise StereocalError(
+            "its projection matrix has a rotation in it, and its rectification matrix another: "
+            "what they mean together is not known.",
+            file.name,
+        )
+    found, pose = decomposed(P, f"{file.name}, {P_NAMES[0]}")
+    own = _numbers(file, K_NAMES, (3, 3))
+    different = np.abs(found - own).max() / own[0, 0]
+    if abs(found[0, 1]) > MOST_SKEW * found[0, 0] or not different < MOST_DIFFERENT:
+        raise StereocalError(
+            "its projection matrix is neither that of a rectified camera nor K [R | t] of its own "
+            "camera matrix.",
+            file.name,
+        )
+    return pose, True
+
+
+def _numbers(file: ForeignFile, names: Sequence[str], shape: tuple[int, ...]) -> FloatArray:
+    table = find_node(file.storage, names)
+    values = table.get("data") if isinstance(table, dict) else table
+    return array_of(values, shape, names[0], file.name)
+
+
+ROS = ExchangeFormat(
+    "ROS (two camera_info files)",
+    read_ros,
+    is_ros,
+    one_camera=True,
+    unit="m",
+    write=write_ros,
+    skew="ignored",
+    coefficients=8,
+)
