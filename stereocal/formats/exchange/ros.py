@@ -13,7 +13,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import K_NAMES, read_camera
-from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.projection import decomposed
 from stereocal.formats.exchange.reading import STORAGES, CameraPair, Files, array_of, pose_of
@@ -115,13 +115,13 @@ def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
 def _ordered(files: Files, options: ExchangeOptions) -> Files:
     """The primary's file and the secondary's.
 
-    As the user chooses or gives them; of a folder, the left camera first, whose P has no baseline.
+    Of a folder those that the user chooses, or the left camera first, whose P has no baseline.
     """
-    names = tuple(PurePath(file.name).stem for file in files)
-    if options.cameras is not None and has_cameras(names, options.cameras):
-        return [files[k] for k in chosen_pair(names, options.cameras, "").pair]
     if options.in_order:
         return files
+    if options.cameras is not None:
+        names = [PurePath(file.name).stem for file in files]
+        return [files[k] for k in chosen_pair(names, options.cameras, "the folder").pair]
     return sorted(files, key=lambda file: bool(_numbers(file, P_NAMES, (3, 4))[:, 3].any()))
 
 
