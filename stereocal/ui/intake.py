@@ -15,8 +15,7 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, pack_pair, parse_dataset, parse_survey
-from stereocal.formats.exchange.exchange import format_of, read_camera_pair
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recording_files import find_description
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
@@ -32,7 +31,7 @@ from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import ask_if_fisheye, refuse, refusing
+from stereocal.ui.messages import ask_about_lens, ask_if_fisheye, refuse, refusing
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
 
@@ -151,18 +150,15 @@ def store_table(name: str, content: bytes) -> None:
 
 
 def store_camera(slot: Slot, name: str, content: bytes) -> None:
-    """Store a camera file; if it may be a fisheye's, ask."""
+    """Store a camera file; what it does not say of its lens is asked."""
 
-    def take(model: LensModel | None) -> None:
-        stored = content
-        if model is None and format_of(name, content) == "ros":
-            stored = write_camera(read_camera_pair({name: content}, ExchangeOptions()).primary)
-        camera = read_camera(stored, name, model)
-        if model == "fisheye":  # the stored file must state it
-            stored = write_camera(camera)
+    def take(model: LensModel | None, size: ImageSize | None) -> None:
+        camera = read_camera(content, name, model, size)
+        # The stored file must state what was asked.
+        stored = write_camera(camera) if size or model == "fisheye" else content
         _try_files({slot: (name, stored)}, {slot: camera})
 
-    ask_if_fisheye(take)
+    ask_about_lens(take)
 
 
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:

@@ -15,7 +15,8 @@ from streamlit.delta_generator import DeltaGenerator
 from streamlit.runtime.scriptrunner import StopException
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import FourCoefficientsError
+from stereocal.formats.camera_file import FourCoefficientsError, ImageSizeError
+from stereocal.formats.exchange.options import ImageSize
 from stereocal.rig.camera import LensModel
 from stereocal.ui.texts import escape_markdown
 
@@ -24,6 +25,8 @@ T = TypeVar("T")
 Ways = Mapping[str, Callable[[], None]]
 """Ways to continue after a refusal: callbacks by the label of their button; two at most."""
 _MESSAGES, _REFUSED = "messages", "refused"
+_SIZE = {"width": "refused_width", "height": "refused_height"}
+"""The fields of an image size that is asked for."""
 
 
 def end_here() -> NoReturn:
@@ -126,7 +129,13 @@ def show_refusal() -> None:
     if refused is None:
         return
     error, ways = refused
-    st.error(f"{escape_markdown(str(error))}\n\nWhat was loaded before is unchanged.")
+    text, asks_size = str(error), False
+    if isinstance(error, ImageSizeError) and ways:
+        text, asks_size = f"{error.question} What is it?", True
+    st.error(f"{escape_markdown(text)}\n\nWhat was loaded before is unchanged.")
+    if asks_size:
+        for place, (side, key) in zip(st.columns(2), _SIZE.items(), strict=True):
+            place.number_input(f"Image {side} (px)", 1, value=None, step=1, key=key)
     if isinstance(error, RefusedRowsError):
         rows = [(problem.line, problem.reason) for problem in error.problems]
         table = pd.DataFrame(rows, columns=["Line", "Refused because"])
@@ -171,3 +180,19 @@ def ask_if_fisheye(
                 "k1 k2 k3 k4: a fisheye": partial(again, take, "fisheye"),
             },
         )
+
+
+def ask_about_lens(
+    take: Callable[[LensModel | None, ImageSize | None], object], size: ImageSize | None = None
+) -> None:
+    """Take an upload as `ask_if_fisheye`; if a camera in it has no image size, ask for that too."""
+    try:
+        ask_if_fisheye(lambda model: take(model, size))
+    except ImageSizeError as error:
+        again = callback(refusing()(ask_about_lens))
+        refuse(error, {"Use this size": lambda: again(take, _entered_size())})
+
+
+def _entered_size() -> ImageSize | None:
+    width, height = (st.session_state.get(key) for key in _SIZE.values())
+    return None if width is None or height is None else (int(width), int(height))

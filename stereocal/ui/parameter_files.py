@@ -7,9 +7,22 @@ from functools import cached_property
 import streamlit as st
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
-from stereocal.formats.camera_file import FourCoefficientsError
-from stereocal.formats.exchange.exchange import FORMATS, export_files, export_notes, import_files
-from stereocal.formats.exchange.options import ExchangeOptions, PixelOrigin, UnitError
+from stereocal.formats.camera_file import FourCoefficientsError, ImageSizeError
+from stereocal.formats.exchange.exchange import (
+    FORMATS,
+    export_files,
+    export_notes,
+    import_files,
+    names_in_files,
+)
+from stereocal.formats.exchange.options import (
+    ORIGIN,
+    USUAL_ORIGIN,
+    ExchangeOptions,
+    OriginError,
+    PixelOrigin,
+    UnitError,
+)
 from stereocal.projects.application import ProjectApplication, Use
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -23,7 +36,7 @@ from stereocal.ui.intake import take_new
 from stereocal.ui.messages import ErrorsShown, readable
 from stereocal.ui.refined import PAPERS, answer_when_ready, wait_for_answer
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.wizard import Questions, ask_about, ask_size
+from stereocal.ui.wizard import STATED, Questions, ask_about, ask_size
 from stereocal.workflow import Answer
 
 FILES: dict[Method, tuple[str, str]] = {
@@ -147,15 +160,17 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
         name: str | None = program.menu(
             "Which program?", index=None, placeholder="choose", format_func=_title
         )
-        options = _options(asked, use, name)
         if name is None:
             return None
         try:
-            rig = read_once(_imported, content, label, name, options)
-        except (FourCoefficientsError, UnitError) as error:
+            options = _options(asked, name, read_once(_names_in, content, label, name))
+            rig = _read(asked, use, content, label, name, options)
+        except (FourCoefficientsError, ImageSizeError, OriginError, UnitError) as error:
             st.info(escape_markdown(error.question))
             return None
         st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
+        for note in rig.inputs.get("notes", ()):
+            st.caption(escape_markdown(note))
         return lambda: store.keep_set(use, label, rig.dumps().encode())
 
     ask_about(store, use, form, "Use these parameters")
@@ -165,22 +180,51 @@ def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -
     return import_files(unzip(content, label), name, options, label)
 
 
-def _options(asked: Questions, use: Use, name: str | None) -> ExchangeOptions:
+def _names_in(content: bytes, label: str, name: str) -> tuple[str, ...]:
+    return names_in_files(unzip(content, label), name)
+
+
+def _read(
+    asked: Questions, use: Use, content: bytes, label: str, name: str, options: ExchangeOptions
+) -> RigParameters:
+    """The parameters in files; image sizes are asked for if the files do not state them."""
+    try:
+        return read_once(_imported, content, label, name, options)
+    except ImageSizeError:
+        first, second = (
+            ask_size(
+                asked.project,
+                f"set_size_{use}_{which}",
+                f", {which}",
+                camera.image_size if camera else None,
+                tabs_own=True,
+            )
+            for which, camera in zip(CAMERAS, asked.project.cameras, strict=True)
+        )
+        options = replace(options, image_sizes=(first, second))
+        return read_once(_imported, content, label, name, options)
+
+
+def _options(asked: Questions, name: str, names: tuple[str, ...]) -> ExchangeOptions:
     left, right = st.columns(2)
     unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
     options = ExchangeOptions(unit=unit, lens_model=lens_model)
     if name == "dlt":
-        options = replace(options, **vars(asked.origin(PixelOrigin())))
-    if name not in ("dlt", "opencv"):  # the others say it
-        return options
-    first, second = (
-        ask_size(
-            asked.project,
-            f"set_size_{use}_{which}",
-            f", {which}",
-            camera.image_size if camera else None,
-            tabs_own=True,
+        corner, first_pixel, flip = st.columns(len(ORIGIN))
+        said = asked.ask(corner, "corner"), asked.ask(first_pixel, "first_pixel", 0.0)
+        how = asked.ask(flip, "flip", USUAL_ORIGIN.flip) if said[0] == "lower-left" else None
+        options = replace(options, corner=said[0], first_pixel=said[1], flip=how)
+    if name == "ros" and len(names) == 2:
+        words: dict[int | None, str] = {None: f"{STATED}: that without a baseline"}
+        words |= enumerate(names)
+        primary = asked.field("primary", None, one_of(words)).menu(
+            "The primary camera is", format_func=words.__getitem__
         )
-        for which, camera in zip(CAMERAS, asked.project.cameras, strict=True)
-    )
-    return replace(options, image_sizes=(first, second))
+        return options if primary is None else replace(options, cameras=(primary, 1 - primary))
+    if len(names) < 3:
+        return options
+    chosen = [
+        asked.field(which, own, one_of(names)).menu(f"The {which} camera is", place)
+        for place, which, own in zip(st.columns(2), CAMERAS, names, strict=False)
+    ]
+    return replace(options, cameras=(names.index(chosen[0]), names.index(chosen[1])))

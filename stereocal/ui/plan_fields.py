@@ -27,7 +27,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, take_one
-from stereocal.ui.messages import ask_if_fisheye, callback
+from stereocal.ui.messages import ask_about_lens, callback
 
 OTHER, FILE = "Other: sensor and pixels", "A camera file"
 CHOICES = (*COMMON, OTHER, FILE)
@@ -219,8 +219,8 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
     kept = plan_field(project, "file", which)
 
     def take(name: str, content: bytes) -> None:
-        ask_if_fisheye(
-            lambda model: kept.set(write_camera(read_camera(content, name, model)).decode())
+        ask_about_lens(
+            lambda *said: kept.set(write_camera(read_camera(content, name, *said)).decode())
         )
 
     title, key = f"Camera file, {which}", f"upload_plan_{which}"

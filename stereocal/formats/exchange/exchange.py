@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
@@ -104,6 +104,17 @@ def camera_names(name: str, content: bytes) -> tuple[str, ...]:
     found = format_of(name, content)
     names = None if found is None else READ[found].names
     return () if names is None else names(ForeignFile(name, content))
+
+
+def names_in_files(files: Mapping[str, bytes], name: str) -> tuple[str, ...]:
+    """Names of the cameras in the files of a format by name, to choose from; empty if none are."""
+    known = _format(name)
+    if known.one_camera:
+        return tuple(PurePath(each).stem for each in files)
+    if known.names is None or len(files) != 1:
+        return ()
+    ((only, content),) = files.items()
+    return known.names(ForeignFile(only, content))
 
 
 def read_camera_pair(files: Mapping[str, bytes], options: ExchangeOptions) -> CameraPair:
