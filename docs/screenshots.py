@@ -100,7 +100,7 @@ def project_of_recording(page: Page, url: str) -> str:
     settle(page)
     page.get_by_role("button", name="Calibrate", exact=True).click()
     expect(page.get_by_text("held out: ").first).to_be_visible(timeout=10 * LONGEST_MS)
-    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=10 * LONGEST_MS)
+    expect(page.get_by_text("held out here: not yet")).to_have_count(0, timeout=10 * LONGEST_MS)
     settle(page)
     return query
 

@@ -30,8 +30,9 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
 from stereocal.system.executors import engine
 from stereocal.verdict.forecast import outlook_of
-from stereocal.verdict.in_words import digits, interval, listed, percent
+from stereocal.verdict.in_words import digits, listed
 from stereocal.verdict.predictive import Predictive
+from stereocal.verdict.recommendation import frames_to_come, in_percent
 from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds, usual_frames
 
 OPTIONS: Options = {
@@ -110,7 +111,8 @@ def _lines_of(found: Answer) -> list[str]:
             named = listed([str(frame) for frame in result.outlying_frames])
             lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
     if found.outlook:
-        lines += _forecast_lines(found.outlook.predictive, found.thresholds_px)
+        of = frames_to_come(calibration, found.outlook)
+        lines += _forecast_lines(found.outlook.predictive, found.thresholds_px, of)
     return lines
 
 
@@ -152,14 +154,14 @@ def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Eva
 
 
 def _forecast_lines(
-    predictive: Predictive, thresholds_px: Mapping[Method, float | None]
+    predictive: Predictive, thresholds_px: Mapping[Method, float | None], of: str
 ) -> list[str]:
-    lines = ["Expected on new frames with similar bars (95 % intervals):"]
+    lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
     for method, found in predictive.forecasts.items():
-        fcp, length = found.fcp_reprojection, found.median_error_3d
+        fcp, length = found.fcp_reprojection, found.p95_error_3d
         lines.append(
-            f"{method:<10} wrong pairs that look right {percent(fcp.value)} % ({interval(fcp)}), "
-            f"length error (median) {percent(length.value)} % ({interval(length)})"
+            f"{method:<10} overlap of correct and wrong pairs {in_percent(fcp)}, "
+            f"95 % of lengths within {in_percent(length)}"
             + (f", threshold {digits(own, 2)} px" if (own := thresholds_px.get(method)) else "")
         )
     return lines

@@ -38,7 +38,7 @@ ANGLE_TITLES = {
 }
 THRESHOLD_ROW = "Matching threshold (px)"
 FORECAST_ROWS = {
-    "Wrong pairs that look right, FCP (%)": "fcp_reprojection",
+    "Overlap of correct and wrong pairs, FCP (%)": "fcp_reprojection",
     "Reprojection error, mean (px)": "mean_reprojection_px",
     THRESHOLD_ROW: "threshold_px",
     "Length error, median (%)": "median_error_3d",
@@ -195,13 +195,13 @@ def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
     standing = {quantity: standings(summaries, quantity) for quantity in COLUMNS}
     columns = {}
     for method in in_order(summaries):
-        own, looks_right = summaries[method], "How often a wrong pair looks right (FCP)"
+        own, overlap = summaries[method], "Overlap of correct and wrong pairs (FCP)"
         residual, matching, lengths = own.residual, own.reprojection, own.reconstruction
         bars, behind = lengths.pdf, f"{matching.correct.nans} and {matching.wrong.nans}"
         of_residual, of_matching, of_lengths = (standing[name].get(method, "") for name in COLUMNS)
         columns[METHOD_NAMES[method]] = {
-            f"{looks_right}, residual (%)": _with_interval(residual.fcp, of_residual),
-            f"{looks_right}, reprojection error (%)": _with_interval(matching.fcp, of_matching),
+            f"{overlap}, residual (%)": _with_interval(residual.fcp, of_residual),
+            f"{overlap}, reprojection error (%)": _with_interval(matching.fcp, of_matching),
             "Recommended threshold, residual (no unit)": digits(residual.threshold),
             "Recommended threshold, reprojection error (px)": digits(matching.threshold),
             "Correct pairs lost at that many px (%)": percent(matching.correct_lost),
@@ -232,9 +232,9 @@ def _with_interval(estimate: Estimate, standing: str = "") -> str:
 
 
 def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
-    """Which set to match with, at which threshold, and which to measure with, with their errors.
+    """What the sets did on held-out frames. What to use is said by the recommendation alone.
 
-    The 2D set is recommended for matching and the 3D set for measuring if they are best, or if
+    Of the paper's sets: the 2D set for pairs and the 3D set for lengths if they are best, or if
     their intervals overlap that of the best. The refined set has a separate sentence.
     """
     paper = {method: summaries[method] for method in METHODS if method in summaries}
@@ -242,24 +242,27 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
         _made_for(paper, "reprojection", "2d"),
         _made_for(paper, "reconstruction", "3d"),
     )
-    matching, lengths = paper[match].reprojection, paper[measure].reconstruction
-    answer = (
-        f"Match with {_name(match)} at {digits(matching.threshold, 2)} px: "
-        f"{percent(matching.wrong_let_in)} % of wrong pairs are accepted and "
-        f"{percent(matching.correct_lost)} % of correct ones are lost."
-    )
-    if math.isfinite(lengths.median.value):
-        within = percent(lengths.p95)
-        answer += f" Measure with {_name(measure)}: 95 % of bars within {within} %."
-    else:
-        answer += " No bar could be measured."
+    pairs, lengths = _pairs_in_words(paper[match]), _lengths_in_words(paper[measure])
+    answer = f"Held out here: with {_name(match)}{pairs}; with {_name(measure)}, {lengths}."
     if (refined := summaries.get("refined")) is not None:
-        answer += (
-            f" The one refined set does both: at {digits(refined.reprojection.threshold, 2)} px "
-            f"{percent(refined.reprojection.wrong_let_in)} % of wrong pairs are accepted, and 95 % "
-            f"of bars are within {percent(refined.reconstruction.p95)} %."
-        )
+        both = f"{_pairs_in_words(refined)}, and {_lengths_in_words(refined)}"
+        answer += f" With the one refined set{both}."
     return answer
+
+
+def _pairs_in_words(own: MethodSummary) -> str:
+    matching = own.reprojection
+    return (
+        f" below {digits(matching.threshold, 2)} px, {percent(matching.wrong_let_in)} % of wrong "
+        f"pairs are accepted and {percent(matching.correct_lost)} % of correct ones are lost"
+    )
+
+
+def _lengths_in_words(own: MethodSummary) -> str:
+    within = own.reconstruction.p95
+    if not math.isfinite(within):
+        return "no bar could be measured"
+    return f"95 % of bars are within {percent(within)} %"
 
 
 def _made_for(paper: Mapping[Method, MethodSummary], quantity: str, made: Method) -> Method:

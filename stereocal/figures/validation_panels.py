@@ -222,6 +222,6 @@ def describe_validation(
         ]
         what, quantity = "3D error of bars, median and 95 %", column.panels[0].quantity
         if quantity != "reconstruction":
-            what = f"How often a wrong pair looks right (FCP), by {HEADINGS[quantity].lower()}"
+            what = f"Overlap of correct and wrong pairs (FCP), by {HEADINGS[quantity].lower()}"
         sentences.append(f"{what}: {'; '.join(parts)}.")
     return f"{' '.join(sentences)} In brackets: 95 % intervals."

@@ -286,12 +286,11 @@ def digest_of(rig: RigParameters) -> str:
 
 
 def _made_with(work: Application, threshold_px: float) -> str:
-    (near, far), sets = work.depths_m, {"2d": "2D", "3d": "3D"}
-    matching, measuring = (sets.get(m, m) for m in (work.matching.method, work.measuring.method))
+    near, far = work.depths_m
     frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
     depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
     return (
-        f"{work.primary.label} and {work.secondary.label}; matched with the {matching} "
-        f"set, threshold {rounded(threshold_px, 4)} px{depths}; measured with the "
-        f"{measuring} set{frame}."
+        f"{work.primary.label} and {work.secondary.label}; matched with the "
+        f"{work.matching.set_name}, threshold {rounded(threshold_px, 4)} px{depths}; measured with "
+        f"the {work.measuring.set_name}{frame}."
     )

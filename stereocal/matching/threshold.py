@@ -99,11 +99,15 @@ class ThresholdChoice:
     shares: Shares | None = None
     """None if correct and wrong pairs could not be separated."""
     is_forced: bool = False
+    chosen_for: str = ""
+    """What it was chosen for, and what that of the parameter file is for; empty if it is another's
+    choice."""
 
     def sentence(self) -> str:
-        """Noise, threshold, and what it does."""
+        """Noise, threshold, what it is for, and what it does."""
         of_file = ", that of the parameter file" * (self.shares is None and not self.is_forced)
-        text = f"{self._about_noise()} Threshold {rounded(self.threshold_px, 3)} px{of_file}"
+        found = f"{rounded(self.threshold_px, 3)} px{self.chosen_for or of_file}"
+        text = f"{self._about_noise()} Threshold {found}"
         if self.shares is None:
             return f"{text}."
         return (
@@ -160,9 +164,11 @@ def choose_threshold(
     targets = noise_of_calibration(rig)
     if found is not None:
         chosen, shares = _choose(found, sample, threshold_px)
-        if threshold_px is not None or shares.lost <= MAXIMUM_LOST:
-            is_forced = threshold_px is not None
-            return ThresholdChoice(chosen, noise, targets, shares, is_forced)
+        if threshold_px is not None:
+            return ThresholdChoice(chosen, noise, targets, shares, is_forced=True)
+        if shares.lost <= MAXIMUM_LOST:
+            what_for = _chosen_for(rig, float(sample.points.max()) / len(frames))
+            return ThresholdChoice(chosen, noise, targets, shares, chosen_for=what_for)
     if threshold_px is not None:
         return ThresholdChoice(threshold_px, noise, targets, is_forced=True)
     if rig.matching_threshold_px is None:
@@ -175,6 +181,18 @@ def choose_threshold(
             )
         raise StereocalError(f"No threshold can be chosen: {why}")
     return ThresholdChoice(rig.matching_threshold_px, noise, targets)
+
+
+def _chosen_for(rig: RigParameters, points_per_frame: float) -> str:
+    """The fewer points a frame has, the fewer wrong pairs are to be kept out, and the larger is the
+    threshold. That of a file knows no number of points: it weighs one correct pair of the targets
+    against one wrong pair. (0.91 px there and 1.84 px for the one point a frame of the real
+    recording, with the same refined set.)"""
+    in_file, density = rig.matching_threshold_px, rounded(points_per_frame)
+    weighed = "for as many wrong pairs as correct ones"
+    other = "" if in_file is None else f" (in its file {rounded(in_file, 3)} px, {weighed})"
+    points = f"{density} point{'s' * (density != '1')} a frame"
+    return f", chosen for {points} and the {rig.set_name}{other}"
 
 
 @dataclass(frozen=True, eq=False)

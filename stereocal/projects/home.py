@@ -278,7 +278,7 @@ def _result_of(project: Project) -> str:
     match, measure = (figures_of(method, None, held_out) for method in to_use)
     lengths, wrong = (
         "unknown" if value is None else f"{percent(value)} %"
-        for value in (measure.length_median.held_out, match.wrong_let_in.held_out)
+        for value in (measure.length_p95.held_out, match.wrong_let_in.held_out)
     )
     names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
-    return f"{names}, held out: lengths {lengths}, wrong pairs {wrong}"
+    return f"{names}, held out: 95 % of lengths within {lengths}, {wrong} of wrong pairs accepted"

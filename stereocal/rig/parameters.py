@@ -119,6 +119,12 @@ class RigParameters(Rig):
         )
 
     @property
+    def set_name(self) -> str:
+        """In sentences, such as `2D set`."""
+        short = {"2d": "2D", "3d": "3D"}
+        return f"{short.get(self.method, self.method)} set"
+
+    @property
     def purpose(self) -> str:
         """`matching` for the 2D set, `reconstruction` for the 3D set, else `both`."""
         return PURPOSES[self.method]

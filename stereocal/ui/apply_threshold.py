@@ -105,9 +105,6 @@ class ThresholdForm:
         """The errors of the best and second-best pairs, and the depth range."""
         form, figure = st.columns([2, 3], gap="large")
         with form:
-            if self.rig.matching_threshold_px is not None:
-                own = rounded(self.rig.matching_threshold_px, 3)
-                st.caption(f"For points like the targets: {own} px.")
             only, *ends = _depth_fields(self.store.project)
             told = "Where it is known how far away the points are, fewer wrong pairs fit."
             st.toggle("Only points at some depths", **only.widget(), help=told)

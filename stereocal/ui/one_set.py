@@ -185,8 +185,8 @@ def _show_trade_off(
     seen = replace(dataset, primary=own.primary, secondary=own.secondary)
     fcp, median = figures_of_set(count_set(seen, own.pose))
     st.markdown(
-        f"At the slider's point: wrong pairs that look right (FCP) **{percent(fcp)} %**, 3D error "
-        f"(median) **{percent(median)} %**, on the frames it was fitted to."
+        "At the slider's point, on the frames it was fitted to: overlap of correct and wrong pairs "
+        f"(FCP) **{percent(fcp)} %**, 3D error (median) **{percent(median)} %**."
     )
     with st.expander("Its parameters"):
         st.table(tables.parameters_table(own))

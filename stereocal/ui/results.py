@@ -23,7 +23,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.lengths_in_words import as_held, word_of
+from stereocal.rig.lengths_in_words import as_held
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import screening
 from stereocal.ui.downloads import offer
@@ -36,10 +36,10 @@ from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloa
 from stereocal.ui.review import look_closely
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.verdict.recommendation import Figure
+from stereocal.verdict.recommendation import Figure, frames_to_come
 from stereocal.workflow import Answer
 
-TILES = ("Wrong pairs let in", "Length error, median", "Threshold")
+TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
 FRAMES = "Errors by frame"
 CHART, OPENED = "frames", "opened_frame"
 COVERAGE = "coverage"
@@ -93,9 +93,9 @@ def _tile(title: str, answer: Answer) -> tuple[str, str]:
     if title == TILES[0]:
         return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
     if title == TILES[1]:
-        return _expected(answer.recommendation.measure.length_median, answer)
+        return _expected(answer.recommendation.measure.length_p95, answer)
     value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
-    source = "from held-out frames" if answer.validation else "forecast"
+    source = "from frames held out here" if answer.validation else "forecast"
     left_out = f"{len(calibration.screening.left_out)} of {frames} frames left out"
     of = f"of {FILES[match.method][0]}, {source}  \n{left_out}"
     return "unknown" if value is None else f"{digits(value, 2)} px", of
@@ -108,12 +108,12 @@ def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, s
     if held_out == 0.0 and counted:
         tested = f"none{counted}"
     if ahead is not None and (answer.recommendation.forecast_holds or held_out is None):
-        of = f"{word_of(answer.calibration.dataset)}s ({interval(ahead)} %)"
-        return f"{percent(ahead.value)} %", f"expected for similar {of}  \nheld out: {tested}"
+        of = f"{frames_to_come(answer.calibration, answer.outlook)} ({interval(ahead)} %)"
+        return f"{percent(ahead.value)} %", f"forecast for {of}  \nheld out here: {tested}"
     if held_out is None:
         return "unknown", "no forecast, no held-out frames"
     doubted = f"  \nforecast, which does not hold: {percent(ahead.value)} %" if ahead else ""
-    return f"{percent(held_out)} %", f"on held-out frames{doubted}"
+    return f"{percent(held_out)} %", f"held out here{doubted}"
 
 
 def _offer_kit(project: Project, answer: Answer | None) -> None:

@@ -95,6 +95,10 @@ def show_evaluation(
     pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
     screenings = _screenings(project, evaluation, datasets)
     _show_answer(pooled, screenings)
+    of_files = readable(lambda: project.calibration_evaluation)
+    if of_files is not None and of_files.digest != evaluation.digest:
+        told = "The parameter files keep the threshold and the figures of their own validation"
+        st.caption(f"{told}: {_describe_protocol(of_files)}")
     if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
         st.info(escape_markdown(note))
     columns, picture = _choose_view(project, refined)

@@ -59,7 +59,7 @@ class Verdict:
 
     kind: Kind
     figures: str
-    """The expected errors of the sets on similar bars, for the user."""
+    """The mean errors of the sets that are forecast, for the user."""
     matching: Estimate
     """Refined over 2D set, mean reprojection error."""
     measuring: Estimate
@@ -115,9 +115,9 @@ def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) ->
         for ratio in (matching, measuring)
     ]
     return (
-        f"On similar bars, the refined set matches with an error of {px['refined']}, the 2D set "
-        f"with {px['2d']} ({times[0]}); it measures with an error of {length['refined']}, the 3D "
-        f"set with {length['3d']} ({times[1]})."
+        f"Forecast, mean errors: the refined set matches to {px['refined']}, the 2D set to "
+        f"{px['2d']} ({times[0]}); it measures to {length['refined']}, the 3D set to "
+        f"{length['3d']} ({times[1]})."
     )
 
 
@@ -263,10 +263,10 @@ def advice_on_improvements(model: RefinedResult) -> str:
     found = improvements(model)
     now, limit = found.pop(""), found.pop("everything known exactly")
     name = min(found, key=lambda name: found[name])
-    noise = f"image noise alone causes a length error of {rounded(100 * limit)} %"
+    noise = f"image noise alone causes a mean length error of {rounded(100 * limit)} %"
     if found[name] > WORTH_IT * now:
         return f"Better lenses, a better baseline or more frames would change little: {noise}."
     return (
-        f"What would help most: {name}. The refined set would measure with an error of "
+        f"What would help most: {name}. The refined set would measure with a mean error of "
         f"{rounded(100 * found[name])} % instead of {rounded(100 * now)} %; {noise}."
     )

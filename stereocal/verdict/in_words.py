@@ -8,6 +8,7 @@ from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
 from stereocal.system.numbers import digits as digits
+from stereocal.system.numbers import rounded
 
 
 def left_out_line(screening: Screening) -> str:
@@ -92,5 +93,5 @@ def interval(estimate: Estimate) -> str:
 def distance(metres: float) -> str:
     """A length in the unit that suits it."""
     if metres < 0.01:
-        return f"{digits(1000 * metres, 2)} mm"
-    return f"{digits(100 * metres, 2)} cm" if metres < 1 else f"{digits(metres, 2)} m"
+        return f"{rounded(1000 * metres)} mm"
+    return f"{rounded(100 * metres)} cm" if metres < 1 else f"{rounded(metres)} m"

@@ -2,7 +2,8 @@
 
 It is made here and nowhere else; pages, report, parameter files and command line show it. It joins
 the forecast (`predictive`), the same figures on the held-out frames of a validation, and the
-verdict on one or two sets.
+verdict on one or two sets. Forecast and held-out figures differ, so each stands in a sentence of
+its own that begins with what it is of.
 """
 
 import math
@@ -10,12 +11,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import word_of
 from stereocal.verdict.forecast import Outlook, Verdict, sure
 from stereocal.verdict.in_words import (
     digits,
+    distance,
     interval,
     left_out_line,
     percent,
@@ -38,19 +44,17 @@ Validated = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a file: forecast for similar bars, and on held-out frames."""
+    """One figure of a file: forecast for frames to come, and on held-out frames."""
 
     forecast: Estimate | None
     held_out: float | None
     """None without a validation, or if no value could be computed."""
 
-    def percents(self, forecast_holds: bool) -> str:
-        """A share or a relative error in percent, the forecast if it holds; empty if unknown."""
+    def best(self, forecast_holds: bool) -> Estimate | float | None:
+        """The forecast if it holds, else the held-out value; None if unknown."""
         if self.forecast is not None and (forecast_holds or self.held_out is None):
-            known = math.isfinite(self.forecast.low) and math.isfinite(self.forecast.high)
-            within = f" ({interval(self.forecast)})" if known else ""
-            return f"{percent(self.forecast.value)} %{within}"
-        return "" if self.held_out is None else f"{percent(self.held_out)} %"
+            return self.forecast
+        return self.held_out
 
 
 @dataclass(frozen=True)
@@ -64,8 +68,8 @@ class FileFigures:
     """Share of the wrong pairs below `threshold_px`."""
     wrong_pairs: int
     """Number of wrong pairs of the validation."""
-    length_median: Figure
     length_p95: Figure
+    """Relative length error of 95 % of the bars."""
 
     @property
     def below(self) -> str:
@@ -140,16 +144,17 @@ def recommend(
                 f"The frames follow each other{alike}: the intervals are for a further recording "
                 "in the same volume, at least a third as long."
             )
-    use, left_out = (
-        _use(match, measure, found is not None and found.holds),
-        left_out_line(calibration.screening),
-    )
+    holds, left_out = found is not None and found.holds, left_out_line(calibration.screening)
+    lengths = _length_in_words(calibration.dataset, measure.length_p95, holds)
+    use = " ".join(filter(None, (lengths, _use(match, measure))))
+    ahead = frames_to_come(calibration, outlook)
+    figures = _figures_in_words(match, measure, ahead, holds)
     errors = [own["p95_error_3d"] for own in validation.values()]
     if errors:
         caution = why_held_out_not_trusted([calibration.screening], errors)
     else:
         caution = why_not_trusted(calibration)
-    sentences = tuple(filter(None, (use, certainty, left_out, in_runs)))
+    sentences = tuple(filter(None, (use, *figures, certainty, left_out, in_runs)))
     return Recommendation(match, measure, found, sentences, caution)
 
 
@@ -175,7 +180,6 @@ def figures_of(
         limit,
         figure("wrong_let_in_at_threshold", at_limit),
         int(own.get("wrong_pairs", 0)),
-        figure("median_error_3d", usual),
         figure("p95_error_3d", usual),
     )
 
@@ -185,17 +189,61 @@ def _finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def _use(match: FileFigures, measure: FileFigures, holds: bool) -> str:
-    """What to use, with its figures: forecast, or those of held-out frames if that is doubted."""
-    wrong, within = match.wrong_let_in.percents(holds), measure.length_p95.percents(holds)
-    let_in = f", where {wrong} of wrong pairs are accepted" if wrong else ""
-    lengths = f": 95 % of lengths are within {within}" if within else ""
-    held_out = " (on held-out frames)" if (wrong or within) and not holds else ""
-    first, second = NAMES[match.method], NAMES[measure.method]
-    one = first == second
-    how = f"Use {first} for both: match" if one else f"Match with {first}"
-    measured = "measure" if one else f"measure with {second}"
-    return f"{how}{match.below}{let_in}, and {measured}{lengths}{held_out}."
+def frames_to_come(calibration: Calibration, outlook: Outlook | None) -> str:
+    """What the forecast is of."""
+    in_runs = outlook is not None and outlook.predictive.further
+    return "a further recording" if in_runs else f"similar {word_of(calibration.dataset)}s"
+
+
+def _length_in_words(dataset: Dataset, within: Figure, holds: bool) -> str:
+    """The error of a length in its own unit; empty if unknown.
+
+    Of the power of ten next to the known distances, because the share that image noise has in a
+    relative error depends on the length.
+    """
+    best = within.best(holds)
+    share = best.value if isinstance(best, Estimate) else best
+    if share is None:
+        return ""
+    length = 10.0 ** round(math.log10(float(np.median(dataset.bar_distances_m))))
+    right_to = distance(share * length)
+    return f"A length of {distance(length)} is right to {right_to}, 95 % of the time."
+
+
+def _use(match: FileFigures, measure: FileFigures) -> str:
+    """What to use."""
+    if match.method == measure.method:
+        return f"Use {NAMES[match.method]} for both: match{match.below}, and measure."
+    matching = f"Match with {NAMES[match.method]}{match.below}"
+    return f"{matching}, and measure with {NAMES[measure.method]}."
+
+
+def _figures_in_words(
+    match: FileFigures, measure: FileFigures, ahead: str, holds: bool
+) -> tuple[str, ...]:
+    """The figures, a sentence for each thing that they are of; the one to rely on comes first."""
+    wrong, within = match.wrong_let_in, measure.length_p95
+    doubted = "" if holds else ", which does not hold"
+    forecast = _sentence(f"Forecast for {ahead}{doubted}", wrong.forecast, within.forecast)
+    held_out = _sentence("Held out here", wrong.held_out, within.held_out)
+    return (forecast, held_out) if holds else (held_out, forecast)
+
+
+def _sentence(of: str, wrong: Estimate | float | None, within: Estimate | float | None) -> str:
+    parts = []
+    if wrong is not None:
+        parts.append(f"{in_percent(wrong)} of wrong pairs are accepted")
+    if within is not None:
+        parts.append(f"95 % of lengths are within {in_percent(within)}")
+    return f"{of}: {', and '.join(parts)}." if parts else ""
+
+
+def in_percent(figure: Estimate | float) -> str:
+    """A share or a relative error in percent, with its interval if it has one."""
+    if not isinstance(figure, Estimate):
+        return f"{percent(figure)} %"
+    known = math.isfinite(figure.low) and math.isfinite(figure.high)
+    return f"{percent(figure.value)} %" + (f" ({interval(figure)})" if known else "")
 
 
 def _how_sure(found: Verdict, outlook: Outlook, validation: Mapping[Any, Validated]) -> str:
@@ -210,11 +258,12 @@ def _how_sure(found: Verdict, outlook: Outlook, validation: Mapping[Any, Validat
             "3D set."
         )
     if found.kind == "one":
-        lengths = figures_of("3d", outlook, validation).length_p95.percents(forecast_holds=True)
+        lengths = figures_of("3d", outlook, validation).length_p95.forecast
+        within = f", 95 % of lengths within {in_percent(lengths)} by the forecast"
         return (
             f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
             f"match with the 2D set{figures_of('2d', outlook, validation).below}, measure with the "
-            f"3D set{f', 95 % of lengths within {lengths}' if lengths else ''}."
+            f"3D set{within if lengths else ''}."
         )
     more = (
         f"About {found.frames_to_add} more frames would decide it."

@@ -148,7 +148,7 @@ def settled() -> Callable[[Page], None]:
 def results_shown(page: Page, longest_ms: int = LONGEST_MS) -> None:
     """Wait for all that *Calibrate* computes; the page is drawn anew at the end, menus closed."""
     expect(page.locator(".st-key-download_2d button").first).to_be_visible(timeout=longest_ms)
-    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=longest_ms)
+    expect(page.get_by_text("held out here: not yet")).to_have_count(0, timeout=longest_ms)
     # Two while the page is drawn anew.
     expect(page.locator(".st-key-download_2d button")).to_have_count(1, timeout=longest_ms)
 

@@ -46,7 +46,7 @@ def test_all_files_of_a_page(
     page: Page, app_url: str, finished: str, settled: Callable[[Page], None], path: str
 ) -> None:
     page.goto(f"{app_url}/{path}?project={finished}")
-    expect(page.get_by_text("held out: not yet")).to_have_count(0, timeout=LONGEST_MS)
+    expect(page.get_by_text("held out here: not yet")).to_have_count(0, timeout=LONGEST_MS)
     settled(page)
     for summary in page.locator("[data-testid=stExpander] summary").all():
         summary.click()

@@ -40,9 +40,9 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
     for word in ("essential", "2d", "3d", "50 pairs", "25 bars", "the step fell below"):
         assert word in printed
     assert "refined: noise 0.1" in printed
-    assert "Recommendation: Use the refined set for both: match below" in printed
+    assert "Use the refined set for both: match below" in printed
     assert "One set does both jobs here (more than 99 % sure)" in printed
-    assert "Expected on new frames with similar bars" in printed
+    assert "Forecast for similar bars" in printed
     assert "Checked on held-out frames" not in printed  # said where it does not hold
     assert sorted(path.name for path in out.iterdir()) == [
         "parameters_2d.json",

@@ -142,7 +142,7 @@ def test_bars_that_cannot_be_reconstructed_are_said(summaries: Summaries) -> Non
     assert marks(figure, 3) == dict.fromkeys(METHODS, "")
     assert len(figure.to_json()) > 1000
     assert "none" in describe_validation(lost)
-    assert "No bar could be measured" in validation_answer(lost)
+    assert "no bar could be measured" in validation_answer(lost)
     table = validation_table(lost)["3D set"].to_dict()
     assert table["3D error of the bars, median (%)"] == "none"
     assert table["Bars counted"] == table["Bars without value"] != "0"

@@ -78,6 +78,18 @@ def test_partners_are_found_whatever_the_noise(
     np.testing.assert_allclose(measured, stated, rtol=1e-6)
 
 
+def test_a_threshold_says_what_it_is_for() -> None:
+    """The fewer points a frame has, the larger it is, so that it is not that of the file."""
+    by_points = {n: sample(seen(0.5, points=n, missing=0.0)) for n in (1, 8)}
+    few, many = (choose_threshold(FILE, frames) for frames in by_points.values())
+    assert few.threshold_px > many.threshold_px
+    of_file = f"in its file {OF_FILE_PX} px"
+    assert f"px, chosen for 1 point a frame and the refined set ({of_file}, " in few.sentence()
+    assert f"px, chosen for 8 points a frame and the refined set ({of_file}, " in many.sentence()
+    stated = choose_threshold(FILE, by_points[8], threshold_px=1.0)
+    assert stated.threshold_px == 1.0 and "chosen for" not in stated.sentence()
+
+
 def test_the_cut_of_the_threshold_does_not_bias_the_noise() -> None:
     """Pairs of 0.5 px below 2.8 standard deviations of their error; columns left out."""
     pairs = match(FILE, *seen(0.5), threshold_px=1.0)

@@ -33,9 +33,9 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     assert project.evaluation is not None  # Validate has it too
     assert "Use the refined set for both" in messages(pressed)
     labels = [metric.label for metric in pressed.metric]
-    assert labels == ["Wrong pairs let in", "Length error, median", "Threshold"]
+    assert labels == ["Wrong pairs let in", "95 % of lengths within", "Threshold"]
     assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
-    assert "expected for similar bars" in told(pressed, "caption")
+    assert "forecast for similar bars" in told(pressed, "caption")
     assert "held out: " in told(pressed, "caption") and "not yet" not in told(pressed, "caption")
     pressed.switch_page("pages/validate.py").run()
     assert project.evaluation is not None
@@ -158,8 +158,8 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     (tile,) = [metric.value for metric in app.metric if metric.label == "Threshold"]
     in_file = found.sets["refined"].matching_threshold_px
     assert in_file is not None and tile == f"{digits(in_file, 2)} px"
-    assert f"match below {tile}, where" in messages(app)
-    assert "of parameters_refined.json, from held-out frames" in told(app, "caption")
+    assert f"match below {tile}, and measure" in messages(app)
+    assert "of parameters_refined.json, from frames held out here" in told(app, "caption")
     app.segmented_control(key="view").set_value("Parameters").run()
     (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]
     assert str(row.loc["Matching threshold (px)", "Refined set"]) + " px" == tile

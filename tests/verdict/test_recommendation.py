@@ -14,6 +14,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.verdict.forecast import Outlook, forecast_files, verdict
+from stereocal.verdict.in_words import percent
 from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
@@ -65,11 +66,12 @@ VALIDATION: dict[Method, dict[str, Any]] = {
 def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
     found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02))
     assert (found.match.method, found.measure.method) == ("refined", "refined")
-    first, second = found.sentences
-    assert first.startswith("Use the refined set for both: match below ")
-    assert "of wrong pairs are accepted, and measure: 95 % of lengths are within" in first
-    assert "One set does both jobs here (more than 99 % sure)." in second
-    assert "Or the paper's two: match with the 2D set below" in second
+    first, ahead, sure = found.sentences
+    assert "Use the refined set for both: match below " in first
+    assert ahead.startswith("Forecast for similar bars: ")
+    assert "of wrong pairs are accepted, and 95 % of lengths are within" in ahead
+    assert "One set does both jobs here (more than 99 % sure)." in sure
+    assert "Or the paper's two: match with the 2D set below" in sure
     assert found.forecast_holds and not found.caution
 
 
@@ -100,7 +102,11 @@ def test_figures_and_threshold_are_those_of_the_file(
     assert ahead is not None
     assert ahead.value == file.predicted["wrong_let_in_at_threshold"]["value"]
     assert found.match.wrong_let_in.held_out == 0.004
-    assert found.measure.length_median.held_out == 0.002
+    assert found.measure.length_p95.held_out == 0.006
+    # Two figures of two things: each says of what.
+    assert any(s.startswith("Held out here: 0.40 % of wrong") for s in found.sentences)
+    of = f"Forecast for similar bars: {percent(ahead.value)} %"
+    assert any(s.startswith(of) for s in found.sentences)
     without = recommend(calibration, outlook)
     forecast = outlook.predictive.forecasts[without.match.method]
     assert without.match.threshold_px == forecast.threshold_px.value
@@ -113,18 +119,22 @@ def test_a_doubted_model_lets_held_out_frames_speak(
     doubted = held_out(2.0, 1.0)
     found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02), VALIDATION, doubted)
     assert not found.forecast_holds
-    assert "95 % of lengths are within 0.60 % (on held-out frames)." in found.sentences[0]
+    of_length, held_out_here, ahead = found.sentences[0], *found.sentences[1:3]
+    assert of_length.startswith("A length of 1 m is right to 6 mm, 95 % of the time.")
+    assert held_out_here.endswith("95 % of lengths are within 0.60 %.")
+    assert ahead.startswith("Forecast for similar bars, which does not hold: ")
     assert "The model does not explain these images" in found.text
 
 
 def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     found = recommend(calibration, None, VALIDATION)
     assert (found.match.method, found.measure.method) == ("2d", "3d")
-    assert found.sentences[0] == (
-        "Match with the 2D set below 0.40 px, where 0.40 % of wrong pairs are accepted, and "
-        "measure with the 3D set: 95 % of lengths are within 0.60 % (on held-out frames)."
+    assert found.sentences == (
+        "A length of 1 m is right to 6 mm, 95 % of the time. Match with the 2D set below 0.40 px, "
+        "and measure with the 3D set.",
+        "Held out here: 0.40 % of wrong pairs are accepted, and 95 % of lengths are within 0.60 %.",
+        NO_FORECAST,
     )
-    assert found.sentences[1] == NO_FORECAST
     nothing = recommend(replace(calibration, refined=None), None)
     assert nothing.sentences == ("Match with the 2D set, and measure with the 3D set.", NO_REFINED)
 
@@ -180,7 +190,7 @@ def test_clear_cases(matching: float, measuring: float, kind: str, files: tuple[
     assert answer.frames_to_add is None
     assert answer.matching.low < matching < answer.matching.high
     assert answer.measuring.low < measuring < answer.measuring.high
-    assert "the 3D set with 0.20 %" in answer.figures
+    assert "the 3D set to 0.20 %" in answer.figures
     assert answer.check is None
 
 
