@@ -6,10 +6,16 @@ page_head("Validate", "How often would a wrong pair be accepted, and how far off
 
 import streamlit as st
 
-from stereocal.ui.messages import ErrorsShown, end_here, readable
+from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.texts import VALIDATE
-from stereocal.ui.validation import bring_up_to_date, choose_data, choose_protocol, without_refined
+from stereocal.ui.validation import (
+    bring_up_to_date,
+    choose_data,
+    choose_protocol,
+    last_validation,
+    without_refined,
+)
 from stereocal.ui.validation_results import show_evaluation, with_refined
 
 project, _, own = project_with_data()
@@ -20,11 +26,11 @@ with ErrorsShown(end=True):
 first = None if with_refined(project).value() else without_refined(project, datasets, settings)
 if first is None:
     bring_up_to_date(project, datasets, settings)
-evaluation = first or readable(lambda: project.evaluation)
+evaluation = first or last_validation(project, datasets, settings)
 if evaluation is None:
     st.info("No validation yet.")
     end_here()
-show_evaluation(project, evaluation, datasets, first.settings if first else settings)
+show_evaluation(project, evaluation, datasets)
 if first is not None:
     bring_up_to_date(project, datasets, settings)
 with st.expander("What these figures mean"):

@@ -85,6 +85,20 @@ class Application:
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property
+    def used(self) -> dict[str, Any]:
+        """The labels of both files, and method and digest of the sets, as in `Outcome.used`."""
+        return {
+            "points": [self.primary.label, self.secondary.label],
+            "matching": [self.matching.method, digest_of(self.matching)],
+            "measuring": [self.measuring.method, digest_of(self.measuring)],
+        }
+
+    @property
+    def shown_depths_m(self) -> list[float | None]:
+        """Nearest and farthest, as in `Outcome.depths_m`."""
+        return [depth if np.isfinite(depth) else None for depth in self.depths_m]
+
+    @property
     def expected_seconds(self) -> float:
         """Estimated time, for frames with about equal numbers of points."""
         rows = self.primary.rows + self.secondary.rows
@@ -120,6 +134,20 @@ class Outcome:
     """Noise of the points, if it was stated."""
     names: str = AUTO
     """As of the `Application`."""
+
+    def changed_since(self, work: Application) -> str:
+        """What of an input is another than it was for this result, as a list in words."""
+        used = self.used | {"depths": self.depths_m, "sigma_px": self.sigma_px}
+        now = work.used | {"depths": work.shown_depths_m, "sigma_px": work.sigma_px}
+        names = {
+            "points": "points",
+            "matching": "set to match with",
+            "measuring": "set to measure with",
+            "depths": "depths",
+            "sigma_px": "noise of the points",
+        }
+        found = [name for key, name in names.items() if used.get(key) != now[key]]
+        return ", ".join(found) or "threshold or world frame"
 
     @property
     def rig(self) -> Rig:
@@ -185,7 +213,7 @@ def apply_sets(
     return Outcome(
         digest=work.digest,
         threshold_px=chosen.threshold_px,
-        depths_m=[depth if np.isfinite(depth) else None for depth in work.depths_m],
+        depths_m=work.shown_depths_m,
         pairs=matched.pairs,
         behind=measured.behind,
         sentences=[
@@ -205,11 +233,7 @@ def apply_sets(
             "world_from_primary": work.world
             and np.column_stack([work.world.R, work.world.T]).tolist(),
         },
-        used={
-            "points": [work.primary.label, work.secondary.label],
-            "matching": [work.matching.method, digest_of(work.matching)],
-            "measuring": [work.measuring.method, digest_of(work.measuring)],
-        },
+        used=work.used,
         sigma_px=work.sigma_px,
         names=work.names,
     )

@@ -166,4 +166,5 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     label = f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)"
     short, doing = work.expected_seconds <= INSTANT_S, "Matching and measuring."
     last = "Cancelled. What is shown is the last finished result."
-    jobs.bring_up_to_date(job, current, short, doing, label, "apply_run", last)
+    stale = "" if result is None or current else result[0].changed_since(work)
+    jobs.bring_up_to_date(job, current, short, doing, label, "apply_run", last, stale)

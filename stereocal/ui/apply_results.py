@@ -32,7 +32,7 @@ from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import ErrorsShown, callback, fragment, readable
+from stereocal.ui.messages import ErrorsShown, callback, fragment, readable, show_stale
 from stereocal.ui.refined import PAPERS
 from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
@@ -94,11 +94,8 @@ def _show_result(
     files: dict[str, StoredFile],
     work: Application | None,
 ) -> Tables | None:
-    if work is None or outcome.digest != work.digest:
-        st.warning(
-            "The points, the parameters or the threshold have changed since this result. It was "
-            f"computed with: {escape_markdown(outcome.made_with)}"
-        )
+    if work is None:
+        show_stale("points, parameters or threshold, which are not complete now")
     tables = None
     with ErrorsShown():
         tables = _read(files[PAIRS].name, files[POINTS].name, files[PAIRS], files[POINTS])

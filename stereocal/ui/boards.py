@@ -20,7 +20,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
 from stereocal.ui.holding import board_form, first_pairs
-from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.texts import escape_markdown
 
 OF_BOARDS = "lens from the boards"
@@ -71,10 +71,7 @@ def boards_in(store: ProjectPhotographs) -> None:
     if not found:
         return
     if store.found_by != work.digest:
-        st.warning(
-            "The form, the photographs or the camera files have changed since the boards were "
-            "found. Find them again."
-        )
+        show_stale("form, photographs or camera files")
     st.success(escape_markdown(found))
     _show_found(store, pairs)
 

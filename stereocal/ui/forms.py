@@ -1,4 +1,4 @@
-"""The settings of the search: their forms, and whether a result is still current for them."""
+"""The settings of the search: their forms, and which of them have changed."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -11,7 +11,6 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.described import About, descriptions
 from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
@@ -41,6 +40,9 @@ NAMES = {
     "time_drift": "its drift",
     "frames_put_back": "frames put back",
     "frames_left_out": "frames left out",
+    "runs": "runs",
+    "splits": "frames left out together",
+    "refined": "settings of the refined set",
 }
 
 _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
@@ -139,29 +141,23 @@ def settings_of(values: dict[str, Any]) -> CalibrationSettings:
     return CalibrationSettings.from_json(values)
 
 
-def staleness(result: Calibration, dataset: Dataset, values: Mapping[str, Any]) -> str | None:
-    """What has changed since the result, as a sentence; None if nothing has."""
-    then = result.dataset
-    if then.sha256 != dataset.sha256:
-        return (
-            "The data have changed since this result. Press Calibrate for the new data; until then "
-            "the old result stays."
-        )
-    if (then.baseline_sigma_m, then.target_distance_sigma_m) != (
-        dataset.baseline_sigma_m,
-        dataset.target_distance_sigma_m,
-    ):
-        return (
-            "The uncertainties of the lengths have changed since this result. "
-            "Press Calibrate to renew its refined set."
-        )
-    made_with = result.settings.to_json()
-    if changed := [NAMES[key] for key, value in values.items() if made_with[key] != value]:
-        return (
-            f"The form has changed since this result ({', '.join(changed)}). It still shows the "
-            "result of the settings named below it. Press Calibrate to renew it."
-        )
-    return None
+def changed_settings(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """The settings of `now` that were others, with both values where these are short."""
+    return [
+        f"{NAMES.get(key, key)} ({_in_words(then[key])}, now {_in_words(value)})"
+        if value is None or isinstance(value, (int, float, str))
+        else NAMES.get(key, key)
+        for key, value in now.items()
+        if then[key] != value
+    ]
+
+
+def _in_words(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if value is None:
+        return "all"
+    return f"{value:g}" if isinstance(value, float) else f"{value}"
 
 
 def describe_settings(settings: CalibrationSettings) -> str:

@@ -24,7 +24,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
-from stereocal.ui.messages import ErrorsShown, callback, clear_refusal
+from stereocal.ui.messages import ErrorsShown, callback, clear_refusal, show_stale
 from stereocal.ui.texts import escape_markdown
 
 P = ParamSpec("P")
@@ -211,12 +211,20 @@ def _drive(job: Job, run: Callable[[Job], bool]) -> None:
 
 
 def bring_up_to_date(
-    work: Work, current: bool, short: bool, spinner: str, label: str, key: str, cancelled: str
+    work: Work,
+    current: bool,
+    short: bool,
+    spinner: str,
+    label: str,
+    key: str,
+    cancelled: str,
+    stale: str = "",
 ) -> None:
     """Compute short work at once; for long work show a button and progress.
 
     Args:
         current: whether its result is stored.
+        stale: what has changed since the result that is shown; empty if nothing, or without one.
         spinner, label, key: of short work, and of the button.
         cancelled: message for a cancelled job.
     """
@@ -225,8 +233,12 @@ def bring_up_to_date(
     elif short:
         with ErrorsShown(), st.spinner(spinner):
             work.run(Job(work.stages, pool()))
-    elif not (is_running(work.project, work.kind) or can_go_on(work)):
-        start_button(work, label, key)
+            stale = ""
+        show_stale(stale)
+    else:
+        show_stale(stale)
+        if not (is_running(work.project, work.kind) or can_go_on(work)):
+            start_button(work, label, key)
     show_job(work.project, work.kind, cancelled, work)
 
 

@@ -33,7 +33,7 @@ from stereocal.ui.fields import choose, setting, some_of
 from stereocal.ui.figure import show_figure
 from stereocal.ui.forms import ask, field_of
 from stereocal.ui.holding import board_form
-from stereocal.ui.messages import ErrorsShown, callback, readable, refusing
+from stereocal.ui.messages import ErrorsShown, callback, readable, refusing, show_stale
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
 from stereocal.ui.texts import escape_markdown
@@ -159,12 +159,9 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
     if current:
         jobs.discard_finished(work)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
-    jobs.start_button(work, label, f"calibrate_{store.which}", primary=not current)
     if lens is not None and not current and not jobs.is_running(store.project, kind):
-        st.warning(
-            "The form or the photographs have changed since the lens was calibrated. It still "
-            "shows what it was made with."
-        )
+        show_stale("form or photographs")
+    jobs.start_button(work, label, f"calibrate_{store.which}", primary=not current)
     return work
 
 

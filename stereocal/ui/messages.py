@@ -113,6 +113,17 @@ def fragment(function: Callable[P, object], run_every: float | None = None) -> C
     return st.fragment(draw, run_every=run_every)
 
 
+def show_stale(changed: str) -> None:
+    """That a result is out of date, the same on every page, beside the button that renews it.
+
+    Args:
+        changed: what has changed since, as a list in words; if empty, nothing is shown.
+    """
+    if changed:
+        changed = escape_markdown(changed)
+        st.warning(f"Changed since this result: {changed}. It is shown as it was before.")
+
+
 def readable(read: Callable[[], T], told: bool = True) -> T | None:
     """The result of a read; after an error None, and a warning on the page if it is to be told."""
     try:

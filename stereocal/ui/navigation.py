@@ -63,7 +63,7 @@ ARRIVAL = """<script>/* {} */
 """Runs in the browser when the text in its comment is new. The focus of a button that led to a page
 would be on nothing, or on the button of the same name at the end. A link of the menu keeps it."""
 
-_NEXT, _PAGE, _WENT_ON = "next_page", "page_at", "went_on_to"
+_NEXT, _PAGE = "next_page", "page_at"
 SWEEP_EVERY_S = 3600.0
 LOOK_EVERY_S = 0.3
 _LOG = logging.getLogger(__name__)
@@ -136,21 +136,14 @@ def _show_next(page: StreamlitPage) -> None:
     order = [name for name in TITLES if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     if following is not None:
-        label, on = f"Next: {TITLES[following]}", partial(go_to, following, True)
+        label, on = f"Next: {TITLES[following]}", partial(go_to, following)
         icon = ":material/arrow_forward:"
         st.button(label, key="next", type="primary", icon=icon, on_click=on)
 
 
-def went_on_to(name: str) -> bool:
-    """Whether the user came to this page by the Next button, once."""
-    return bool(st.session_state.pop(_WENT_ON, None) == name)
-
-
-def go_to(name: str, on: bool = False) -> None:
-    """Open a page (for callbacks); `on` is what `went_on_to` asks for."""
+def go_to(name: str) -> None:
+    """Open a page (for callbacks)."""
     st.session_state[_NEXT] = f"pages/{name}.py"
-    if on:
-        st.session_state[_WENT_ON] = name
 
 
 class WarmUp:

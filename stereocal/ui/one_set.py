@@ -13,7 +13,6 @@ from stereocal.figures.style import count
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.unknowns import RefineSettings
@@ -24,14 +23,14 @@ from stereocal.ui import jobs, refined
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.forms import form_values, staleness
+from stereocal.ui.forms import search_values, settings_of
 from stereocal.ui.messages import end_here, fragment, readable
 from stereocal.ui.parameter_files import PURPOSES
 from stereocal.ui.prerequisites import project_with_data
+from stereocal.ui.press import offer_again
 from stereocal.ui.results import show_recommendation
-from stereocal.ui.screening import is_long, screenings_of
+from stereocal.ui.screening import is_long
 from stereocal.ui.texts import ONE_SET, escape_markdown
-from stereocal.ui.validation import kept_protocol
 from stereocal.verdict.in_words import digits, left_out_line, percent
 from stereocal.verdict.tradeoff import costs_of
 from stereocal.workflow import Answer, conclusions_of_seeds
@@ -44,49 +43,37 @@ MOST_NAMED = 12
 
 
 def show_page() -> None:
-    """What the data and the form give now, calibrated or not."""
-    project, _, dataset = project_with_data()
+    """What the last calibration tells; before the first, what data and form give."""
+    project, inputs, dataset = project_with_data()
+    offer_again(project, inputs, dataset)
     with st.expander("What the refined set is, and what it may change"):
         st.markdown(ONE_SET)
         settings = refined.refine_form(project, dataset)
-    protocol = kept_protocol(project, [dataset])
     calibration = readable(lambda: project.calibration)
-    current, answer = calibration, None
-    stale = calibration and staleness(calibration, dataset, form_values(project, dataset))
-    if stale:
-        st.warning(f"{stale} This page already shows what the data and the form now give.")
-        current = None
-    if current is not None:
-        answer = refined.answer_when_ready(project, current)
-    calibrated_now = answer is not None
-    if answer is None and (current is not None or is_long(dataset)):
-        if current is None:
-            st.info("For a recording this long, press Calibrate first.")
-            st.page_link("pages/calibrate.py", label="Calibrate")
+    if calibration is None:
+        answer = _not_calibrated_yet(project, dataset, settings)
+    else:
+        settings = refined.settings_of_result(project, calibration)
+        answer = refined.answer_when_ready(project, calibration)
+    if answer is None:
         refined.wait_for_answer(project)
         end_here()
-    (screening,) = screenings_of([dataset], protocol.calibration, current)
+    screening, result = answer.calibration.screening, answer.calibration.refined
     kept = screening.dataset
-    result = answer.calibration.refined if answer else None
-    if result is None or (current is not None and len(current.held_out_frames)):
+    if result is None or len(answer.calibration.held_out_frames):
         result = refined.refined_of(kept, settings)
-    if answer is None:
-        found = replace(refined.calibrated(dataset, protocol.calibration), refined=result)
-        answer = refined.answer_for(found, settings, None)
     show_recommendation(answer)
     if outlook := answer.outlook:
         own, check = outlook.verdict.figures, outlook.check
         lines = [own, check.text if check and check.holds else "", outlook.advice]
         st.caption(escape_markdown("\n\n".join(filter(None, lines))))
     place = st.container()
-    _show_download(project, answer, calibrated_now)
+    _show_download(project, answer, calibration is not None)
     st.header("What disagrees", divider="gray")
     _show_disagreement(answer.inputs)
     _show_frames_left_out(screening, result)
     views = {
-        "Matching against measuring": lambda: _show_trade_off(
-            project, kept, result, settings, calibration
-        ),
+        "Matching against measuring": lambda: _show_trade_off(project, answer, result, settings),
         "How accurate, where": lambda: _show_accuracy(project, result, kept, settings),
         "Residuals by place": lambda: _show_misfit(kept, settings),
         "The refined set": lambda: _show_parameters(result),
@@ -94,6 +81,20 @@ def show_page() -> None:
     views[choose(project, "one_set_view", "Look at", views)]()
     with place:  # last, because the trials take the processor from the rest of the page
         _show_seeds(answer)
+
+
+def _not_calibrated_yet(
+    project: Project, dataset: Dataset, settings: RefineSettings
+) -> Answer | None:
+    """What data and form give; None for a recording that is too long for that."""
+    if is_long(dataset):
+        st.info("For a recording this long, press Calibrate first.")
+        st.page_link("pages/calibrate.py", label="Calibrate")
+        return None
+    search = settings_of(search_values(project))
+    found = refined.calibrated(dataset, search)
+    found = replace(found, refined=refined.refined_of(found.screening.dataset, settings))
+    return refined.answer_for(found, settings, None)
 
 
 def _show_disagreement(inputs: list[Input]) -> None:
@@ -158,17 +159,13 @@ def _show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
 
 @fragment
 def _show_trade_off(
-    project: Project,
-    dataset: Dataset,
-    result: RefinedResult,
-    settings: RefineSettings,
-    calibration: Calibration | None,
+    project: Project, answer: Answer, result: RefinedResult, settings: RefineSettings
 ) -> None:
+    calibration = answer.calibration
+    dataset = calibration.screening.dataset
     curves = refined.curves_when_ready(project, dataset, settings)
     if curves is None:
         return
-    if calibration is None or calibration.screening.dataset.sha256 != dataset.sha256:
-        calibration = refined.calibrated(dataset, kept_protocol(project, [dataset]).calibration)
     sets: dict[Method, Rig] = {"refined": Rig(result.primary, result.secondary, result.pose)}
     for method, found in calibration.methods.items():
         sets[method] = Rig(dataset.primary, dataset.secondary, found.pose)

@@ -5,14 +5,17 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 from stereocal.figures.style import count
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.projects.recording import RIG_FILES, ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
-from stereocal.ui.forms import form_values, search_values, settings_of, staleness
+from stereocal.ui.forms import search_values, settings_of
 from stereocal.ui.refined import refine_settings
+from stereocal.ui.stale import since_calibration
+from stereocal.ui.validation import chosen_data
 
 Mark = Literal["done", "stale", "missing"]
 ICONS: Mapping[Mark, str] = {
@@ -20,7 +23,6 @@ ICONS: Mapping[Mark, str] = {
     "stale": ":material/sync_problem:",
     "missing": ":material/radio_button_unchecked:",
 }
-CHANGED = "The data or the settings have changed since this"
 _LOG = logging.getLogger(__name__)
 
 
@@ -79,14 +81,13 @@ def _of_two(project: Project) -> dict[str, PageState]:
     calibrate, validate = _calibrate(project, dataset), _validate(project, dataset)
     own = project.settings.get("apply_sets") != "Parameter files"
     if applied and own and calibrate.mark == "stale":
-        found["apply"] = PageState("stale", "The calibration is out of date")
+        found["apply"] = calibrate
     return {
         **found,
         "data": PageState("done", count(len(dataset.correspondences.frames), "frame")),
         "calibrate": calibrate,
         "validate": validate,
-        # It shows the results of both.
-        "one_set": next((each for each in (calibrate, validate) if each.mark != "done"), validate),
+        "one_set": calibrate,  # it shows that result
     }
 
 
@@ -94,29 +95,34 @@ def _calibrate(project: Project, dataset: Dataset) -> PageState:
     result = project.calibration
     if result is None:
         return PageState("missing", "Not calibrated yet")
-    if staleness(result, dataset, form_values(project, dataset)):
-        return PageState("stale", f"{CHANGED} result")
+    if changed := since_calibration(project, result, dataset):
+        return PageState("stale", f"Changed since: {changed}")
     left_out = result.screening.left_out
     named = f", {count(len(left_out), 'frame')} left out" if left_out else ""
     return PageState("done", f"Calibrated{named}")
 
 
 def _validate(project: Project, dataset: Dataset) -> PageState:
-    evaluation = project.evaluation
-    if evaluation is None:
+    found = [each for each in (project.evaluation, project.calibration_evaluation) if each]
+    if not found:
         return PageState("missing", "Not validated yet")
+    digests = [each.sha256 for each in chosen_data(project, dataset)]
+    for evaluation in found:
+        if list(evaluation.sha256) == digests and _is_as_asked(project, dataset, evaluation):
+            return PageState("done", f"Validated, {count(evaluation.settings.runs, 'run')}")
+    return PageState("stale", "The data or the settings have changed since")
+
+
+def _is_as_asked(project: Project, dataset: Dataset, evaluation: Evaluation) -> bool:
+    """Whether the form asks for the settings of an evaluation."""
     made_with, kept = evaluation.settings, project.settings
     form = {
         "validate_splits": made_with.splits,
         "validate_runs": made_with.runs,
         "validate_frames": made_with.calibration_frames,
     }
-    same = (
-        dataset.sha256 in evaluation.sha256
-        and made_with.calibration == settings_of(search_values(project))
+    return (
+        made_with.calibration == settings_of(search_values(project))
         and form == {key: kept.get(key, used) for key, used in form.items()}
         and (len(evaluation.sha256) > 1 or made_with.refined == refine_settings(project, dataset))
     )
-    if not same:
-        return PageState("stale", f"{CHANGED} validation")
-    return PageState("done", f"Validated, {count(made_with.runs, 'run')}")

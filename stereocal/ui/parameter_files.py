@@ -34,6 +34,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.intake import take_new
 from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.press import offer_again
 from stereocal.ui.refined import PAPERS, answer_when_ready, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import STATED, Questions, ask_about, ask_size
@@ -74,8 +75,13 @@ class Source:
 
     def answer(self) -> Answer | None:
         """The project's results; None if files are chosen, or while the results are computed."""
-        calibration = self.project.calibration if self.is_project else None
-        return None if calibration is None else answer_when_ready(self.project, calibration)
+        project, dataset = self.project, self.project.dataset
+        if not self.is_project:
+            return None
+        if dataset is not None:
+            offer_again(project, project.inputs, dataset)
+        calibration = project.calibration
+        return None if calibration is None else answer_when_ready(project, calibration)
 
     def asks_for_files(self) -> bool:
         """Draw the choice; whether the uploaders are to be drawn."""

@@ -24,7 +24,7 @@ from stereocal.ui.archives import ask_about_archive, holds_both, single_file
 from stereocal.ui.boards import boards_in, press_search
 from stereocal.ui.fields import choose
 from stereocal.ui.intake import CAMERA_KINDS, Upload
-from stereocal.ui.messages import ErrorsShown, readable, refuse
+from stereocal.ui.messages import ErrorsShown, readable, refuse, show_stale
 from stereocal.ui.pairs import ROUND, clear, show_pairs
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.project import project_to_write
@@ -219,12 +219,9 @@ def _find_targets(store: ProjectPhotographs) -> None:
     if {(f.frame, f.files) for f in frames} != {
         (row.pair.frame, (row.pair.primary, row.pair.secondary)) for row in rows
     }:
-        st.warning(
-            "The pairs or their photographs have changed since the targets were found. Find them "
-            "again."
-        )
+        show_stale("pairs or photographs")
     elif project.settings.get(holding.FOUND, "bar2x2") != holding.held_text(project):
-        st.warning("These are the targets of what you said before that you hold. Find them again.")
+        show_stale("what you hold")
     show_frames(store, frames, running)
 
 

@@ -19,9 +19,11 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
-from stereocal.ui.messages import ErrorsShown
+from stereocal.ui.forms import form_values, settings_of
+from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
-from stereocal.ui.screening import is_long
+from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
+from stereocal.ui.stale import since_calibration
 from stereocal.ui.validation import digests_of, evaluated, is_short, kept_protocol
 from stereocal.workflow import calibrate
 
@@ -64,6 +66,30 @@ class Press:
 
         about = {"dataset": digests_of(self.dataset), "settings": given}
         return jobs.Work(self.project, KIND, STAGES if large else STAGES[1:], about, run)
+
+    def show(self, only_if_stale: bool = False) -> None:
+        """Do what was pressed; what has changed since the result, and the button.
+
+        While a job runs, its progress is in the place of the button.
+        """
+        asked, work = asked_to_calibrate(), None
+        with ErrorsShown():
+            if asked is not None:
+                self.press(errors_first=asked == "errors first")
+            work = self.work
+        if not only_if_stale:
+            show_progress(self.project, work)
+        if jobs.is_running(self.project, KIND):
+            return
+        result = readable(lambda: self.project.calibration, told=False)
+        changed = since_calibration(self.project, result, self.dataset) if result else ""
+        if only_if_stale and not changed:
+            return
+        show_stale(changed)
+        if result is None:
+            st.info("No result yet. The settings are good as they are: press Calibrate.")
+        label = "Calibrate again" if result else "Calibrate"
+        st.button(label, type="primary", key="run", on_click=calibrate_next, args=("all",))
 
     def press(self, errors_first: bool = False) -> None:
         """Calibrate and validate, at once or in a job.
@@ -135,6 +161,13 @@ class Press:
         assert calibration is not None and refined is not None
         use = answer_for(calibration, refined, self.project.calibration_evaluation).recommendation
         self.project.keep_recommended(use.match.method, use.measure.method)
+
+
+def offer_again(project: Project, inputs: Inputs, dataset: Dataset) -> None:
+    """On other pages: if the calibration is out of date, what changed and the button, as above."""
+    if readable(lambda: project.calibration, told=False) is not None:
+        settings = settings_of(form_values(project, dataset))
+        Press(project, inputs, dataset, settings).show(only_if_stale=True)
 
 
 def show_progress(project: Project, work: jobs.Work | None) -> None:

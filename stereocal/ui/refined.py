@@ -112,6 +112,13 @@ def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
     )
 
 
+def settings_of_result(project: Project, calibration: Calibration) -> RefineSettings:
+    """The settings of the refined set of a result: those it was made with, whatever changed."""
+    if calibration.refined is not None:
+        return calibration.refined.settings
+    return refine_settings(project, calibration.dataset)
+
+
 def _fields(project: Project) -> tuple[Field, Field]:
     """The image noise, and the cameras whose distortion is free, in the order of `CAMERAS`."""
     noise = setting(project, "refine_sigma_px", 0.0, Number(0.0, 1e5))
@@ -159,7 +166,7 @@ def answer_maker(project: Project, calibration: Calibration) -> partial[Answer] 
     """
     if jobs.is_running(project, "calibration"):
         return None
-    settings = refine_settings(project, calibration.dataset)
+    settings = settings_of_result(project, calibration)
     evaluation = readable(lambda: project.calibration_evaluation)
     return partial(answer_for, calibration, settings, evaluation)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 import streamlit as st
@@ -37,6 +37,8 @@ NAME = "frame"
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
 _AGAIN = "calibrate_again"
+Shown = Literal["all", "errors first"]
+"""What a press shows first: the whole answer, or the errors before forecast and validation."""
 MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
 EXCHANGE, CLOSE, UNDO = (f":material/{name}:" for name in ("swap_horiz", "close", "undo"))
@@ -130,14 +132,15 @@ def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None
         )
 
 
-def calibrate_next() -> None:
-    """Let the Calibrate page calibrate when it is drawn next."""
-    st.session_state[_AGAIN] = True
+def calibrate_next(shown: Shown = "errors first") -> None:
+    """Let the page calibrate when it is drawn next (for callbacks)."""
+    st.session_state[_AGAIN] = shown
 
 
-def calibrate_again() -> bool:
-    """Whether `calibrate_next` was called since the last run of the page."""
-    return bool(st.session_state.pop(_AGAIN, False))
+def asked_to_calibrate() -> Shown | None:
+    """What `calibrate_next` was called with since the last run of the page; None if it was not."""
+    found: Shown | None = st.session_state.pop(_AGAIN, None)
+    return found
 
 
 def rerun_if_changed() -> None:

@@ -38,7 +38,7 @@ from stereocal.ui import intake, jobs
 from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
-from stereocal.ui.messages import callback, readable, show_refusal
+from stereocal.ui.messages import callback, readable, show_refusal, show_stale
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import project_to_write
 from stereocal.ui.rig import work_of
@@ -246,7 +246,7 @@ def _search(
     if found_by is None:
         return
     if found_by != work.digest:
-        st.warning("The photographs, the cameras or what is held have changed. Find them again.")
+        show_stale("photographs, cameras or what is held")
     unused = project.settings.get(UNUSED) or []
     st.caption(f"{len(moments)} frames. Photographs not used: {len(unused)}.")
     if unused:

@@ -19,7 +19,7 @@ from stereocal.system.described import descriptions
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
-from stereocal.ui.forms import search_form, search_values, settings_of
+from stereocal.ui.forms import changed_settings, search_form, search_values, settings_of
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.refined import refine_settings, wait_for_answer
@@ -47,7 +47,7 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
     """The data sets to validate on."""
     more = project.more_datasets
     kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
-    kind = choose(project, "validate_on", "Validate on", kinds, tabs_own=False)
+    choose(project, "validate_on", "Validate on", kinds, tabs_own=False)
     with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
         uploads = st.file_uploader(
             "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
@@ -59,9 +59,15 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
             st.markdown(f"- {escape_markdown(dataset.name)}")
         if more:
             st.button("Forget them", on_click=callback(project.drop_datasets), key="drop_more")
-    if kind == PAPER:
+    return chosen_data(project, own)
+
+
+def chosen_data(project: Project, own: Dataset) -> list[Dataset]:
+    """The data sets to validate on, as last chosen."""
+    kind = project.settings.get("validate_on", MINE)
+    if kind == PAPER and NINETEEN.is_dir():
         return [_read(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
-    return [own, *more] if kind == ALL else [own]
+    return [own, *project.more_datasets] if kind == ALL else [own]
 
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
@@ -115,7 +121,7 @@ def without_refined(
     None if the last validation is current, if the work is long, or if it fails: then
     `bring_up_to_date` shows what there is.
     """
-    last, own = _last(project), replace(settings, refined=None)
+    last, own = last_validation(project, datasets, settings), replace(settings, refined=None)
     if is_current(last, datasets, settings) or not is_short(datasets, settings):
         return None
     if not is_current(last, datasets, own):
@@ -128,19 +134,44 @@ def without_refined(
     return _last(project)
 
 
+def last_validation(
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
+) -> Evaluation | None:
+    """The last validation; that of the calibration instead, if it is what the form asks for.
+
+    So that a look at other data sets leaves a calibrated project validated.
+    """
+    of_calibration = readable(lambda: project.calibration_evaluation, told=False)
+    return of_calibration if is_current(of_calibration, datasets, settings) else _last(project)
+
+
 def bring_up_to_date(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> None:
     """Compute short work at once; for long work show a button and progress."""
-    current, short = is_current(_last(project), datasets, settings), is_short(datasets, settings)
+    last = last_validation(project, datasets, settings)
+    current, short = is_current(last, datasets, settings), is_short(datasets, settings)
     if not (current or short) and wait_for_answer(project):
         return  # the press on Calibrate ends in a validation
     about = {"datasets": list(map(digests_of, datasets)), "settings": settings.to_json()}
     run = partial(_validate, project, datasets, settings)
     work = jobs.Work(project, "evaluation", STAGES, about, run)
     label = f"Validate ({settings.runs * len(datasets)} runs)"
-    last = "Cancelled. What is shown is the last finished validation."
-    jobs.bring_up_to_date(work, current, short, "Validating.", label, "validate", last)
+    cancelled, stale = "Cancelled. What is shown is the last finished validation.", ""
+    if last is not None and not current:
+        stale = _since(last, datasets, settings)
+    about_it = current, short, "Validating.", label, "validate", cancelled, stale
+    jobs.bring_up_to_date(work, *about_it)
+
+
+def _since(
+    evaluation: Evaluation, datasets: Sequence[Dataset], settings: EvaluationSettings
+) -> str:
+    """What has changed since a validation."""
+    found = changed_settings(evaluation.settings.to_json(), settings.to_json())
+    if list(evaluation.sha256) != [dataset.sha256 for dataset in datasets]:
+        found.insert(0, "data")
+    return ", ".join(found)
 
 
 def is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:

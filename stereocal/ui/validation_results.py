@@ -6,7 +6,6 @@ from typing import Any
 import streamlit as st
 
 from stereocal.calibration.methods import Method
-from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
@@ -27,7 +26,6 @@ from stereocal.ui.messages import readable
 from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.validation import is_current
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 
@@ -73,23 +71,12 @@ def _note(evaluation: Evaluation, _screening: Screening) -> str:
     return jobs.compute(note_on_splits, _screening.dataset, settings, summaries)
 
 
-def show_evaluation(
-    project: Project,
-    evaluation: Evaluation,
-    datasets: Sequence[Dataset],
-    settings: EvaluationSettings,
-) -> None:
+def show_evaluation(project: Project, evaluation: Evaluation, datasets: Sequence[Dataset]) -> None:
     """Answer, figure, downloads and table of an evaluation.
 
     Args:
-        datasets, settings: what the form says now.
+        datasets: what the form says now.
     """
-    made_with = _describe_protocol(evaluation)
-    if not is_current(evaluation, datasets, settings):
-        st.warning(
-            "The form or the data have changed since this validation. It was computed "
-            f"with: {made_with}"
-        )
     bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
     pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
@@ -124,7 +111,7 @@ def show_evaluation(
         st.subheader("Data set by data set")
         words, config = describe_comparison(by_dataset), _saved_as(picture, "comparison")
         show_figure(plot_comparison(by_dataset), words, "comparison", config=config)
-    st.caption(f"Made with: {made_with}")
+    st.caption(f"Made with: {_describe_protocol(evaluation)}")
 
 
 def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:

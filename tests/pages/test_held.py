@@ -63,7 +63,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     assert any("a board of" in item.value for item in app.markdown)
     assert "have changed" not in messages(app)
     app.number_input(key="board_square_mm").set_value(60.0).run()
-    assert "have changed since the boards were found" in messages(app)
+    assert "Changed since this result: form, photographs or camera files." in messages(app)
     # Once more, with lenses that are made again: all lengths are twice as large.
     app.button(key="find_boards").click().run()
     ended(project, "photographs")
@@ -138,9 +138,9 @@ def test_balls_are_stated_and_found(balls: Project) -> None:
     frames = store.frames
     assert frames is not None and sum(frame.use for frame in frames) >= 10
     assert isinstance(held_target(balls), Balls)
-    assert "Find them again" not in messages(app.run())
+    assert "Changed since" not in messages(app.run())
     app.segmented_control(key="held").set_value("tags").run()
-    assert "what you said before that you hold" in messages(app) and not app.exception
+    assert "Changed since this result: what you hold" in messages(app) and not app.exception
 
 
 def test_tags_are_stated(balls: Project) -> None:

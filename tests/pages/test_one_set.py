@@ -17,7 +17,7 @@ from stereocal.ui.refined import refine_settings
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.workflow import calibrate, conclusions_of_seeds
 from tests.pages.stored_projects import FULL, again, messages, placed, project_of, told, wait_until
-from tests.pages.test_pages import open_sample
+from tests.pages.test_pages import open_sample, states
 
 
 def one_set(app: AppTest) -> AppTest:
@@ -113,6 +113,25 @@ def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
     app.selectbox(key="apply_matching").set_value("2d").run()
     one_set(app)
     assert not app.toggle(key="refined_2d").value and not app.toggle(key="refined_3d").value
+
+
+def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, home: Path) -> None:
+    """A slider of Validate: what is shown stays as it was made, and is renewed where it stands."""
+    app, project = pressed, project_of(pressed, home)
+    before = project.calibration_digest
+    project.keep_settings({"acceptance": 0.3})
+    changed = "Changed since this result: acceptance ratio (0.2, now 0.3)."
+    for name in ("calibrate", "one_set", "apply"):
+        app.switch_page(f"pages/{name}.py").run()
+        assert changed in messages(app)
+        assert [button.label for button in app.button if button.key == "run"] == ["Calibrate again"]
+    one_set(app)
+    assert "Use the refined set for both" in messages(app)
+    assert not app.get("download_button")[0].proto.disabled
+    app.button(key="run").click().run()
+    assert changed not in messages(app) and not [b for b in app.button if b.key == "run"]
+    assert project.calibration_digest != before and project.calibration_evaluation is not None
+    assert states(app)["one_set"] == "done"
 
 
 def read(project: Project) -> Dataset:

@@ -85,12 +85,15 @@ def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path
 def test_form_that_moved_on_is_said_and_the_result_stays(pressed: AppTest) -> None:
     app = pressed
     app.number_input(key="delta").set_value(2e-3).run()
-    assert "The form has changed since this result (Δ)" in messages(app)
+    assert (
+        "Changed since this result: Δ (0.001, now 0.002). It is shown as it was before."
+        in messages(app)
+    )
     assert "Use the refined set for both" in messages(app)
     app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
     app.switch_page("pages/calibrate.py").run()
-    assert "The data have changed since this result" in messages(app)
+    assert "baseline (4.5 m, now 4.6 m), Δ (0.001, now 0.002)" in messages(app)
     assert app.number_input(key="delta").value == 2e-3
 
 

@@ -2,6 +2,7 @@
 
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -12,11 +13,13 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.ui.forms import form_values, settings_of
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.texts import escape_markdown, escaped_table
+from stereocal.ui.validation import MINE, PAPER, chosen_data
 from stereocal.workflow import calibrate
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -80,8 +83,9 @@ def test_a_changed_length_makes_the_results_stale(finished: Project) -> None:
     ("setting", "stale"),
     [
         ({"delta": 2e-3}, {"calibrate", "validate", "one_set"}),
-        ({"validate_runs": 10}, {"validate", "one_set"}),
-        ({"refine_sigma_px": 0.3}, {"validate", "one_set"}),
+        ({"validate_runs": 10}, {"validate"}),
+        ({"refine_sigma_px": 0.3}, {"calibrate", "validate", "one_set"}),
+        ({"validate_on": PAPER}, {"validate"}),
         ({"calibration_frames": 20}, {"calibrate", "one_set"}),
     ],
 )
@@ -90,6 +94,21 @@ def test_a_changed_setting_makes_its_results_stale(
 ) -> None:
     finished.keep_settings(setting)
     assert {name for name, mark in marks(finished).items() if mark == "stale"} == stale
+
+
+def test_a_look_at_the_nineteen_rigs_changes_no_result(finished: Project) -> None:
+    """While they are chosen their validation is shown, then again that of the calibration."""
+    evaluation = finished.evaluation
+    assert evaluation is not None and finished.dataset is not None
+    finished.keep_evaluation(evaluation, of_calibration=True)
+    finished.keep_settings({"validate_on": PAPER})
+    sets = chosen_data(finished, finished.dataset)
+    own = replace(evaluation.settings, refined=RefineSettings())
+    digests = [each.sha256 for each in sets]
+    finished.keep_evaluation(Evaluation(list(evaluation.runs) * 19, own, ["rig"] * 19, digests))
+    assert "stale" not in marks(finished).values()
+    finished.keep_settings({"validate_on": MINE})
+    assert "stale" not in marks(finished).values()
 
 
 @pytest.mark.parametrize(
