@@ -31,7 +31,7 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
-from stereocal.refined.stated_inputs import Input
+from stereocal.refined.stated_inputs import Input, moved_lengths
 from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
@@ -241,7 +241,8 @@ def answer(
         validation = validation or validation_figures(summaries, settings)
         note = note_on_splits(calibration.screening.dataset, settings, summaries)
     found = recommend(calibration, outlook, validation)
-    found = replace(found, sentences=tuple(filter(None, (*found.sentences, note))))
+    moved = moved_lengths(outlook.comparison.inputs) if outlook else ""
+    found = replace(found, sentences=tuple(filter(None, (*found.sentences, moved, note))))
     return Answer(calibration, outlook, validation or {}, found, evaluation)
 
 

@@ -11,6 +11,7 @@ from stereocal.system.numbers import rounded
 
 LENGTHS = {"baseline", "distance"}
 """The images determine only their ratio."""
+_LENGTH_NAMES = {"baseline": "The baseline", "distance": "The distance between the targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,30 @@ def undetectable_errors(inputs: Sequence[Input]) -> str:
         f"State {'; '.join(remedies)}: otherwise errors {', '.join(hidden)} go unnoticed "
         f"(assumed: {', '.join(assumed)})."
     )
+
+
+def moved_lengths(inputs: Sequence[Input]) -> str:
+    """Message about measured lengths that the fit leaves by more than their uncertainty; or empty.
+
+    Such a length may be within what chance allows, and so not accused, but it is another one than
+    was measured, and the refined set has it.
+    """
+    found = []
+    for item in inputs:
+        sigma = float(item.prior_sigma[0])
+        away = float(item.estimate[0] - item.stated[0])
+        if item.key not in LENGTHS or not abs(away) > sigma > 0:
+            continue
+        fitted, stated = (in_digits(each, item.sigma) for each in (item.estimate, item.stated))
+        known = "stated" if item.sigma_stated else "assumed"
+        found.append(
+            f"{_LENGTH_NAMES[item.key]} is {fitted} m in the refined set and {stated} m as "
+            f"measured: {rounded(1000 * abs(away))} mm apart, more than its {known} uncertainty of "
+            f"{rounded(1000 * sigma)} mm."
+            + " Measure it again, or state how it was measured."
+            * (not item.accused)
+        )
+    return " ".join(found)
 
 
 _LENGTHS_ASKED = "how the lengths were measured (laser 2 mm, tape 5 mm)"

@@ -7,7 +7,7 @@ import pytest
 
 from stereocal.refined.disagreement import compare_inputs, what_disagrees
 from stereocal.refined.refine import refine
-from stereocal.refined.stated_inputs import advice_on, undetectable_errors
+from stereocal.refined.stated_inputs import advice_on, moved_lengths, undetectable_errors
 from stereocal.refined.two_views import DISTORTION
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
@@ -63,6 +63,20 @@ def test_a_wrong_focal_length_does_not_free_both_lengths() -> None:
     accused = [item.key for item in what_disagrees(refine(data, settings)) if item.accused]
     assert accused
     assert not {"baseline", "distance"} <= set(accused)
+
+
+def test_a_measured_length_that_the_fit_leaves_is_said() -> None:
+    """A baseline 1.5 % too long with an assumed 1 %: too little to accuse it, not to say it."""
+    data = rig.dataset(25, 0.05)
+    assert moved_lengths(what_disagrees(refine(data))) == ""
+    long = replace(data, baseline_m=1.015 * data.baseline_m, target_distance_sigma_m=1e-5)
+    lenses = RefineSettings(primary=LensPrior(1e-4, 0.1), secondary=LensPrior(1e-4, 0.1))
+    result = refine(long, lenses)
+    told = moved_lengths(what_disagrees(result))
+    fitted = result.pose.baseline
+    assert abs(fitted - data.baseline_m) < 0.2 * abs(fitted - long.baseline_m)
+    assert told.startswith(f"The baseline is {fitted:.2f}") and "as measured" in told
+    assert "more than its assumed uncertainty" in told and "distance between" not in told
 
 
 def test_what_nobody_stated_is_asked_for() -> None:
