@@ -7,6 +7,7 @@ import numpy as np
 from stereocal.network.fit import RigFit
 from stereocal.network.pairs import LEAST_NOISE_PX, MOST_NOISE
 from stereocal.network.unknowns import lens_places
+from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import LensPrior, lens_prior
 from stereocal.refined.views import EACH
 from stereocal.rig.compiled import FloatArray
@@ -41,7 +42,24 @@ def camera_warnings(fit: RigFit, noise_px: float) -> list[str]:
             " calibrate without one camera after the other.",
             *_moved_warnings(fit),
         ]
-    return [*_lens_warnings(fit), *_moved_warnings(fit)]
+    return [*_lens_warnings(fit), *_moved_warnings(fit), *_baseline_warnings(fit)]
+
+
+def _baseline_warnings(fit: RigFit) -> list[str]:
+    """Measured baselines that the rig leaves by more than their uncertainty."""
+    names, poses = list(fit.recording.cameras), fit.poses
+    stated = fit.rig_settings.baseline_sigma_m or fit.recording.baseline_sigma_m
+    found = (
+        moved_length(
+            f"The baseline {names[int(one)]}-{names[int(other)]}",
+            (poses[int(other)] @ poses[int(one)].inverse()).baseline,
+            measured,
+            sigma,
+            "stated" if stated else "assumed",
+        )
+        for one, other, measured, sigma in fit.baselines.tolist()
+    )
+    return list(filter(None, found))
 
 
 def _lens_warnings(fit: RigFit) -> list[str]:

@@ -85,22 +85,35 @@ def moved_lengths(inputs: Sequence[Input]) -> str:
     Such a length may be within what chance allows, and so not accused, but it is another one than
     was measured, and the refined set has it.
     """
-    found = []
-    for item in inputs:
-        sigma = float(item.prior_sigma[0])
-        away = float(item.estimate[0] - item.stated[0])
-        if item.key not in LENGTHS or not abs(away) > sigma > 0:
-            continue
-        fitted, stated = (in_digits(each, item.sigma) for each in (item.estimate, item.stated))
-        known = "stated" if item.sigma_stated else "assumed"
-        found.append(
-            f"{_LENGTH_NAMES[item.key]} is {fitted} m in the refined set and {stated} m as "
-            f"measured: {rounded(1000 * abs(away))} mm apart, more than its {known} uncertainty of "
-            f"{rounded(1000 * sigma)} mm."
-            + " Measure it again, or state how it was measured."
-            * (not item.accused)
+    found = (
+        moved_length(
+            _LENGTH_NAMES[item.key],
+            float(item.estimate[0]),
+            float(item.stated[0]),
+            float(item.prior_sigma[0]),
+            "stated" if item.sigma_stated else "assumed",
         )
-    return " ".join(found)
+        for item in inputs
+        if item.key in LENGTHS
+    )
+    return " ".join(filter(None, found))
+
+
+def moved_length(name: str, fitted_m: float, measured_m: float, sigma_m: float, known: str) -> str:
+    """Message about one measured length of a fit; empty if it is within its uncertainty.
+
+    Args:
+        known: `stated` or `assumed`, of the uncertainty.
+    """
+    away = abs(fitted_m - measured_m)
+    if not away > sigma_m > 0:
+        return ""
+    fitted, measured = (in_digits(np.array([m]), np.array([away])) for m in (fitted_m, measured_m))
+    return (
+        f"{name} is {fitted} m in the fit and {measured} m as measured: {rounded(1000 * away)} mm "
+        f"apart, more than its {known} uncertainty of {rounded(1000 * sigma_m)} mm. Measure it "
+        "again, or state how it was measured."
+    )
 
 
 _LENGTHS_ASKED = "how the lengths were measured (laser 2 mm, tape 5 mm)"

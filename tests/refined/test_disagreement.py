@@ -75,7 +75,7 @@ def test_a_measured_length_that_the_fit_leaves_is_said() -> None:
     told = moved_lengths(what_disagrees(result))
     fitted = result.pose.baseline
     assert abs(fitted - data.baseline_m) < 0.2 * abs(fitted - long.baseline_m)
-    assert told.startswith(f"The baseline is {fitted:.2f}") and "as measured" in told
+    assert told.startswith(f"The baseline is {fitted:.3f} m in the fit") and "as measured" in told
     assert "more than its assumed uncertainty" in told and "distance between" not in told
 
 
