@@ -13,6 +13,7 @@ from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation_panels import COLUMNS, standings
+from stereocal.refined.local_pose import is_near_pole, largest_turn_sigma
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR
@@ -101,6 +102,12 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
             title, decimals = f"{LENS_TITLES[key]}, {camera} camera (px)", 2
         error = "held" if value.sigma == 0 else f"± {digits(scale * value.sigma, 2)}"
         lines[title] = {"Value": f"{scale * value.value:.{decimals}f}", "Standard error": error}
+    if is_near_pole(result.q):
+        largest = math.degrees(largest_turn_sigma(result.q, result.covariance))
+        lines["Largest error as a rotation (°)"] = {
+            "Value": "",
+            "Standard error": f"± {digits(largest, 2)}",
+        }
     bar = result.dataset.target_distance_m
     lines["Distance A–B (m)"] = {
         "Value": f"{bar * result.bar_factor:.5f}",

@@ -13,6 +13,7 @@ from stereocal.calibration.wrong_inputs import (
     pose_fit,
 )
 from stereocal.errors import StereocalError
+from stereocal.refined.local_pose import largest_turn_sigma
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
     MAXIMUM_LEFT_OUT,
@@ -22,7 +23,6 @@ from stereocal.refined.screening import (
     wide_settings,
 )
 from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, bring_into_step
-from stereocal.refined.two_views import EPSILON
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.tracks import MeasuredOffset
@@ -136,7 +136,7 @@ def geometry_warning(fit: RefinedResult) -> str:
     """
     if not fit.sigma_px.value < MAXIMUM_NOISE_PX:
         return ""
-    largest = float(np.max(np.sqrt(np.diag(fit.covariance)[: EPSILON + 1])))
+    largest = largest_turn_sigma(fit.q, fit.covariance)
     ends = fit.used_points_m
     points, flat = _finite(ends.reshape(-1, 3)), False
     if len(points) > 3:  # the RMS distance from the best plane

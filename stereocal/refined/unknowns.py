@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.refined.local_pose import moved
 from stereocal.refined.rest import Rest
 from stereocal.refined.two_views import (
     BAR,
@@ -375,13 +376,6 @@ def shared_unknowns(rig: Rig) -> FloatArray:
     )
 
 
-def unknowns_between(one: FloatArray, other: FloatArray) -> FloatArray:
-    """(25,): one minus the other; angles within half a revolution."""
-    found = one - other
-    found[: EPSILON + 1] = (found[: EPSILON + 1] + np.pi) % (2 * np.pi) - np.pi
-    return found
-
-
 def pose_of(q: FloatArray) -> Pose:
     """The pose of the shared unknowns."""
     return Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE]))
@@ -403,7 +397,7 @@ def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray
     def at(unknowns: FloatArray) -> FloatArray:
         return errors(rig_of(rig.primary, rig.secondary, unknowns))
 
-    columns = [0.5 * (at(q + along) - at(q - along)) for along in spread.T]
+    columns = [0.5 * (at(moved(q, along)) - at(moved(q, -along))) for along in spread.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
 
 

@@ -22,11 +22,12 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.disagreement import Comparison, compare_inputs
+from stereocal.refined.local_pose import carried, step_between
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import shared_unknowns, unknowns_between
+from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.parameters import FileForecast
 from stereocal.rig.rig import Rig
@@ -194,9 +195,10 @@ class Outlook:
         That of the model about the truth, and the deviation of the file from the model.
         """
         model = self.comparison.model
-        away = unknowns_between(shared_unknowns(self.files[method]), model.q)
+        own = shared_unknowns(self.files[method])
+        away = step_between(own, model.q)
         away[BAR] = 0.0
-        return np.asarray(model.covariance + np.outer(away, away))
+        return carried(model.covariance + np.outer(away, away), model.q, own)
 
 
 def forecast_files(calibration: Calibration) -> Outlook:

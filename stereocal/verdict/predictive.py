@@ -20,6 +20,7 @@ from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.evaluation import compiled_run
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.design_effect import lenses_without
+from stereocal.refined.local_pose import moved
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import shared_unknowns
@@ -264,7 +265,8 @@ def _truths(
         A = of_images / scale**2 + prior
         unit = 1.0 / np.sqrt(np.diag(A))
         root = np.linalg.cholesky(A * np.outer(unit, unit))
-        own[:] = model.q + M @ (unit * np.linalg.solve(root.T, rng.standard_normal(k)))
+        step = unit * np.linalg.solve(root.T, rng.standard_normal(k))
+        own[:] = moved(model.q, M @ step)
     return found
 
 

@@ -17,15 +17,10 @@ from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
+from stereocal.refined.local_pose import pose_directions, step_between
 from stereocal.refined.solve import Solve
-from stereocal.refined.two_views import BASELINE, EPSILON, PRIMARY, SECONDARY, SHARED
-from stereocal.refined.unknowns import (
-    FIXED_LENS,
-    RefineSettings,
-    Unknowns,
-    rig_of,
-    unknowns_between,
-)
+from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, rig_of
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 
@@ -74,10 +69,12 @@ NOTHING = Change(np.zeros((SHARED, 0)), np.zeros(0))
 
 def pose_change(prior: Prior, scale: bool) -> Change:
     """The pose: five angles and, if `scale`, the baseline."""
-    count = BASELINE + 1 if scale else EPSILON + 1
+    count = BASELINE + 1 if scale else BASELINE
     sigma = np.full(count, WIDE_ANGLE)
     sigma[BASELINE:] = WIDE_BASELINE * prior.q[BASELINE]
-    return Change(np.eye(SHARED)[:, :count], sigma)
+    directions = np.eye(SHARED)[:, :count]
+    directions[:BASELINE, :BASELINE] = pose_directions(prior.q)
+    return Change(directions, sigma)
 
 
 def focal_change(prior: Prior, camera: int) -> Change:
@@ -112,7 +109,7 @@ def turned(pose: Pose, camera: int, vector: FloatArray) -> Pose:
 def pose_difference(one: Pose, other: Pose) -> FloatArray:
     """(25,): one minus the other in the shared unknowns; angles within half a revolution."""
     rest = np.zeros(SHARED - BASELINE - 1)
-    return unknowns_between(*(np.array([*it.angles, it.baseline, *rest]) for it in (one, other)))
+    return step_between(*(np.array([*it.angles, it.baseline, *rest]) for it in (one, other)))
 
 
 class Fit(Solve):
