@@ -1,0 +1,157 @@
+"""Which photographs of two cameras were taken at one moment, by clocks that differ by a constant.
+
+A pair costs r^2 / (2 s^2), with r its distance from the difference of the clocks and s their
+scatter; a photograph without a partner costs `ALONE`. Every difference of two times is a candidate
+for the difference of the clocks. Where photographs were taken at equal intervals, a shift by one
+costs as little: then the times alone do not tell, and `Alignment.sure` is False.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from stereocal.rig.compiled import FloatArray, IntArray
+
+ALONE = 5.0
+"""-log of the probability, 0.7 %, that a photograph has no partner."""
+REACH = 2 * np.sqrt(ALONE)
+"""In scatters: farther apart, two photographs without partners cost less than a pair."""
+TRIGGER_S, LEAST_SCATTER_S = 0.4, 0.02
+"""Scatter of two shutters released by hand, the first guess, and the smallest that is believed."""
+TOGETHER = 8.0
+"""What clocks that agree save: those of two cameras that were set by nobody rarely do."""
+CANDIDATES = 40
+LEAST_PAIRS, LEAST_SHARE = 3, 0.7
+"""Fewer pairs, or a smaller share of the camera with fewer photographs, may be chance."""
+MARGIN = 8.0
+"""By how much the next best difference of the clocks must cost more."""
+MOST_EXACT = 200
+"""Photographs that follow each other closer than can be told apart are solved together, up to this
+number; above it each takes its nearest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """The photographs of two cameras that fit by time."""
+
+    pairs: IntArray
+    """(k, 2): rows of the two cameras, in order of time."""
+    clocks_s: float
+    """By how much the clock of the second camera is ahead."""
+    scatter_s: float
+    """RMS distance of the pairs' times from that."""
+    sure: bool
+    """Whether every other difference of the clocks fits clearly worse."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    pairs: IntArray
+    clocks: float
+    cost: float
+
+
+def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> Alignment | None:
+    """Pair two cameras by time.
+
+    Args:
+        first, second: (n,) and (m,), in s; equal times are in the order of the photographs.
+        steps: resolutions of the two clocks, s.
+
+    Returns:
+        The cheapest alignment; None if there is none of `LEAST_PAIRS`.
+    """
+    smaller = min(len(first), len(second))
+    if smaller < LEAST_PAIRS:
+        return None
+    first, second = (
+        spread_ties(own, step) for own, step in zip((first, second), steps, strict=True)
+    )
+    least = float(np.hypot(LEAST_SCATTER_S, np.hypot(*steps) / np.sqrt(12)))
+    scatter = float(np.hypot(TRIGGER_S, least))
+    clocks = _candidates(first, second, REACH * scatter)
+    tried = [_try(first, second, each, scatter) for each in clocks]
+    for _ in range(2):  # the scatter is that of the best; then all are judged by it
+        best = min(tried, key=lambda one: one.cost)
+        if len(best.pairs) < LEAST_PAIRS:
+            return None
+        scatter = min(scatter, max(least, _rms(first, second, best)))
+        tried = [_try(first, second, each.clocks, scatter) for each in tried]
+    best = min(tried, key=lambda one: one.cost)
+    if len(best.pairs) < LEAST_PAIRS:
+        return None
+    taken = {*map(tuple, best.pairs.tolist())}
+    others = [one.cost for one in tried if not taken & {*map(tuple, one.pairs.tolist())}]
+    enough = len(best.pairs) >= LEAST_SHARE * smaller
+    alone = min(others, default=np.inf) - best.cost >= MARGIN
+    return Alignment(best.pairs, best.clocks, _rms(first, second, best), enough and alone)
+
+
+def spread_ties(times: FloatArray, step: float) -> FloatArray:
+    """Equal times of photographs in order, (n,), spread evenly over the step of the clock."""
+    found = times.astype(np.float64)
+    for same in np.unique(times):
+        own = np.flatnonzero(times == same)
+        if len(own) > 1:
+            found[own] += step * np.arange(len(own)) / len(own)
+    return found
+
+
+def _candidates(first: FloatArray, second: FloatArray, reach: float) -> list[float]:
+    """Differences of the clocks that many pairs have, within `reach` on either side."""
+    differences = np.sort((second[None, :] - first[:, None]).ravel())
+    low = np.searchsorted(differences, differences - reach)
+    counts = np.searchsorted(differences, differences + reach, side="right") - low
+    found = list[float]()
+    for at in np.argsort(-counts, kind="stable"):
+        if all(abs(differences[at] - each) > reach / 2 for each in found):
+            found.append(float(differences[at]))
+            if len(found) == CANDIDATES:
+                break
+    return found
+
+
+def _try(first: FloatArray, second: FloatArray, clocks: float, scatter: float) -> _Tried:
+    """The pairs at about a difference of the clocks, which they correct."""
+    pairs = np.empty((0, 2), np.int64)
+    for _ in range(3):
+        pairs = _pairs(first + clocks, second, scatter)
+        if not len(pairs):
+            break
+        clocks = float(np.median(second[pairs[:, 1]] - first[pairs[:, 0]]))
+    apart = (second[pairs[:, 1]] - first[pairs[:, 0]] - clocks) / scatter
+    alone = len(first) + len(second) - 2 * len(pairs)
+    together = TOGETHER * (abs(clocks) <= REACH * scatter)
+    return _Tried(pairs, clocks, float(0.5 * apart @ apart) + ALONE * alone - together)
+
+
+def _pairs(first: FloatArray, second: FloatArray, scatter: float) -> IntArray:
+    """The cheapest pairs of times by one clock, solved between pauses longer than the reach."""
+    times = np.concatenate([first, second])
+    order = np.argsort(times, kind="stable")
+    cuts = np.flatnonzero(np.diff(times[order]) > REACH * scatter) + 1
+    found = []
+    for own in np.split(order, cuts):
+        rows, columns = own[own < len(first)], own[own >= len(first)] - len(first)
+        if len(rows) and len(columns):
+            apart = (second[columns][None, :] - first[rows][:, None]) / scatter
+            found.append(_solve(apart, rows, columns))
+    return np.concatenate(found) if found else np.empty((0, 2), np.int64)
+
+
+def _solve(apart: FloatArray, rows: IntArray, columns: IntArray) -> IntArray:
+    cost = np.minimum(0.5 * apart**2, 2 * ALONE)
+    if max(cost.shape) <= MOST_EXACT:
+        i, j = linear_sum_assignment(cost)
+    else:
+        j = np.argmin(cost, axis=1)
+        i = np.flatnonzero(np.argmin(cost, axis=0)[j] == np.arange(len(rows)))
+        j = j[i]
+    near = cost[i, j] < 2 * ALONE
+    return np.column_stack([rows[i[near]], columns[j[near]]])
+
+
+def _rms(first: FloatArray, second: FloatArray, one: _Tried) -> float:
+    apart = second[one.pairs[:, 1]] - first[one.pairs[:, 0]] - one.clocks
+    return float(np.sqrt(np.mean(apart**2)))

@@ -1,0 +1,254 @@
+"""Pair the photographs of two cameras: by name, by the time taken, or in order, and why.
+
+Names decide where they pair all, unless the cameras' own clocks contradict; then the times, where
+one difference of the clocks fits clearly best; then names that pair most; then the order.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stereocal.frames.by_time import Alignment, align
+from stereocal.frames.conventions import FOLDERS, Reading, divisions_in, words_in
+from stereocal.frames.pairing import (
+    Alone,
+    Pair,
+    Pairing,
+    best_reading,
+    counted,
+    listed,
+    missing,
+    natural,
+    number_pairs,
+    short_names,
+)
+from stereocal.frames.sides import Sides, sides_of
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.taken import Source, Taken
+
+Way = Literal["name", "time", "order"]
+WAYS: tuple[Way, ...] = ("name", "time", "order")
+LEAST_BY_NAME = 0.5
+"""Share of the camera with fewer photographs that names must pair, to be gone by."""
+CONTRADICTED = 2
+"""Pairs of complete names that the times must contradict."""
+LEAST_PAUSE_S = 2.0
+"""Files that were written faster than this tell when they were copied."""
+SOURCES: dict[Source, str] = {
+    "camera": "the time taken",
+    "name": "the time in their names",
+    "file": "the time of the files",
+}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the user decided."""
+
+    way: Way | None = None
+    """None: as proposed."""
+    without: tuple[str, ...] = ()
+    """Photographs that are left out: they have no partner."""
+    exchanged: bool = False
+    """Whether the other camera is the primary."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The ways to pair, and which one is taken."""
+
+    ways: Mapping[Way, Pairing]
+    """Those that pair any, in the order of `WAYS`."""
+    best: Way
+    """The one to propose."""
+    way: Way
+    """The one taken: as chosen, else the best."""
+    slips: tuple[Alone, ...]
+    """Photographs without a partner by the times, if these are sure."""
+    named: Pairing
+    """By name, with or without pairs."""
+
+    @property
+    def pairing(self) -> Pairing:
+        """The pairing taken; without pairs if there is no way."""
+        return self.ways.get(self.way, self.named)
+
+
+def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
+    """Propose how photographs belong together.
+
+    Args:
+        taken: what each file says, by name, in the order given.
+    """
+    used = {name: one for name, one in taken.items() if name not in choice.without}
+    names = sorted(used, key=natural)
+    readings = words_in(names), divisions_in([*used])
+    sides = sides_of(used, [*readings[0], *readings[1]])
+    if choice.exchanged:
+        readings = [one.exchanged() for one in readings[0]], [o.exchanged() for o in readings[1]]
+        sides = sides and sides.exchanged()
+    named = _by_name(names, *readings)
+    ways: dict[Way, Pairing] = {"name": named} if named.pairs else {}
+    sure = False
+    if sides is not None:
+        times = tuple(_times(own, used) for own in sides.cameras)
+        aligned = _aligned(times)
+        if aligned is not None:
+            ways["time"], sure = _by_time(sides, times, aligned), aligned.sure
+        ways["order"] = _in_order(sides)
+    best = _best(ways, sure, sure and times[0].source == times[1].source == "camera")
+    way = choice.way if choice.way in ways else best
+    return Proposal(ways, best, way, ways["time"].alone if sure else (), named)
+
+
+def _by_name(
+    names: Sequence[str], words: Sequence[Reading], divisions: Sequence[Reading]
+) -> Pairing:
+    """By words and folders; else by two beginnings or numbers of names, if these pair all."""
+    named = best_reading(names, [*words, *(one for one in divisions if one.rank <= FOLDERS)])
+    rest = [one for one in divisions if one.rank > FOLDERS]
+    if _mostly(named) or not rest:
+        return named
+    weak = best_reading(names, rest)
+    return weak if weak.complete else named
+
+
+def _mostly(named: Pairing) -> bool:
+    """Whether names pair enough photographs to be gone by."""
+    alone = [sum(one.camera == camera for one in named.alone) for camera in (0, 1)]
+    return len(named.pairs) > 0 and len(named.pairs) >= LEAST_BY_NAME * (
+        len(named.pairs) + min(alone)
+    )
+
+
+def _best(ways: Mapping[Way, Pairing], sure: bool, by_cameras: bool) -> Way:
+    named, timed = ways.get("name"), ways.get("time")
+    if named is not None and named.complete:
+        partner = {} if timed is None else {p.primary: p.secondary for p in timed.pairs}
+        against = sum(partner.get(p.primary, p.secondary) != p.secondary for p in named.pairs)
+        return "time" if by_cameras and against >= CONTRADICTED else "name"
+    if sure and timed is not None and len(timed.pairs) >= len(named.pairs if named else ()):
+        return "time"
+    return "name" if "order" not in ways or (named is not None and _mostly(named)) else "order"
+
+
+@dataclass(frozen=True, eq=False)
+class _Times:
+    """The times of one camera."""
+
+    names: list[str]
+    """Photographs with a time, in order."""
+    seconds: FloatArray
+    step: float
+    source: Source
+    zones: list[float | None]
+
+
+def _times(names: Sequence[str], taken: Mapping[str, Taken]) -> _Times:
+    """Of most of the photographs of a camera, by one source."""
+    sources = [taken[name].source for name in names if taken[name].seconds is not None]
+    source: Source = max(sources, key=sources.count, default="")
+    own = {name: taken[name] for name in names if source and taken[name].source == source}
+    seconds = np.array([one.seconds for one in own.values()], np.float64)
+    step = max((one.step for one in own.values()), default=1.0)
+    return _Times([*own], seconds, step, source, [one.zone for one in own.values()])
+
+
+def _aligned(times: Sequence[_Times]) -> Alignment | None:
+    zones = [zone for own in times for zone in own.zones]
+    clocks = []
+    for own in times:
+        if own.source == "file" and _pause(own.seconds) < LEAST_PAUSE_S:
+            return None
+        ahead = np.zeros(len(own.names))
+        if None not in own.zones and own.zones:
+            # Of one camera only, no more than what its zone has changed.
+            first = own.zones[0] if None in zones else 0.0
+            ahead = np.array(own.zones, np.float64) - (first or 0.0)
+        clocks.append(own.seconds - ahead)
+    return align(clocks[0], clocks[1], (times[0].step, times[1].step))
+
+
+def _pause(seconds: FloatArray) -> float:
+    return float(np.median(np.diff(np.sort(seconds)))) if len(seconds) > 1 else 0.0
+
+
+def _by_time(sides: Sides, times: Sequence[_Times], aligned: Alignment) -> Pairing:
+    twos = [(times[0].names[i], times[1].names[j]) for i, j in aligned.pairs.tolist()]
+    alone = tuple(_alone(sides, twos, {*times[0].names, *times[1].names}))
+    what = SOURCES[max((own.source for own in times), key=[*SOURCES].index)]
+    fine = max(own.step for own in times) < 1.0
+    apart = duration(abs(aligned.clocks_s), fine)
+    sentences = [
+        f"{counted(len(twos))} by {what}; the clocks are {apart} apart.",
+        *([] if aligned.sure else ["Another difference of the clocks fits nearly as well."]),
+        *_about(sides, alone),
+    ]
+    return Pairing(_numbered(twos), alone, sides.unknown, " ".join(sentences), not aligned.sure)
+
+
+def _in_order(sides: Sides) -> Pairing:
+    first, second = sides.cameras
+    twos = list(zip(first, second, strict=False))
+    rest = first[len(second) :], second[len(first) :]
+    alone = tuple(Alone(name, camera) for camera in (0, 1) for name in rest[camera])
+    longer = int(len(second) > len(first))
+    sentences = [f"{counted(len(twos))} in order, the first with the first."]
+    if not sides.equal:
+        more = len(alone)
+        sentences.append(
+            f"The {CAMERAS[longer]} camera has {counted(more, 'photograph')} more than the "
+            f"{CAMERAS[1 - longer]}, and which of them {'has' if more == 1 else 'have'} no partner "
+            "does not show: find the first pair that is wrong."
+        )
+    sentences += _about(sides, ())
+    return Pairing(_numbered(twos), alone, sides.unknown, " ".join(sentences), not sides.equal)
+
+
+def _about(sides: Sides, alone: Sequence[Alone]) -> list[str]:
+    """Whose photographs are whose, and which have no partner."""
+    unknown = [f"These are of neither camera: {listed(sides.unknown)}."] if sides.unknown else []
+    return [sides.sentence, *missing(alone), *unknown]
+
+
+def _alone(
+    sides: Sides, twos: Sequence[tuple[str, str]], timed: Collection[str]
+) -> Iterator[Alone]:
+    """The photographs without a partner, and after which of the other camera it is missing."""
+    for camera, names in enumerate(sides.cameras):
+        partner = {two[camera]: two[1 - camera] for two in twos}
+        others = sides.cameras[1 - camera]
+        short = dict(zip(others, short_names(others), strict=True))
+        where = f"before {short[others[0]]}"
+        for name in names:
+            if name in partner:
+                where = f"after {short[partner[name]]}"
+            elif name not in timed:
+                yield Alone(name, camera, where="its file does not say when it was taken")
+            else:
+                gap = f"one photograph is missing in the {CAMERAS[1 - camera]} {where}"
+                yield Alone(name, camera, where=gap)
+
+
+def _numbered(twos: Sequence[tuple[str, str]]) -> tuple[Pair, ...]:
+    """Pairs in order, by the numbers of the primary's names if these rise, else from 1."""
+    short = short_names([primary for primary, _ in twos])
+    by_names = number_pairs(dict(zip(short, twos, strict=True)))
+    if [(pair.primary, pair.secondary) for pair in by_names] == [*twos]:
+        return by_names
+    return tuple(Pair(number, *two) for number, two in enumerate(twos, start=1))
+
+
+def duration(seconds: float, fine: bool) -> str:
+    """A time in words: 12.4 s, 61 min 12 s, 2 h 3 min, 3 days."""
+    if seconds < 600:
+        return f"{seconds:.1f} s" if fine else f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 600:
+        return f"{int(seconds // 60)} min {int(seconds % 60)} s"
+    if minutes < 48 * 60:
+        return f"{minutes // 60} h {minutes % 60} min"
+    return f"{minutes / 1440:.0f} days"
