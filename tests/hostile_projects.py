@@ -133,7 +133,7 @@ def _reads(project: Project) -> Iterator[Callable[[], object]]:
     yield lambda: project.more_datasets
     yield lambda: _use_calibration(project)
     yield lambda: project.evaluation
-    yield lambda: (photographs.photographs, photographs.proposal.sentence, photographs.rows)
+    yield lambda: (photographs.photographs, photographs.proposal.pairing.sentence, photographs.rows)
     yield lambda: [thumbnail(photographs, frame) for frame in (photographs.frames or [])[:1]]
     yield lambda: read_review(photographs)
     for which in CAMERAS:

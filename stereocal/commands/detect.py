@@ -8,12 +8,12 @@ from pathlib import Path
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.intrinsics import detect_board
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
+from stereocal.commands.pairing import PAIR_BY, pairing_of
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
-from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.system.atomic_files import write_atomically
@@ -30,6 +30,7 @@ OPTIONS: Options = {
     "--clock-ahead S": "by how many seconds the secondary's time stamps are ahead (default: both "
     "videos start at the same moment)",
     "--doubtful": "doubtful frames go into the table too",
+    **PAIR_BY,
     **LENSES_AND_LENGTHS,
     **WORKERS,
 }
@@ -50,10 +51,8 @@ def run(parsed: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         unpack = partial(photographs_in, parsed.dataset, Path(store))
         photographs = of_the_bar(with_bar("photographs unpacked", unpack))
-        pairing = pair_names(photographs)
+        pairing = pairing_of(photographs, parsed.dataset, parsed.pair_by)
         say(f"{len(photographs)} photographs. {pairing.sentence}")
-        if not pairing.pairs or pairing.ambiguous:
-            raise StereocalError(f"{parsed.dataset}: {pairing.sentence}")
         cameras = survey.primary, survey.secondary
         with workers_from(parsed, compile_detection) as executor:
             about = pairing.pairs, photographs, cameras, executor

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
+from stereocal.commands.pairing import pairing_of, taken_of
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dataset_files import read_cameras
 from stereocal.formats.recording_files import DESCRIPTION, pack_recording, write_points
-from stereocal.frames.pairing import pair_names
+from stereocal.frames.pairing import Pairing
+from stereocal.frames.proposal import propose
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
@@ -58,8 +60,9 @@ def run(parsed: argparse.Namespace) -> None:
     settings = LensSettings(**{name: getattr(parsed, name) for name in descriptions(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
-        if not out.suffix and pair_names(photographs).pairs:
-            boards = _search(photographs, pattern, executor)
+        proposal = propose(taken_of(photographs))
+        if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
+            boards = _search(photographs, pattern, proposal.pairing, executor)
             cameras = _lenses_of(boards, settings, executor)
             write_recording(out, recording_of(boards, cameras, out.name))
             return
@@ -76,7 +79,7 @@ def run(parsed: argparse.Namespace) -> None:
     report(*refused, lens_answer(lens), *rows, notes=notes, written=[out])
 
 
-def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> Photographs:
+def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for source in sources:
         alone = source.is_file() and source.suffix.lower() != ".zip"
@@ -98,7 +101,8 @@ def detect_board(parsed: argparse.Namespace, target: Board) -> None:
         photographs = of_the_bar(photographs_in(parsed.dataset, Path(store)))
         pattern = target.pattern(target.size or _size_found(photographs))
         with workers_from(parsed) as executor:
-            boards = _search(photographs, pattern, executor)
+            pairing = pairing_of(photographs, parsed.dataset, parsed.pair_by)
+            boards = _search(photographs, pattern, pairing, executor)
             if known is None:
                 cameras = _lenses_of(boards, LensSettings(), executor)
             else:
@@ -121,8 +125,11 @@ def write_recording(folder: Path, recording: Recording) -> None:
     report(written=[folder])
 
 
-def _search(photographs: Photographs, pattern: BoardPattern, executor: Executor) -> StereoBoards:
-    boards = in_stages(partial(find_stereo_boards, photographs, pattern, executor))
+def _search(
+    photographs: Photographs, pattern: BoardPattern, pairing: Pairing, executor: Executor
+) -> StereoBoards:
+    search = partial(find_stereo_boards, photographs, pattern, executor, pairing=pairing)
+    boards = in_stages(search)
     say(f"{boards.pairing.sentence} {boards.sentence}")
     return boards
 

@@ -162,28 +162,33 @@ def divisions_in(names: Sequence[str]) -> list[Reading]:
     """Readings by two folders of any names, two beginnings of names, or two numbers in them."""
     paths = {name: PurePosixPath(name.replace("\\", "/")) for name in names}
     depth = max((len(path.parts) for path in paths.values()), default=1) - 1
+    levels = [
+        {n: p.parts[at] if at < len(p.parts) - 1 else "" for n, p in paths.items()}
+        for at in range(depth)
+    ]
     found = []
-    for level in range(depth):
-        folders = {
-            name: path.parts[level] if level < len(path.parts) - 1 else ""
-            for name, path in paths.items()
-        }
-        rest = {n: _without(path, level) for n, path in paths.items()}
-        found += _divided(folders, rest, FOLDERS, "{}/", partial(_in_folder, level))
-    stems = {name: path.stem for name, path in paths.items()}
-    digits = {name: re.findall("[0-9]+", stem) for name, stem in stems.items()}
-    forms = {name: re.sub("[0-9]+", "#", stem) for name, stem in stems.items()}
-    keys = {n: f"{paths[n].parent.as_posix()}/{'_'.join(own)}" for n, own in digits.items()}
-    found += _divided(forms, keys, BEGINNINGS, "{}", lambda *_: "")
+    for at, folders in enumerate(levels):
+        rest = _joined([*levels[:at], *levels[at + 1 :], {n: p.stem for n, p in paths.items()}])
+        found += _divided(folders, rest, FOLDERS, "{}/", partial(_in_folder, at))
+    digits = {name: re.findall("[0-9]+", path.stem) for name, path in paths.items()}
+    forms = {name: re.sub("[0-9]+", "#", path.stem) for name, path in paths.items()}
+
+    def divide(words: Mapping[str, str], rest: Mapping[str, str], rank: int) -> list[Reading]:
+        # Folders that divide them alike are left out of the key.
+        others = [one for one in levels if len({(words[n], one[n]) for n in names}) > 2]
+        return _divided(words, _joined([*others, rest]), rank, "{}", lambda *_: "")
+
+    found += divide(forms, {n: "_".join(own) for n, own in digits.items()}, BEGINNINGS)
     if len({form.lower() for form in forms.values()}) == 1:
         for at in range(min(map(len, digits.values()), default=0)):
-            numbers = {name: own[at] for name, own in digits.items()}
-            rest = {
-                n: "_".join([paths[n].parent.as_posix(), *own[:at], "*", *own[at + 1 :]])
-                for n, own in digits.items()
-            }
-            found += _divided(numbers, rest, NUMBERS, "{}", lambda *_: "")
+            rest = {n: "_".join([*own[:at], "*", *own[at + 1 :]]) for n, own in digits.items()}
+            found += divide({name: own[at] for name, own in digits.items()}, rest, NUMBERS)
     return found
+
+
+def _joined(parts: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """By name, the parts of its path."""
+    return {name: "/".join(own[name] for own in parts) for name in parts[0]}
 
 
 def _divided(
@@ -205,11 +210,6 @@ def _divided(
 
     one, two = (shown.format(own[word]).strip("#") or "no folder" for word in order)
     return [Reading((one, two), rank, found, other)]
-
-
-def _without(path: PurePosixPath, level: int) -> str:
-    parts = [*path.parent.parts, path.stem]
-    return "/".join(parts[:level] + parts[level + 1 :] if level < len(parts) - 1 else parts)
 
 
 def _in_folder(level: int, name: str, folder: str) -> str:

@@ -85,7 +85,8 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
     """
     used = {name: one for name, one in taken.items() if name not in choice.without}
     names = sorted(used, key=natural)
-    readings = words_in(names), divisions_in([*used])
+    words = words_in(names)
+    readings = words, [_as_in(one, words) for one in divisions_in([*used])]
     sides = sides_of(used, [*readings[0], *readings[1]])
     if choice.exchanged:
         readings = [one.exchanged() for one in readings[0]], [o.exchanged() for o in readings[1]]
@@ -102,6 +103,15 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
     best = _best(ways, sure, sure and times[0].source == times[1].source == "camera")
     way = choice.way if choice.way in ways else best
     return Proposal(ways, best, way, ways["time"].alone if sure else (), named)
+
+
+def _as_in(division: Reading, words: Sequence[Reading]) -> Reading:
+    """A division with the primary camera that words name, if they divide alike."""
+    for reading in words:
+        same = [reading.found.get(name, own)[0] == own[0] for name, own in division.found.items()]
+        if len(reading.found) == len(same):
+            return division if any(same) else division.exchanged()
+    return division
 
 
 def _by_name(

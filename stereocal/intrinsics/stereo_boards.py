@@ -138,8 +138,9 @@ def find_stereo_boards(
     Returns:
         None if cancelled.
     """
-    pairing = pairing or pair_names(photographs)
-    if not pairing.pairs or pairing.ambiguous:
+    if pairing is None and (pairing := pair_names(photographs)).ambiguous:
+        raise StereocalError(pairing.sentence)
+    if not pairing.pairs:
         raise StereocalError(pairing.sentence)
     names = {str(camera): [getattr(pair, camera) for pair in pairing.pairs] for camera in CAMERAS}
     for alone in pairing.alone:

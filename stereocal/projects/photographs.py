@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -10,7 +10,8 @@ from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import Table, write_table
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Pair, Pairing, pair_names
+from stereocal.frames.pairing import Pair
+from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
@@ -18,7 +19,9 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, plain
+from stereocal.system.taken import Taken, read_taken
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
@@ -26,6 +29,8 @@ BOARDS_LABEL = "corners found in the photographs"
 FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
 Given = tuple[dict[Slot, tuple[str, bytes]], dict[Slot, Camera | Table]]
 """Files by slot: name and content; and what was read from them."""
+_PROPOSED: Latest[Proposal] = Latest(16)
+_TIFF = b"II*\0", b"MM\0*"
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,14 @@ class PairRow:
 
     pair: Pair
     use: bool = True
+
+
+@dataclass(frozen=True)
+class _Decided:
+    """How to pair, as the user decided it, and the pairs as edited since."""
+
+    choice: Choice = field(default_factory=Choice)
+    rows: list[PairRow] | None = None
 
 
 class ProjectPhotographs(ProjectPart):
@@ -47,22 +60,62 @@ class ProjectPhotographs(ProjectPart):
         return self.database.files(BAR)
 
     @property
-    def proposal(self) -> Pairing:
-        """The pairs proposed from the names."""
-        return pair_names(self.photographs)
+    def taken(self) -> dict[str, Taken]:
+        """What each photograph's file says, in the order given."""
+        return {name: _taken(file) for name, file in self.photographs.items()}
 
     @property
-    def rows(self) -> list[PairRow]:
-        """The pairs as edited, or as proposed if nobody has edited them."""
-        edited = self._value("pairs", None)
-        if edited is None:
-            return [PairRow(pair) for pair in self.proposal.pairs]
+    def proposal(self) -> Proposal:
+        """The ways to pair the photographs, and the one taken."""
+        choice = self.choice
+        about = [(name, file.about) for name, file in self.photographs.items()]
+        return _PROPOSED.once(repr((about, choice)), lambda: propose(self.taken, choice))
+
+    @property
+    def choice(self) -> Choice:
+        """How to pair, as the user decided it last."""
+        return self._decisions[-1].choice
+
+    def choose(self, choice: Choice) -> None:
+        """Pair in another way; edited pairs are replaced, until this is undone."""
+        with self.database.transaction():
+            self._decide([*self._decisions, _Decided(choice)])
+
+    @property
+    def can_undo_choice(self) -> bool:
+        return len(self._decisions) > 1
+
+    def undo_choice(self) -> None:
+        """Return to the way and the edited pairs before the last choice."""
+        with self.database.transaction():
+            self._decide(self._decisions[:-1])
+
+    @property
+    def _decisions(self) -> list[_Decided]:
+        """All in turn, the present one last, with the pairs as edited."""
         try:
-            return of_plain(edited, list[PairRow])
+            before = of_plain(self._value("pairing", []), list[_Decided]) or [_Decided()]
+            return [*before[:-1], replace(before[-1], rows=_rows(self._edited))]
         except DAMAGED as error:
             raise DamagedError(
                 "The table of pairs is damaged: remove all photographs, and give them again."
             ) from error
+
+    def _decide(self, decisions: Sequence[_Decided]) -> None:
+        last = decisions[-1] if decisions else _Decided()
+        self.database.keep_values(BAR, {"pairing": plain(decisions), "pairs": plain(last.rows)})
+
+    @property
+    def _edited(self) -> Any:
+        return self._value("pairs", None)
+
+    @property
+    def rows(self) -> list[PairRow]:
+        """The pairs as edited, or as proposed if nobody has edited them."""
+        edited = self._decisions[-1].rows
+        if edited is None:
+            return [PairRow(pair) for pair in self.proposal.pairing.pairs]
+        return edited
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Store the edited pairs; None returns to the proposal."""
@@ -78,9 +131,9 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             before = self.photographs
-            self.database.name_files(BAR, found)
-            if self._value("pairs", None) is not None:
-                self.keep_rows(_with_new(self.rows, list(self.photographs)))
+            self.database.name_files(BAR, _dated(found))
+            if self._edited is not None:
+                self.keep_rows(_with_new(self.rows, self.taken))
             replaced = {name for name in found if before.get(name, found[name]) != found[name]}
             frames = self.frames or []
             left = [frame for frame in frames if not replaced.intersection(frame.files)]
@@ -92,8 +145,8 @@ class ProjectPhotographs(ProjectPart):
     def clear(self, found: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
         """Delete all photographs but `found`, and the targets found in them."""
         with self.database.freeing() as db:
-            self.database.replace_files(BAR, found)
-            self.database.keep_values(BAR, {"pairs": None, "found_by": ""})
+            self.database.replace_files(BAR, _dated(found))
+            self.database.keep_values(BAR, {"pairs": None, "pairing": [], "found_by": ""})
             self.database.keep_result("frames", None)
             db.execute("DELETE FROM edit")
 
@@ -255,6 +308,35 @@ def _table(rows: Correspondences, label: str) -> Given:
     return {"correspondences": (label, write_table(rows))}, {"correspondences": Table(rows, [])}
 
 
+def _rows(edited: Any) -> list[PairRow] | None:
+    return None if edited is None else of_plain(edited, list[PairRow])
+
+
+def _taken(file: StoredFile) -> Taken:
+    """What was stored with a photograph's name; earlier versions stored its name only."""
+    with suppress(*DAMAGED):
+        return of_plain(file.about, Taken) if isinstance(file.about, dict) else Taken()
+    return Taken()
+
+
+def _dated(found: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
+    """Photographs with what their files say, to be stored with their names."""
+    return {
+        name: file
+        if isinstance(file.about, dict)
+        else replace(file, about=plain(read_taken(_head(file), name)))
+        for name, file in found.items()
+    }
+
+
+def _head(file: StoredFile) -> bytes:
+    """A photograph as far as its header goes: a TIFF may have it at the end."""
+    with suppress(StereocalError):  # reported where the photograph is used
+        head = next(file.pieces(), b"")
+        return file.read_bytes() if head[:4] in _TIFF else head
+    return b""
+
+
 def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
     frames, taken = set[int](), set[str]()
     for pair in (row.pair for row in rows):
@@ -271,11 +353,12 @@ def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
             taken.add(name)
 
 
-def _with_new(kept: Sequence[PairRow], names: Sequence[str]) -> list[PairRow]:
+def _with_new(kept: Sequence[PairRow], photographs: Mapping[str, Taken]) -> list[PairRow]:
     """The given rows, and the proposed pairs of all other photographs."""
     taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
     rows, frames = list(kept), {row.pair.frame for row in kept}
-    for pair in pair_names(name for name in names if name not in taken).pairs:
+    new = {name: one for name, one in photographs.items() if name not in taken}
+    for pair in propose(new).pairing.pairs:
         number = pair.frame if pair.frame not in frames else max(frames) + 1
         frames.add(number)
         rows.append(PairRow(replace(pair, frame=number)))

@@ -70,6 +70,11 @@ def thumbnail(store: ProjectPhotographs, frame: Frame) -> bytes:
     return _drawn(_files(store, frame.files), frame.centres)
 
 
+def pair_thumbnail(store: ProjectPhotographs, names: tuple[str | None, str | None]) -> bytes:
+    """A JPEG of two whole photographs; grey where there is none."""
+    return _drawn(_files(store, names), ((None, None), (None, None)))
+
+
 def board_thumbnail(
     store: ProjectPhotographs, pair: Pair, corners: tuple[FloatArray, FloatArray]
 ) -> bytes:
@@ -98,9 +103,9 @@ def _drawn(files: tuple[StoredFile | None, ...], marks: Sequence[CentrePair | by
     return side_by_side(first, second)
 
 
-def _files(store: ProjectPhotographs, names: tuple[str, str]) -> tuple[StoredFile | None, ...]:
+def _files(store: ProjectPhotographs, names: Sequence[str | None]) -> tuple[StoredFile | None, ...]:
     photographs = store.photographs
-    return tuple(photographs.get(name) for name in names)
+    return tuple(photographs.get(name) if name else None for name in names)
 
 
 def _image(file: StoredFile | None) -> GreyImage | None:

@@ -28,9 +28,8 @@ IN_A_NAME = re.compile(
 )
 EPOCH_IN_A_NAME = re.compile(r"(?<!\d)(1\d{9})(?:\.?(\d{1,9}))?(?!\d)")
 """Seconds since 1970, then a fraction, as in 1403636579763555584.png."""
-FILE_STEP = 1.0
-ZIP_STEP = 2.0
-"""Resolution in s of the times of files and of the entries of a zip."""
+FILE_STEP = 2.0
+"""Resolution in s of the times of files: that of zips and memory cards."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +49,13 @@ class Taken:
     """Width and height, px."""
 
 
-def read_taken(
-    file: Path | bytes, name: str, modified: float | None = None, step: float = FILE_STEP
-) -> Taken:
+def read_taken(file: Path | bytes, name: str, modified: float | None = None) -> Taken:
     """What a photograph's header, its name and its file's time say.
 
     Nothing is raised: a file that cannot be read says nothing here.
 
     Args:
         modified: the file's own time, in s since 1970.
-        step: its resolution.
     """
     header = _header(file)
     exif = _exif_time(header.get("exif", {}))
@@ -70,7 +66,7 @@ def read_taken(
     if (named := time_in_name(name)) is not None:
         return Taken(*named, "name", None, body, size)
     if modified is not None:
-        return Taken(modified, step, "file", None, body, size)
+        return Taken(modified, FILE_STEP, "file", None, body, size)
     return Taken(body=body, size=size)
 
 

@@ -6,7 +6,8 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import IO
@@ -50,6 +51,13 @@ class OpenZip:
     def size(self, name: str) -> int:
         """Unpacked size of a file in bytes, according to the zip's directory."""
         return self._members[name].file_size
+
+    def modified(self, name: str) -> float | None:
+        """When a file was changed, in s since 1970, in steps of 2 s and by a local clock; None if
+        the zip does not say."""
+        with suppress(ValueError, OverflowError):
+            return datetime(*self._members[name].date_time, tzinfo=UTC).timestamp()
+        return None
 
     def read(self, name: str) -> bytes:
         """A file's content; `zipfile` reads at most `size` bytes."""

@@ -58,7 +58,7 @@ def boards_in(store: ProjectPhotographs) -> None:
     given = _lenses_given(store)
     where = "are those of the camera files" if given else "come from the same photographs"
     st.markdown(f"The lenses {where}.")
-    pairing = Pairing(tuple(pairs), (), (), store.proposal.sentence, ambiguous=False)
+    pairing = Pairing(tuple(pairs), (), (), store.proposal.pairing.sentence, ambiguous=False)
     files = {name: path.name for name, path in store.photographs.items()}
     about = {
         "pairs": [[p.frame, files.get(p.primary), files.get(p.secondary)] for p in pairs],

@@ -49,12 +49,14 @@ def show_contact_sheet(
     )
 
 
-def on_a_sheet(project: Project, items: Sequence[Item], show: Callable[[Item], None]) -> None:
+def on_a_sheet(
+    project: Project, items: Sequence[Item], show: Callable[[Item], None], key: str = "sheet"
+) -> None:
     """Twelve of the items, in columns, and which twelve."""
     sheets = -(-len(items) // ON_A_SHEET)
     sheet = 1
     if sheets > 1:
-        own = setting(project, "sheet", 1, Number(1, sheets), tabs_own=True)
+        own = setting(project, key, 1, Number(1, sheets), tabs_own=True)
         sheet = own.number_input(f"Sheet (of {sheets})", width=200)
     on_it = items[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):

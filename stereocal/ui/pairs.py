@@ -9,25 +9,21 @@ from stereocal.frames.pairing import Pair
 from stereocal.projects.photographs import PairRow, ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.messages import ErrorsShown, callback
-from stereocal.ui.texts import escape_markdown
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
 ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
 
 
-def show_pairs(store: ProjectPhotographs) -> None:
-    """How the photographs were paired, and the table to change that."""
-    proposal, rows = store.proposal, store.rows
-    sentence = f"{len(store.photographs)} photographs. {proposal.sentence}"
-    sure = proposal.pairs and not (proposal.alone or proposal.unknown or proposal.ambiguous)
-    (st.success if sure else st.warning)(escape_markdown(sentence))
+def edit_pairs(store: ProjectPhotographs) -> None:
+    """The table to change pairs one by one."""
+    rows = store.rows
 
     @callback
     def pair_again() -> None:
         store.keep_rows(None)
         forget_table()
 
-    with st.expander("The pairs: look at them, change them", expanded=not rows):
+    with st.expander("The pairs as a table, to change them"):
         edited = rows_of(_table_of_pairs(store, rows))
         known: Sequence[PairRow] = st.session_state[_ROWS]
         with ErrorsShown(lambda why: st.error(f"{why} The last sound table is kept.")):
@@ -40,7 +36,7 @@ def show_pairs(store: ProjectPhotographs) -> None:
                 st.rerun()
         st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
         left, right = st.columns(2)
-        left.button("Pair by name again", on_click=pair_again, key="pair_again")
+        left.button("As they were found", on_click=pair_again, key="pair_again")
         right.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
 
 

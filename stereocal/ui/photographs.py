@@ -25,7 +25,8 @@ from stereocal.ui.boards import boards_in, press_search
 from stereocal.ui.fields import choose
 from stereocal.ui.intake import CAMERA_KINDS, Upload
 from stereocal.ui.messages import ErrorsShown, readable, refuse, show_stale
-from stereocal.ui.pairs import ROUND, clear, show_pairs
+from stereocal.ui.pairing import show_pairing
+from stereocal.ui.pairs import ROUND, clear
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.project import project_to_write
 from stereocal.ui.review import show_frames
@@ -104,7 +105,7 @@ def photographs_in(project: Project | None) -> None:
     store = ProjectPhotographs(project)
     try:
         if store.photographs:
-            show_pairs(store)
+            show_pairing(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         st.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")

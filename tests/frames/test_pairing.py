@@ -277,12 +277,15 @@ def test_names_pair_by_any_two_beginnings_folders_or_numbers() -> None:
         ("links_{n}.png", "rechts_{n}.png"),
         ("Canon/IMG_{n}.JPG", "Nikon/IMG_{n}.JPG"),
         ("x{n}_0.png", "x{n}_1.png"),
+        ("secondary/DSC_{n}.JPG", "primary/IMG_{n}.JPG"),
+        ("primary/x{n}_0.png", "secondary/x{n}_1.png"),
         ("kamera3_{n}.png", "kamera7_{n}.png"),
     ):
         first, second = ([text.format(n=n) for n in (8, 9, 10, 12)] for text in (one, two))
         found = propose(without_times([*first, *second]))
         assert found.way == "name" and found.pairing.complete, one
-        assert found.pairing.twos == straight(first, second)
+        own = (second, first) if one.startswith("secondary") else (first, second)
+        assert found.pairing.twos == straight(*own)
         assert [pair.frame for pair in found.pairing.pairs] == [8, 9, 10, 12]
 
 

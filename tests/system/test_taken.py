@@ -41,7 +41,7 @@ def test_what_is_not_a_date_or_is_damaged_says_nothing() -> None:
     whole = photograph("JPEG", {}, {0x9003: "2024:05:01 12:00:00"})
     for length in (0, 3, 30, 60, 90):
         assert read_taken(whole[:length], "a.jpg").seconds in (None, NOON)
-    assert read_taken(b"", "a.jpg", modified=5.0) == Taken(5.0, 1.0, "file")
+    assert read_taken(b"", "a.jpg", modified=5.0) == Taken(5.0, 2.0, "file")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,182 @@
+"""How the photographs of the two cameras are paired: the proposal, the other ways, the pairs.
+
+`show_pairing(store)` is all that a page needs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import streamlit as st
+
+from stereocal.frames.pairing import Alone, Pair, short_names
+from stereocal.frames.proposal import Choice, Proposal, Way
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.review import pair_thumbnail
+from stereocal.rig.camera import CAMERAS
+from stereocal.ui.contact_sheet import on_a_sheet
+from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.messages import callback
+from stereocal.ui.pairs import ROUND, edit_pairs, forget_table
+from stereocal.ui.texts import escape_markdown
+
+TITLES: dict[Way, str] = {"name": "By name", "time": "By time", "order": "In order"}
+FEW, ALL, NONE = "few", "all", "none"
+MOST_SLIPS = 3
+UNDO = ":material/undo:"
+
+
+def show_pairing(store: ProjectPhotographs) -> None:
+    """The pairs of a project's photographs: how they were found, other ways, and how they look."""
+    st.session_state.setdefault(ROUND, 0)
+    proposal = store.proposal
+    pairing = proposal.pairing
+    sentence = f"{len(store.photographs)} photographs. {pairing.sentence}"
+    (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
+    _show_ways(store, proposal)
+    _show_slips(store, proposal)
+    _show_pictures(store, proposal)
+    edit_pairs(store)
+
+
+def _take(store: ProjectPhotographs, choice: Choice) -> None:
+    store.choose(choice)
+    forget_table()
+
+
+def _undo(store: ProjectPhotographs) -> None:
+    store.undo_choice()
+    forget_table()
+
+
+def _way(store: ProjectPhotographs, proposal: Proposal) -> Field:
+    """The way to pair, which the project stores as the user's choice."""
+
+    def write(way: Way) -> None:
+        _take(store, replace(store.choice, way=way))
+
+    return Field(
+        "pair_way", "pair_way", lambda: store.proposal.way, write, fit=one_of(proposal.ways)
+    )
+
+
+def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
+    choice = store.choice
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        if len(proposal.ways) > 1:
+            counts = {way: len(own.pairs) for way, own in proposal.ways.items()}
+
+            def titled(way: Way) -> str:
+                proposed = ", proposed" * (way == proposal.best)
+                return f"{TITLES[way]} ({counts[way]}{proposed})"
+
+            _way(store, proposal).buttons("Pair the photographs", format_func=titled)
+        if proposal.ways:
+            turned = replace(choice, exchanged=not choice.exchanged)
+            st.button(
+                "Exchange the cameras",
+                on_click=callback(partial(_take, store, turned)),
+                key="pair_exchange",
+                type="tertiary",
+                icon=":material/swap_horiz:",
+            )
+        if store.can_undo_choice:
+            undo = callback(partial(_undo, store))
+            st.button("Undo", on_click=undo, key="pair_undo", type="tertiary", icon=UNDO)
+
+
+def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
+    """Photographs without a partner by the times, to be left out of the other ways by one press;
+    and those that are left out."""
+    choice, own = store.choice, {one.name for one in proposal.pairing.alone}
+    slips = [one for one in proposal.slips if proposal.way != "time" and one.name not in own]
+    if slips:
+        more = f" And {len(slips) - MOST_SLIPS} more." if len(slips) > MOST_SLIPS else ""
+        text, button = st.columns([6, 2], vertical_alignment="center")
+        what = "; ".join(map(str, slips[:MOST_SLIPS]))
+        text.warning(escape_markdown(f"The times say otherwise: {what}.{more}"))
+        without = replace(choice, without=(*choice.without, *(one.name for one in slips)))
+        label = f"Leave {'it' if len(slips) == 1 else 'them'} out"
+        button.button(
+            label,
+            on_click=callback(partial(_take, store, without)),
+            key="pair_mend",
+            type="primary",
+        )
+    if choice.without:
+        with st.container(horizontal=True, vertical_alignment="center"):
+            for name in choice.without:
+                rest = replace(choice, without=tuple(o for o in choice.without if o != name))
+                st.button(
+                    f"{escape_markdown(short_names([name])[0])} is left out: put it back",
+                    on_click=callback(partial(_take, store, rest)),
+                    key=f"pair_back_{name}",
+                    icon=UNDO,
+                )
+
+
+def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
+    """The pairs as pictures: few, all, or none once the targets are found."""
+    pairs = [row.pair for row in store.rows]
+    items: list[Pair | Alone] = [*proposal.pairing.alone, *pairs]
+    if not items:
+        return
+    open_question = proposal.pairing.ambiguous
+    usual = NONE if store.frames is not None else ALL if open_question else FEW
+    shown = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
+    how = shown.value()
+    show = partial(_show_item, store, proposal.way == "order")
+    some = _few(proposal.pairing.alone, pairs)
+    if how == FEW and len(some) < len(items):
+        on_a_sheet(store.project, some, show, "pair_sheet")
+        rest = f"Show more ({len(items) - len(some)})"
+        _button(shown, rest, ALL)
+    elif how == NONE:
+        _button(shown, "Show the pairs", ALL)
+    else:
+        on_a_sheet(store.project, items, show, "pair_sheet")
+        if len(some) < len(items):
+            _button(shown, "Show fewer", FEW)
+
+
+def _button(shown: Field, label: str, how: str) -> None:
+    act = callback(partial(shown.set, how))
+    st.button(label, on_click=act, key=f"pairs_show_{how}", type="tertiary")
+
+
+def _few(alone: Sequence[Alone], pairs: Sequence[Pair]) -> list[Pair | Alone]:
+    """The first photographs without a partner, and the first, the middle and the last pair."""
+    ends = sorted({0, len(pairs) // 2, len(pairs) - 1}) if pairs else []
+    return [*alone[:MOST_SLIPS], *(pairs[at] for at in ends)]
+
+
+def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None:
+    """Two photographs, or one without a partner.
+
+    Args:
+        ask: offer to leave either photograph out.
+    """
+    names: tuple[str | None, str | None]
+    if isinstance(item, Pair):
+        names = item.primary, item.secondary
+        alt = f"Both photographs of frame {item.frame}"
+    else:
+        names = (None, item.name) if item.camera else (item.name, None)
+        alt = f"A photograph of the {CAMERAS[item.camera]} camera without a partner"
+    st.image(pair_thumbnail(store, names), width="stretch", alt=alt)
+    short = [escape_markdown(short_names([name])[0]) if name else "no partner" for name in names]
+    if isinstance(item, Alone):
+        st.markdown(f":orange-badge[:material/question_mark: no partner] {' · '.join(short)}")
+        return
+    st.markdown(f"**Frame {item.frame}** · {short[0]} · {short[1]}")
+    if ask:
+        with st.container(horizontal=True):
+            for name in (item.primary, item.secondary):
+                choice = store.choice
+                without = replace(choice, without=(*choice.without, name))
+                st.button(
+                    f"{escape_markdown(short_names([name])[0])} has no partner",
+                    on_click=callback(partial(_take, store, without)),
+                    key=f"pair_without_{name}",
+                    type="tertiary",
+                )
