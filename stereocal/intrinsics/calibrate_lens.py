@@ -20,13 +20,13 @@ from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardSearch, BoardView
+from stereocal.intrinsics.fisheye_fit import CRITERIA, UNDETERMINED, fit_fisheye
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import (
     FISHEYE_UNKNOWNS,
@@ -48,12 +48,8 @@ FEWEST_VIEWS = 8
 MINIMUM_VIEWS = 3
 """Two photographs give four equations for the four parameters of K, and nothing to check them."""
 SMALLEST_BOARD = 4
-CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 OUTLYING = 2.0
 """A photograph is an outlier if its error exceeds this multiple of the median."""
-UNDETERMINED = (
-    "The boards determine no lens: take photographs with the board tilted in different directions."
-)
 CHUNK = 5
 SHRUNK = 0.02
 """Share of the identity in the correlation."""
@@ -248,8 +244,11 @@ def calibrate_lens(
         chunks += [np.delete(every, at, axis=1) for at in range(len(views))]
         total += len(views)
     of_views, own = digest_of(search, settings), replace(search, refused=())
+    # Every draw would try all starts, or two neighbouring ones might end in different lenses.
+    start = _started(search, settings) if settings.model == "fisheye" else None
+    given = own, settings, start
     tasks = (
-        Task(f"{of_views} {number}", solve_draws, (own, settings, chunk), len(chunk) * (number > 0))
+        Task(f"{of_views} {number}", solve_draws, (*given, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
     )
     every_draw = run_tasks(tasks, executor, total, progress, cancelled, pieces)
@@ -273,10 +272,23 @@ def digest_of(search: BoardSearch, settings: LensSettings) -> str:
     return digest.hexdigest()[:32]
 
 
-def solve_draws(search: BoardSearch, settings: LensSettings, drawn: IntArray) -> FloatArray:
-    """(draws, 9): `PARAMETERS` of some draws; the task of an executor."""
-    pattern, views, size = search.pattern, search.views, search.image_size
-    return np.array([solve(pattern, [views[at] for at in draw], size, settings) for draw in drawn])
+def solve_draws(
+    search: BoardSearch, settings: LensSettings, start: FloatArray | None, drawn: IntArray
+) -> FloatArray:
+    """(draws, 9): `PARAMETERS` of some draws; the task of an executor.
+
+    Args:
+        start: as for `solve`.
+    """
+    pattern, size = search.pattern, search.image_size
+    of_draws = ([search.views[at] for at in draw] for draw in drawn)
+    return np.array([solve(pattern, views, size, settings, start) for views in of_draws])
+
+
+def _started(search: BoardSearch, settings: LensSettings) -> FloatArray:
+    """(9,): `PARAMETERS` of a fisheye from boards that are spread over the photographs."""
+    few = search.views[:: max(1, len(search.views) // settings.subset)]
+    return solve(search.pattern, few, search.image_size, settings)
 
 
 def solve(
@@ -284,37 +296,36 @@ def solve(
     views: Sequence[BoardView],
     image_size: tuple[int, int],
     settings: LensSettings,
+    start: FloatArray | None = None,
 ) -> FloatArray:
     """(9,): `PARAMETERS` by OpenCV's `calibrateCamera` (Zhang 2000) or `fisheye.calibrate`.
 
     20 views of 216 corners take 0.02 to 0.03 s; an initial guess would save a third of that.
+
+    Args:
+        start: (9,): `PARAMETERS` from which a fisheye is fitted; None: the best from `STARTS`.
     """
     if cv2.getNumThreads() > 1:
         # The executor uses all cores. Multithreaded, OpenCV is not reproducible: 14 different
         # results in 20 runs, 1e-9 apart.
         cv2.setNumThreads(1)
-    fisheye, kind = settings.model == "fisheye", "f4"
-    if fisheye:  # OpenCV 5 has the names in another module than OpenCV 4
-        of: Any = cv2 if hasattr(cv2, "CALIB_RECOMPUTE_EXTRINSIC") else cv2.fisheye
-        flags, kind = of.CALIB_RECOMPUTE_EXTRINSIC | of.CALIB_FIX_SKEW, "f8"
-    else:
-        flags = cv2.CALIB_FIX_K3 * settings.fix_k3
-        flags += cv2.CALIB_ZERO_TANGENT_DIST * settings.zero_tangential
-    calibrate: Any = cv2.fisheye.calibrate if fisheye else cv2.calibrateCamera
+    kind = "f8" if settings.model == "fisheye" else "f4"
+    boards = (
+        [pattern.points[view.ids].astype(kind)[None] for view in views],
+        [view.corners.astype(kind)[None] for view in views],
+        image_size,
+    )
+    if settings.model == "fisheye":
+        return fit_fisheye(boards, start)
+    flags = cv2.CALIB_FIX_K3 * settings.fix_k3
+    flags += cv2.CALIB_ZERO_TANGENT_DIST * settings.zero_tangential
     try:
-        _, K, distortion, *_ = calibrate(
-            [pattern.points[view.ids].astype(kind)[None] for view in views],
-            [view.corners.astype(kind)[None] for view in views],
-            image_size,
-            np.eye(3),
-            np.zeros((4, 1) if fisheye else 5),
-            flags=flags,
-            criteria=CRITERIA,
+        _, K, distortion, *_ = cv2.calibrateCamera(
+            *boards, np.eye(3), np.zeros(5), flags=flags, criteria=CRITERIA
         )
     except cv2.error as error:
         raise StereocalError(UNDETERMINED) from error
-    coefficients = [*np.ravel(distortion)[:5], 0.0][:5]
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *coefficients])
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
 
 
 def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, float]:

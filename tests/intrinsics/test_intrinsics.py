@@ -1,9 +1,11 @@
 """The lens from boards: against truth, against OpenCV and SciPy, and how honest its errors are."""
 
 import dataclasses
+import json
 import re
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -43,6 +45,7 @@ from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import chessboard, chessboard_corners, turned
 
 FEW = LensSettings(subset=12, repeats=20)
+CASES = Path(__file__).parents[1] / "cases"
 
 
 def calibrated(found: BoardSearch, settings: LensSettings = FEW) -> LensCalibration:
@@ -278,6 +281,24 @@ class TestFisheye:
         error, of_peer = tested.error_px, dataclasses.replace(tested, of_all=peer).error_px
         # Measured: both 0.026 px, of 14 boards; 10 are fitted.
         assert error < 1.02 * of_peer
+
+    def test_a_real_lens_of_180_degrees(self) -> None:
+        """Corners of 15 photographs; without a start, OpenCV ends at 468 px or refuses."""
+        case = json.loads((CASES / "real_fisheye/corners.json").read_text())
+        pattern = BoardPattern(case["columns"], case["rows"], case["square_m"])
+        size, found = tuple(case["image_size"]), case["photographs"].items()
+        boards = BoardSearch(
+            pattern, tuple(BoardView(n, size, np.arange(48), np.array(c)) for n, c in found), ()
+        )
+        px = held_out_px(boards, self.settings)
+        # A coordinate: 0.48 px held out, whichever half is fitted; Brown 5.7.
+        assert px["fisheye"] / np.sqrt(2) == pytest.approx(0.48, abs=0.02)
+        assert px["brown"] / np.sqrt(2) > 5.0
+        lens = calibrated(boards, self.settings)
+        # Fits of this lens differ by 1 to 3 px with the halves.
+        np.testing.assert_allclose(lens.values[:4], (337.6, 337.1, 544.0, 377.1), atol=2.0)
+        assert (np.abs(lens.values[:2] - 337.3) < 3 * lens.standard_errors[:2]).all()
+        assert lens.error_px / np.sqrt(2) < 0.48
 
     def test_corners_that_are_no_crossings_are_told(self) -> None:
         pose = facing()
