@@ -10,47 +10,39 @@ import streamlit as st
 
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui import lengths
-from stereocal.ui.archives import single_files
+from stereocal.ui.door import data_door
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
-from stereocal.ui.intake import SEVERAL, take_dataset
-from stereocal.ui.messages import ErrorsShown, end_here, show_refusal
-from stereocal.ui.photographs import choose_kind, has_photographs, photographs_in
-from stereocal.ui.prerequisites import missing_of
+from stereocal.ui.messages import ErrorsShown, end_here
+from stereocal.ui.photographs import has_photographs, photographs_in
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
 from stereocal.ui.several import several_in
 from stereocal.ui.texts import escape_markdown
 
 project = current_project()
-if project is not None and ProjectRecording(project).is_given:
-    st.success("This project holds a recording of three cameras or more.")
-    st.page_link("pages/rig.py", label="Calibrate them together on the page Rig")
-    if ProjectRecording(project).parts:
-        several_in(project)
-    st.button("Start a new project", on_click=forget_project, key="forget")
-    end_here()
 if project is not None and project.pair is not None:
     st.info(
         f"This is the pair {escape_markdown(project.pair)} of a rig: the points that both cameras "
         "saw and the rig was fitted to, with the lenses and the baseline of the rig. The refined "
         "set is the rig's; a frame that you leave out here is left out of this pair."
     )
-elif (how := choose_kind(project)) == SEVERAL:
-    several_in(project)
-    end_here()
-elif how == "Photographs":
-    photographs_in(project)
-elif how == "A zip":
-    zipped = st.file_uploader("Zip with dataset.json", type=["zip"], key="upload_zip")
-    take_dataset([zipped] if zipped else [])
-elif how == "A folder":
-    title = "Folder with dataset.json"
-    take_dataset(st.file_uploader(title, accept_multiple_files="directory", key="upload_folder"))
 else:
-    single_files(project)
+    data_door(project)
+    if project is not None and ProjectRecording(project).is_given:
+        st.success("This project holds a recording of three cameras or more.")
+        st.page_link("pages/rig.py", label="Calibrate them together on the page Rig")
+        if ProjectRecording(project).parts:
+            several_in(project)
+        st.button("Start a new project", on_click=forget_project, key="forget")
+        end_here()
+    if project is not None and ProjectGiven(project).is_of_rig:
+        several_in(project)
+        end_here()
+    photographs_in(project)
 
 left, right = st.columns(2)
 with left:
@@ -67,7 +59,6 @@ with right:
 if project is not None:
     lengths.ask_if_measured(project)
 lengths.lens_uncertainties(project)
-show_refusal()
 
 project = current_project()
 if project is None or not (project.inputs.files or has_photographs(project)):
@@ -75,12 +66,11 @@ if project is None or not (project.inputs.files or has_photographs(project)):
     st.page_link("pages/start.py", label="Back to Start")
     end_here()
 
-st.header("What was read", divider="gray")
 with ErrorsShown(end=True):
     dataset = project.dataset
 if dataset is None:
-    st.warning(f"Still missing: {missing_of(project)}.")
     end_here()
+st.header("What was read", divider="gray")
 st.success(
     f"Complete: {len(dataset.correspondences)} pairs of points in "
     f"{len(dataset.correspondences.frames)} frames."

@@ -142,6 +142,17 @@ class ProjectPhotographs(ProjectPart):
             elif len(left) < len(frames):
                 self._keep_frames(left)
 
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Give photographs other names, by their present ones; their pairs stay."""
+        with self.database.transaction():
+            files = self.photographs
+            edited = self._value("pairs", None) is not None and self.rows
+            moved = {new: files[old] for old, new in names.items() if old in files}
+            self.database.name_files(BAR, moved)
+            self.database.forget_files(BAR, [old for old in names if old not in moved])
+            if edited:
+                self.keep_rows([_renamed(row, names) for row in edited])
+
     def clear(self, found: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
         """Delete all photographs but `found`, and the targets found in them."""
         with self.database.freeing() as db:
@@ -335,6 +346,12 @@ def _head(file: StoredFile) -> bytes:
         head = next(file.pieces(), b"")
         return file.read_bytes() if head[:4] in _TIFF else head
     return b""
+
+
+def _renamed(row: PairRow, names: Mapping[str, str]) -> PairRow:
+    first, second = row.pair.primary, row.pair.secondary
+    new = replace(row.pair, primary=names.get(first, first), secondary=names.get(second, second))
+    return replace(row, pair=new)
 
 
 def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:

@@ -26,8 +26,14 @@ F = TypeVar("F")
 def is_photograph(name: str) -> bool:
     """Whether a file's name is that of a photograph, and not a hidden file."""
     path = PurePosixPath(name.replace("\\", "/"))
-    hidden = any(part.startswith((".", "__MACOSX")) and part != ".." for part in path.parts)
-    return path.suffix.lower() in SUFFIXES and not hidden
+    return path.suffix.lower() in SUFFIXES and not is_hidden(name)
+
+
+def is_hidden(name: str) -> bool:
+    """Whether a file is one that systems leave in folders and zips."""
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    hidden = any(part.startswith((".", "__MACOSX")) and part != ".." for part in parts)
+    return hidden or parts[-1:] in (("Thumbs.db",), ("desktop.ini",))
 
 
 def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:

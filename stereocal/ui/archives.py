@@ -1,4 +1,4 @@
-"""The Data page's three uploaders of single files, and questions about one with both cameras."""
+"""Questions about a file with both cameras, or with a whole data set of another program."""
 
 from functools import partial
 from typing import Any
@@ -6,76 +6,24 @@ from typing import Any
 import pandas as pd
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import THROW, Archive
 from stereocal.formats.archives.easywand import open_easywand
-from stereocal.formats.archives.gather import gather, holds_bars
+from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.correspondences_csv import TEMPLATE, write_table
-from stereocal.formats.exchange.exchange import camera_names, has_both_cameras
+from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.other_files import is_hdf5, is_matlab
+from stereocal.formats.other_files import is_matlab
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
-from stereocal.ui import intake
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose_from_menu
-from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown, escaped_table
-from stereocal.ui.wizard import Questions, Use, ask_about, ask_about_bars, ask_size
+from stereocal.ui.wizard import Questions, Use, ask_about, ask_size
 
 CAMERA_TITLES = ("Primary camera", "Secondary camera")
-POINT_KINDS = ["csv", "txt", "h5", "hdf5", "mat"]
-
-
-def single_files(project: Project | None) -> None:
-    """The uploaders, and questions about a table of another program."""
-    for slot, column in zip(intake.TITLES, st.columns(3), strict=True):
-        with column:
-            intake.in_use(project, slot)
-            single_file(slot)
-    offer("Template for the table", TEMPLATE, "correspondences.csv", "template")
-    if project is not None:
-        ask_about_bars(ProjectApplication(project))
-        ask_about_archive(project)
-
-
-def single_file(slot: Slot) -> None:
-    """An uploader; a file of another program is kept until its questions are answered."""
-    table = slot == "correspondences"
-
-    def take(name: str, content: bytes) -> None:
-        if holds_both(name, content):
-            ProjectApplication(project_to_write()).ask("archive", name, content)
-        elif not table:
-            intake.store_camera(slot, name, content)
-        elif holds_bars(content, name):
-            ProjectApplication(project_to_write()).ask("bars", name, content)
-        else:
-            intake.store_table(name, content)
-
-    upload = st.file_uploader(
-        intake.TITLES[slot],
-        type=POINT_KINDS if table else intake.CAMERA_KINDS,
-        key=f"upload_{slot}",
-        help="Ours, a wand file of Argus or easyWand, points of Argus or DLTdv, or an "
-        "easyWandData.mat."
-        if table
-        else None,
-    )
-    intake.take_one(upload, take)
-
-
-def holds_both(name: str, content: bytes) -> bool:
-    """Whether a file has both cameras, or a whole data set."""
-    if is_matlab(content) or (name.lower().endswith(".mat") and is_hdf5(content)):
-        return True
-    try:
-        return has_both_cameras(name, content)
-    except StereocalError:  # damaged: its reader reports what is wrong
-        return False
 
 
 def ask_about_archive(project: Project) -> None:
@@ -113,8 +61,7 @@ def _cameras_in(content: bytes, label: str) -> tuple[str, ...]:
 
 def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:
     """The indices of the chosen primary and secondary."""
-    both = f"choose two. For all, choose *{intake.SEVERAL}* above."
-    st.caption(f"It has {len(names)} cameras: {both}")
+    st.caption(f"It has {len(names)} cameras: choose two.")
     chosen = [
         choose_from_menu(project, f"archive_camera_{k}", title, names, names[k], place=place)
         for k, (place, title) in enumerate(zip(st.columns(2), CAMERA_TITLES, strict=True))

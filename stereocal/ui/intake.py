@@ -1,54 +1,43 @@
-"""Uploads: data sets as zips or folders, single files, photographs."""
+"""What the pages store of uploads: data sets, tables, camera files; and uploads taken once."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Protocol
+from types import MappingProxyType
+from typing import Literal, Protocol
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
-from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.errors import RefusedRowsError
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, pack_pair, parse_dataset, parse_survey
 from stereocal.formats.exchange.options import ImageSize
+from stereocal.formats.recognition import CAMERA_SUFFIXES
 from stereocal.formats.recording_files import find_description
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES
-from stereocal.system.photograph_files import is_photograph, of_the_bar, zipped_photographs
-from stereocal.system.zip_files import unzip
+from stereocal.system.photograph_files import of_the_bar
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import ask_about_lens, ask_if_fisheye, refuse, refusing
-from stereocal.ui.project import current_project, project_to_write
+from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
-TITLES: Mapping[Slot, str] = {
-    "correspondences": "Table of points (CSV)",
-    "primary": "Camera file, primary",
-    "secondary": "Camera file, secondary",
-}
-PHOTOGRAPHS = "Photographs"
-SINGLE_FILES, SEVERAL = "Single files", "Three cameras and more"
-GIVEN_AS = (PHOTOGRAPHS, SINGLE_FILES, "A zip", "A folder", SEVERAL)
 PHOTOGRAPH_KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
-CAMERA_KINDS = ["json", "yaml", "yml", "xml", "toml", "m", "mat", "ini", "conf"]
-"""Suffixes of camera files; the last two are rejected with advice."""
+CAMERA_KINDS = [suffix.removeprefix(".") for suffix in CAMERA_SUFFIXES]
 _SEEN = "uploads_seen"
-Contents = Iterable[tuple[str, bytes]]
-"""Photographs, name and content, read one at a time."""
+Photographs = Mapping[str, StoredFile]
+"""Stored ones, by name."""
 
 
 class Upload(Protocol):
@@ -60,11 +49,6 @@ class Upload(Protocol):
 
     def getvalue(self) -> bytes:
         """The content."""
-
-
-def given_as(project: Project | None, usual: str) -> Field:
-    """How the data are uploaded on the Data page."""
-    return setting(project, "data_how", usual, one_of(GIVEN_AS), tabs_own=True)
 
 
 def in_use(project: Project | None, slot: Slot) -> None:
@@ -89,61 +73,6 @@ def check_uploads(uploads: Sequence[Upload]) -> None:
             limits.check_size(upload.size, upload.name)
 
 
-def take_dataset(uploads: Sequence[Upload]) -> None:
-    """Store a data set: a zip, or the files of a folder."""
-    if not uploads or not is_new(*uploads):
-        return
-    with taking(*uploads):
-        check_uploads(uploads)
-        name = uploads[0].name
-        if len(uploads) == 1 and name.lower().endswith(".zip"):
-            content = uploads[0].getvalue()
-            texts = unzip(content, name, lambda member: not is_photograph(member))
-            take = partial(_try_dataset, texts, name, lambda: zipped_photographs(content, name))
-        else:
-            texts = {file.name: file.getvalue() for file in uploads if not is_photograph(file.name)}
-            pictures = [file for file in uploads if is_photograph(file.name)]
-            take = partial(_try_dataset, texts, "the folder", lambda: photographs_of(pictures))
-        ask_if_fisheye(take)
-    project = current_project()
-    if project is not None and ProjectRecording(project).is_given:
-        st.switch_page("pages/rig.py")
-    st.rerun()
-
-
-def photographs_of(uploads: Sequence[Upload], prefix: str = "") -> Contents:
-    """The photographs of uploads, including those in zips.
-
-    Args:
-        prefix: of their names: the folder of a camera.
-    """
-    for upload in uploads:
-        if not upload.name.lower().endswith(".zip"):
-            if is_photograph(upload.name):
-                yield prefix + upload.name, upload.getvalue()
-            continue
-        empty = True
-        for name, content in zipped_photographs(upload.getvalue(), upload.name):
-            yield prefix + name, content
-            empty = False
-        if empty:
-            raise StereocalError(f"{upload.name}: there is no photograph in it.")
-
-
-def take_photographs(photographs: Contents, store: ProjectPhotographs | ProjectLens) -> None:
-    """Store photographs one by one and add them; report invalid ones on the page."""
-    found: dict[str, StoredFile] = {}
-    # No Streamlit calls in here: a click could end the script halfway.
-    with st.spinner("Storing the photographs."):
-        with refusing():
-            for name, content in photographs:
-                found[name] = store.keep(name, content)
-            if not found:
-                raise StereocalError("There is no photograph among these files.")
-        if found:
-            store.add(found)
-
-
 def store_table(name: str, content: bytes) -> None:
     """Store a table of points."""
     _try_files({"correspondences": (name, point_text(content, name))})
@@ -151,14 +80,27 @@ def store_table(name: str, content: bytes) -> None:
 
 def store_camera(slot: Slot, name: str, content: bytes) -> None:
     """Store a camera file; what it does not say of its lens is asked."""
+    store_cameras({slot: (name, content)})
+
+
+def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
+    """Store camera files; what they do not say of their lenses is asked, once for all."""
 
     def take(model: LensModel | None, size: ImageSize | None) -> None:
-        camera = read_camera(content, name, model, size)
-        # The stored file must state what was asked.
-        stored = write_camera(camera) if size or model == "fisheye" else content
-        _try_files({slot: (name, stored)}, {slot: camera})
+        stored, read = dict(files), dict[Slot, Camera | Table]()
+        for slot, (name, content) in files.items():
+            read[slot] = camera = read_camera(content, name, model, size)
+            # The stored file must state what was asked.
+            own = write_camera(camera) if size or model == "fisheye" else content
+            stored[slot] = name, own
+        _try_files(stored, read)
 
     ask_about_lens(take)
+
+
+def store_dataset(files: Mapping[str, bytes], source: str, found: Photographs) -> None:
+    """Store a data set and its photographs; what may be a fisheye's is asked."""
+    ask_if_fisheye(partial(_try_dataset, files, source, found))
 
 
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
@@ -171,23 +113,18 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
 
 
 def _try_dataset(
-    files: Mapping[str, bytes],
-    source: str,
-    photographs: Callable[[], Contents],
-    lens_model: LensModel | None,
+    files: Mapping[str, bytes], source: str, found: Photographs, lens_model: LensModel | None
 ) -> None:
     """Store a data set; if rows are refused, offer to leave them out."""
-    project = project_to_write()
     try:
-        if give_dataset(project, files, source, photographs, lens_model):
-            given_as(project, PHOTOGRAPHS).set(PHOTOGRAPHS)
+        give_dataset(project_to_write(), files, source, found, lens_model)
     except RefusedRowsError as error:
         name = find_description(files, source).folder + TABLE
         if name not in files:  # a recording has another table
             raise
 
         def use(rest: bytes) -> None:
-            _try_dataset({**files, name: rest}, source, photographs, lens_model)
+            _try_dataset({**files, name: rest}, source, found, lens_model)
 
         _offer_rest(error, files[name], use)
 
@@ -213,13 +150,13 @@ def give_dataset(
     project: Project,
     files: Mapping[str, bytes],
     source: str,
-    photographs: Callable[[], Contents] = lambda: (),
+    photographs: Photographs = MappingProxyType({}),
     lens_model: LensModel | None = None,
-) -> bool:
+) -> None:
     """Replace a project's data by a whole data set.
 
-    Returns:
-        Whether it has photographs.
+    Args:
+        photographs: those that are stored already.
 
     Raises:
         StereocalError: it is invalid; the project is unchanged.
@@ -231,11 +168,11 @@ def give_dataset(
             folder = description.folder
             own = {name: content for name, content in files.items() if name.startswith(folder)}
             ProjectRecording(project).give(own, source)
-            return False
+            return
         files = pack_pair(parse_dataset(files, source, lens_model=lens_model))
         description = find_description(files, source)
     folder = description.folder
-    found = of_the_bar({name: store.keep(name, content) for name, content in photographs()})
+    found = of_the_bar(photographs)
     given: dict[Slot, tuple[str, bytes]] = {}
     read: dict[Slot, Camera | Table] = {}
     if found and folder + TABLE not in files:
@@ -263,7 +200,6 @@ def give_dataset(
     )
     if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")
-    return bool(found)
 
 
 def is_new(*uploads: Upload) -> bool:
@@ -292,20 +228,18 @@ def take_uploads(
 
 def emptied_uploader(
     label: str,
-    kinds: Sequence[str],
+    kinds: Sequence[str] | None,
     key: str,
     take: Callable[[list[Upload]], object],
     *,
     counter: str = "",
-    place: DeltaGenerator | None = None,
     text: str | None = None,
+    many: Literal[True, "directory"] = True,
 ) -> None:
-    """An uploader of several files that is emptied when they are taken."""
+    """An uploader of several files, or of a folder, that is emptied when they are taken."""
     counter = counter or key
     key = f"{key}_{st.session_state.setdefault(counter, 0)}"
-    uploads = (place or st).file_uploader(
-        label, kinds, accept_multiple_files=True, key=key, help=text
-    )
+    uploads = st.file_uploader(label, kinds, accept_multiple_files=many, key=key, help=text)
     take_uploads(uploads, take, counter)
 
 

@@ -11,6 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.figures import lens as figures
 from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
+from stereocal.formats.dropped import sort_files
 from stereocal.intrinsics import files, quality
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import (
@@ -93,7 +94,12 @@ def from_photographs(which: CameraName) -> ProjectLens | None:
 
     def take(uploads: Sequence[intake.Upload]) -> None:
         own = ProjectLens(project_to_write(), which)
-        intake.take_photographs(intake.photographs_of(uploads), own)
+        with st.spinner("Storing the photographs."):
+            given = sort_files(((each.name, each.getvalue()) for each in uploads), own.keep)
+        own.add(given.photographs)
+        if given.problems or not given.photographs:
+            none = "There is no photograph among these files."
+            raise StereocalError(" ".join(given.problems) or none)
 
     title = f"Photographs of the board by the {which} camera, or a zip of them"
     kinds, key = intake.PHOTOGRAPH_KINDS, f"upload_boards_{which}"

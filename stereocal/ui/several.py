@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import cycle
 
 import pandas as pd
 import streamlit as st
@@ -11,15 +10,9 @@ import streamlit as st
 from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
-from stereocal.formats.archives.gather import TABLES
+from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import (
-    DESCRIPTION,
-    POINTS,
-    pack_recording,
-    parse_recording,
-    write_points,
-)
+from stereocal.formats.recording_files import POINTS, pack_recording, write_points
 from stereocal.frames import several
 from stereocal.frames.pairing import natural
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection
@@ -34,64 +27,45 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.records import plain
-from stereocal.ui import intake, jobs
+from stereocal.ui import jobs
 from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
-from stereocal.ui.messages import callback, readable, show_refusal, show_stale
+from stereocal.ui.intake import give_dataset
+from stereocal.ui.messages import callback, readable, show_stale
 from stereocal.ui.navigation import go_to
-from stereocal.ui.project import project_to_write
 from stereocal.ui.rig import work_of
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.wizard import Questions
 
-FILES = "Camera files of all cameras, and one table of points or photographs"
-HELP = (
-    "One file for each camera, named as in the table (`left.json`, `camera_1.yaml`), or one of all "
-    "(Kalibr, aniposelib, Caliscope). The table is ours (`frame,camera,target,u,v`) or a wand file "
-    "of Argus, easyWand or DLTdv; with camera files only, photographs are asked for. With a "
-    "`dataset.json`, nothing is asked."
-)
 FOUND_BY, UNUSED = "several_found_by", "several_unused"
 _LOOKED = "several_photographs_looked"
 GATHERED: Latest[EveryCamera] = Latest(8)
 
 
-def several_in(project: Project | None) -> None:
-    """The uploader, the questions, what was read, and the press."""
-    kinds = [*intake.CAMERA_KINDS, "csv", "txt"]
-    intake.emptied_uploader(FILES, kinds, "upload_several", _take_parts, text=HELP)
-    show_refusal()
-    store = None if project is None else ProjectRecording(project)
-    if store is None or not store.parts:
-        return
+def several_in(project: Project) -> None:
+    """The files, the questions, what was read, and the press."""
+    store = ProjectRecording(project)
     _show_files(store)
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
-    options = ExchangeOptions()
-    if DESCRIPTION not in parts:
-        asked = Questions(store.project, "several_{}")
-        with st.expander("Say what the files do not, or have wrong"):
-            left, right = st.columns(2)
-            lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
-        options = ExchangeOptions(lens_model=lens_model, corner=corner)
-        files = {name: part for name, part in parts.items() if not name.lower().endswith(TABLES)}
-        cameras = readable(lambda: cameras_in(_contents(files), options), told=False) or {}
-        given = len(cameras) > 2 and _photographs_of_all(store.project, cameras)
-        if given and len(files) == len(store.parts):
-            return  # the table is still to be made from them
+    asked = Questions(project, "several_{}")
+    with st.expander("Say what the files do not, or have wrong"):
+        left, right = st.columns(2)
+        lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
+    options = ExchangeOptions(lens_model=lens_model, corner=corner)
+    files = {name: part for name, part in parts.items() if not is_table(name, part.read_bytes())}
+    cameras = readable(lambda: cameras_in(_contents(files), options), told=False) or {}
+    given = len(cameras) > 2 and _photographs_of_all(project, cameras)
+    if given and len(files) == len(parts):
+        return  # the table is still to be made from them
     try:
-        found = _read(store.project, parts, options)
+        found = _read(project, parts, options)
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
     _show(found)
     calibrate = partial(_calibrate, store, found.recording)
     st.button("Calibrate all", type="primary", key="several_run", on_click=calibrate)
-
-
-def _take_parts(uploads: Sequence[intake.Upload]) -> None:
-    files = {upload.name: upload.getvalue() for upload in uploads}
-    ProjectRecording(project_to_write()).add_parts(files)
 
 
 def _show_files(store: ProjectRecording) -> None:
@@ -120,18 +94,14 @@ def _contents(files: Mapping[str, StoredFile]) -> dict[str, bytes]:
 def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptions) -> EveryCamera:
     """The recording of the files, and of what is answered about them."""
     name, lengths = project.inputs.name or "Rig", dict[str, float]()
-    if DESCRIPTION not in parts:
-        for table in (each for each in parts if each.lower().endswith(TABLES)):
-            lengths |= _lengths(project, targets_in(parts[table].read_bytes(), table))
-
-    def gathered() -> EveryCamera:
-        files = _contents(parts)
-        if DESCRIPTION in files:
-            return EveryCamera(parse_recording(files, name), (), ())
-        return gather_all(files, options, name, lengths)
-
+    for table, part in parts.items():
+        if is_table(table, part.read_bytes()):
+            lengths |= _lengths(project, targets_in(part.read_bytes(), table))
     about = [(each, file.sha256) for each, file in parts.items()]
-    return GATHERED.once(repr((about, options, lengths, name)), gathered)
+    return GATHERED.once(
+        repr((about, options, lengths, name)),
+        lambda: gather_all(_contents(parts), options, name, lengths),
+    )
 
 
 def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
@@ -170,42 +140,31 @@ def _show(found: EveryCamera) -> None:
 
 @callback
 def _calibrate(store: ProjectRecording, recording: Recording) -> None:
-    """Store the recording, calibrate it, and open the Rig page (a callback)."""
+    """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
+    if len(recording.cameras) == 2:
+        give_dataset(store.project, pack_recording(recording), recording.name)
+        for name in store.parts:
+            store.drop_part(name)
+        return
     store.give(pack_recording(recording), recording.name)
     jobs.start(work_of(store.project, False))
     go_to("rig")
 
 
 def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool:
-    """The uploaders, one for each camera, and the search; whether there are photographs."""
+    """How many photographs there are of each camera, and the search; whether there are any."""
     store = ProjectPhotographs(project)
     folders = several.by_folder(store.photographs, cameras)
-    with st.expander("Photographs of all cameras", expanded=not all(folders.values())):
-        for number, (camera, place) in enumerate(zip(cameras, cycle(st.columns(3)), strict=False)):
-            intake.emptied_uploader(
-                f"{escape_markdown(camera)}: {len(folders[camera]) or 'no'} photographs",
-                intake.PHOTOGRAPH_KINDS,
-                # Of its own for each: others may be receiving files meanwhile.
-                f"upload_of_camera_{number}",
-                partial(_take_photographs, store, camera),
-                place=place,
-                text="Or a zip of them. Name those of one moment alike, apart from the camera.",
-            )
-        if any(folders.values()):
-            clear = callback(store.clear)
-            st.button("Remove all photographs", on_click=clear, key="several_clear")
+    counts = ", ".join(f"{camera} {len(own) or 'none'}" for camera, own in folders.items())
     if not any(folders.values()):
         return False
+    left, right = st.columns([3, 1], vertical_alignment="center")
+    left.markdown(f"Photographs: {escape_markdown(counts)}.")
+    right.button("Remove all photographs", on_click=callback(store.clear), key="several_clear")
     moments = readable(lambda: several.match_names(folders), told=all(folders.values()))
     if moments is not None:
         _search(store, cameras, moments)
     return True
-
-
-def _take_photographs(
-    store: ProjectPhotographs, camera: str, uploads: Sequence[intake.Upload]
-) -> None:
-    intake.take_photographs(intake.photographs_of(uploads, f"{camera}/"), store)
 
 
 def _search(

@@ -14,6 +14,7 @@ from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.recording_files import POINTS
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.lens import ProjectLens
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS
@@ -62,8 +63,9 @@ def show_story() -> None:
 
 def _sample(folder: Path, names: Sequence[str], source: str) -> Project:
     project = Project.create(default_home())
-    photographs = _bars if folder == PHOTOGRAPHS else lambda: ()
-    give_dataset(project, _files(folder, names), source, photographs)
+    bars = _bars() if folder == PHOTOGRAPHS else ()
+    found = {name: ProjectPhotographs(project).keep(name, content) for name, content in bars}
+    give_dataset(project, _files(folder, names), source, found)
     return project
 
 

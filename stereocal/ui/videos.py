@@ -20,7 +20,6 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.holding import propose_held
-from stereocal.ui.intake import Upload
 from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
@@ -46,35 +45,37 @@ def show_frames_taken(project: Project) -> None:
 
 
 def video_settings(project: Project | None) -> VideoSettings:
-    """Which frames to take, folded: the defaults serve most videos."""
+    """Which frames to take; the defaults serve most videos."""
 
     def toggle(place: DeltaGenerator, name: str, title: str, text: str) -> bool:
         own = setting(project, f"video_{name}", True, yes_or_no)
         return place.toggle(title, help=text, **own.widget())
 
-    with st.expander("Frames of videos"):
-        left, right = st.columns(2, vertical_alignment="bottom")
-        named = CHOICES.__getitem__
-        choice = choose_from_menu(
-            project, "video_choice", "Take", CHOICES, place=left, format_func=named
-        )
-        n = 30
-        if choice == "every":
-            n = setting(project, "video_n", 30, Number(1)).number_input("n", right)
-        left, right = st.columns(2, vertical_alignment="bottom")
-        clocks = "Otherwise their time stamps are compared as the cameras' clocks wrote them."
-        later = None
-        if not toggle(left, "together", "Both videos start at the same moment", clocks):
-            ahead = setting(project, "video_later_s", 0.0, Number(-1e12))
-            title = "The secondary's clock is ahead by (s)"
-            later = ahead.number_input(title, right, format="%.6g")
-        grey = "Balls are told apart by them. Without, the frames are grey, a third of the size."
-        coloured = toggle(st.container(), "coloured", "Keep the colours", grey)
+    left, right = st.columns(2, vertical_alignment="bottom")
+    named, title = CHOICES.__getitem__, "Frames to take of videos"
+    choice = choose_from_menu(
+        project, "video_choice", title, CHOICES, place=left, format_func=named
+    )
+    n = 30
+    if choice == "every":
+        n = setting(project, "video_n", 30, Number(1)).number_input("n", right)
+    left, right = st.columns(2, vertical_alignment="bottom")
+    clocks = "Otherwise their time stamps are compared as the cameras' clocks wrote them."
+    later = None
+    if not toggle(left, "together", "Both videos start at the same moment", clocks):
+        ahead = setting(project, "video_later_s", 0.0, Number(-1e12))
+        title = "The secondary's clock is ahead by (s)"
+        later = ahead.number_input(title, right, format="%.6g")
+    grey = "Balls are told apart by them. Without, the frames are grey, a third of the size."
+    coloured = toggle(st.container(), "coloured", "Keep the colours of videos", grey)
     return VideoSettings(choice, n, later, coloured)
 
 
-def take_videos(uploads: Sequence[Upload], settings: VideoSettings) -> None:
-    """Begin the job; the videos, the primary's first, are temporary files while it runs.
+def take_videos(videos: Sequence[tuple[str, bytes]], settings: VideoSettings) -> None:
+    """Begin the job; the videos are temporary files while it runs.
+
+    Args:
+        videos: name and content, the primary's first.
 
     Raises:
         StereocalError: they cannot be read on this server, or not be stored.
@@ -89,15 +90,15 @@ def take_videos(uploads: Sequence[Upload], settings: VideoSettings) -> None:
             folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
             undo.callback(shutil.rmtree, folder, ignore_errors=True)
             paths = []
-            for which, upload in zip(CAMERAS, uploads, strict=True):
-                suffix = PurePosixPath(upload.name).suffix.lower()
+            for which, (name, content) in zip(CAMERAS, videos, strict=True):
+                suffix = PurePosixPath(name).suffix.lower()
                 paths.append(folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}")
-                paths[-1].write_bytes(upload.getvalue())
+                paths[-1].write_bytes(content)
         except OSError as error:
             raise StereocalError(f"{error.strerror or error}.") from error
         project.keep_settings({REPORT: None})
         about = {
-            "videos": [[upload.name, upload.size] for upload in uploads],
+            "videos": [[name, len(content)] for name, content in videos],
             "settings": [settings.choice, settings.n, settings.later_s, settings.coloured],
         }
         first, second = paths

@@ -44,9 +44,9 @@ class User:
         button.click()
 
     def give(self, files: Sequence[Path]) -> None:
-        """Choose files in the one uploader for photographs, videos and cameras."""
+        """Choose files in the one place for files."""
         self._wait()
-        uploader = self.page.locator("[class*=st-key-upload_photographs_] input[type=file]")
+        uploader = self.page.locator("[class*=st-key-upload_data_] input[type=file]")
         uploader.set_input_files(list(files))
 
     def enter(self, key: str, value: float) -> None:

@@ -31,7 +31,7 @@ Step = tuple[object, Callable[[], None]]
 
 def tables(page: Page) -> Iterator[Step]:
     content = (FIELD / "correspondences.csv").read_bytes()
-    upload = page.locator(".st-key-upload_correspondences input[type=file]")
+    upload = page.locator("[class*=st-key-upload_data_] input[type=file]")
     for number in count():
         name = f"table_{number}.csv"
 
@@ -43,8 +43,7 @@ def tables(page: Page) -> Iterator[Step]:
 
 
 def photographs(page: Page) -> Iterator[Step]:
-    page.get_by_text("Photographs", exact=True).first.click()
-    upload = page.locator("[class*=st-key-upload_photographs_] input[type=file]")
+    upload = page.locator("[class*=st-key-upload_data_] input[type=file]")
     names: list[str] = []
     for whole, content in sorted(bar_set(7).files().items()):
         names.append(whole.split("/")[1])

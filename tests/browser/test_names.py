@@ -65,7 +65,7 @@ def test_names_are_not_links(
     page.goto(f"{app_url}/data?project={project.id}")
     bad = tmp_path / f"{FILE}.csv"
     bad.write_text("frame,target,u_primary,v_primary,u_secondary,v_secondary\n1,A,x,2,3,4\n")
-    page.locator(".st-key-upload_correspondences input[type=file]").set_input_files(bad)
+    page.locator("[class*=st-key-upload_data_] input[type=file]").set_input_files(bad)
     alert = page.get_by_test_id("stAlert").filter(has_text="What was loaded before is unchanged")
     expect(alert).to_contain_text(f"{FILE}.csv")
     assert links(page) == []

@@ -39,8 +39,7 @@ def test_pairs_are_changed_by_hand(
     write(files, tmp_path)
     page.goto(f"{app_url}/data")
     settled(page)
-    page.get_by_text("Photographs", exact=True).first.click()
-    uploader = page.locator("[class*=st-key-upload_photographs_] input[type=file]")
+    uploader = page.locator("[class*=st-key-upload_data_] input[type=file]")
     uploader.set_input_files([tmp_path / name for name in sorted(files)])
     expect(page.get_by_text("28 photographs. 14 pairs by name").first).to_be_visible()
     settled(page)  # a run that still draws the pairs closes them again

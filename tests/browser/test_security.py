@@ -80,10 +80,8 @@ def test_uploads_without_the_token_of_the_page_are_refused(
 ) -> None:
     page.goto(f"{app_url}/data")
     settled(page)
-    page.get_by_text("Single files", exact=True).click()
-    settled(page)
     with page.expect_request(lambda asked: asked.method == "PUT") as sent:
-        page.locator(".st-key-upload_correspondences input[type=file]").set_input_files(
+        page.locator("[class*=st-key-upload_data_] input[type=file]").set_input_files(
             {"name": "points.csv", "mimeType": "text/csv", "buffer": b"frame,target\n"}
         )
     expect(

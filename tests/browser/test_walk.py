@@ -48,15 +48,14 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
 ) -> None:
     page.goto(f"{app_url}/data")
     settled(page)
-    page.get_by_text("Single files", exact=True).click()
-    settled(page)
     missing = page.get_by_text("Still missing").first
-    for slot, name, lacking in (
-        ("correspondences", "correspondences.csv", "the primary camera's file, the secondary"),
-        ("primary", "primary.json", "Still missing: the secondary camera's file"),
-        ("secondary", "secondary.json", "Still missing: the baseline"),
+    for name, lacking in (
+        ("correspondences.csv", "the primary camera's file, the secondary"),
+        ("primary.json", "Still missing: the secondary camera's file"),
+        ("secondary.json", "Still missing: the baseline"),
     ):
-        page.locator(f".st-key-upload_{slot} input[type=file]").set_input_files(RECORDING / name)
+        upload = page.locator("[class*=st-key-upload_data_] input[type=file]")
+        upload.set_input_files(RECORDING / name)
         expect(missing).to_contain_text(lacking)
     box = page.locator(".st-key-baseline_m_value input")
     box.fill("4.976")
@@ -89,6 +88,7 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
 def test_folder_upload(page: Page, app_url: str, settled: Settled) -> None:
     page.goto(f"{app_url}/data")
     settled(page)
-    page.get_by_role("radiogroup", name="I have").get_by_text("A folder").click()
-    page.locator(".st-key-upload_folder input[type=file]").set_input_files(FIELD)
+    page.get_by_role("button", name="Give a whole folder").click()
+    upload = page.locator("[class*=st-key-upload_data_folder_] input[type=file]")
+    upload.set_input_files(FIELD)
     expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()

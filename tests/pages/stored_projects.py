@@ -1,7 +1,7 @@
 """A stored project, a look at its pages, and waiting for what happens beside them."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from streamlit.testing.v1 import AppTest
@@ -38,6 +38,14 @@ def session(project: Project) -> AppTest:
 def again(app: AppTest, page: str) -> AppTest:
     """A page of the same project, in a new tab."""
     return go(dashboard(project=app.session_state["project_id"]), page)
+
+
+def drop(app: AppTest, files: Mapping[str, bytes]) -> AppTest:
+    """Give files together on the Data page."""
+    widget = app.file_uploader(key=f"upload_data_{app.session_state['upload_data']}")
+    for name, content in files.items():
+        widget.upload(name, content)
+    return app.run()
 
 
 def project_of(app: AppTest, home: Path) -> Project:

@@ -19,9 +19,8 @@ from stereocal.ui.holding import held_target
 from stereocal.workflow import calibrate
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.lens import SMALL, png
-from tests.pages.stored_projects import ended, go, messages, project_of, session
+from tests.pages.stored_projects import drop, ended, go, messages, project_of, session
 from tests.pages.test_pages import give_zip
-from tests.pages.test_photographs import upload
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, WAND, recorded
 
@@ -32,7 +31,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     blank = np.full((SMALL.image_size[1], SMALL.image_size[0]), 110, np.uint8)
     files |= {f"{side}99.png": png(blank) for side in ("left", "right")}
     app.switch_page("pages/data.py").run()
-    upload(app, files)
+    drop(app, files)
     project = project_of(app, home)
     # As the first photographs show, without a click.
     assert app.segmented_control(key="held").value == "board"

@@ -12,7 +12,7 @@ from stereocal.projects.project import Project
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.menu import TITLES
 from tests.hostile_projects import dataset
-from tests.pages.stored_projects import dashboard, go, messages, session
+from tests.pages.stored_projects import dashboard, drop, go, messages, session
 from tests.soak import repeats
 from tests.soak.damage import damaged
 from tests.soak.readers import readers
@@ -20,7 +20,7 @@ from tests.soak.readers import readers
 
 @dataclass(frozen=True)
 class Door:
-    """Where files come in: a page, what is chosen on it, the uploader, and whose files it takes."""
+    """Where files come in: a page, its uploader, whose files it takes, and a menu's choice."""
 
     page: str
     uploader: str
@@ -29,19 +29,19 @@ class Door:
     choose: tuple[str, str] | None = None
 
 
-PHOTOGRAPHS, FILES = ("data_how", "Photographs"), ("apply_points", "Two point files")
+FILES = ("apply_points", "Two point files")
 DOORS = (
-    Door("data", "upload_correspondences", "correspondences.csv", "points.csv"),
-    Door("data", "upload_correspondences", "points, wand", "wand.csv"),
-    Door("data", "upload_primary", "camera, ours", "primary.json"),
-    Door("data", "upload_secondary", "camera, OpenCV YAML", "secondary.yml"),
-    Door("data", "upload_primary", "camera, OpenCV XML", "primary.xml"),
-    Door("data", "upload_primary", "archive, TOML", "rig.toml"),
-    Door("data", "upload_secondary", "archive, Kalibr", "rig.yaml"),
-    Door("data", "upload_zip", "data set, zip", "set.zip", ("data_how", "A zip")),
-    Door("data", "upload_photographs_0", "photograph, PNG", "left1.png", PHOTOGRAPHS),
-    Door("data", "upload_photographs_0", "photograph, TIFF", "a.tif", PHOTOGRAPHS),
-    Door("data", "upload_photographs_0", "photographs, zip", "a.zip", PHOTOGRAPHS),
+    Door("data", "upload_data_0", "correspondences.csv", "points.csv"),
+    Door("data", "upload_data_0", "points, wand", "wand.csv"),
+    Door("data", "upload_data_0", "camera, ours", "primary.json"),
+    Door("data", "upload_data_0", "camera, OpenCV YAML", "secondary.yml"),
+    Door("data", "upload_data_0", "camera, OpenCV XML", "primary.xml"),
+    Door("data", "upload_data_0", "archive, TOML", "rig.toml"),
+    Door("data", "upload_data_0", "archive, Kalibr", "rig.yaml"),
+    Door("data", "upload_data_0", "data set, zip", "set.zip"),
+    Door("data", "upload_data_0", "photograph, PNG", "left1.png"),
+    Door("data", "upload_data_0", "photograph, TIFF", "a.tif"),
+    Door("data", "upload_data_0", "photographs, zip", "a.zip"),
     Door("cameras", "upload_boards_primary_0", "photograph, JPEG", "1.jpg"),
     Door("validate", "upload_more", "data set, zip", "more.zip"),
     Door("apply", "upload_points_primary", "points, deeplabcut", "a.csv", FILES),
@@ -66,14 +66,9 @@ def opened(door: Door, project: Project) -> AppTest:
     """The door's page, ready to be given a file."""
     app = go(session(project), door.page)
     if door.choose:
-        choose(app, *door.choose)
+        key, value = door.choose
+        app.selectbox(key=key).set_value(value).run()
     return app
-
-
-def choose(app: AppTest, key: str, value: str) -> None:
-    """Choose what a page takes, by a menu or by buttons."""
-    menu = app.selectbox if key == "apply_points" else app.segmented_control
-    menu(key=key).set_value(value).run()
 
 
 def tracebacks(app: AppTest) -> str:
@@ -115,29 +110,12 @@ def test_an_address_that_is_none(address: str, home: Path) -> None:
     ("variable", "sentence"),
     [("MOST_FILE_MB", "at most 1 MB are read"), ("MOST_FILES", "2 files at once are too many")],
 )
-@pytest.mark.parametrize(
-    ("how", "key", "suffix"),
-    [
-        ("Photographs", "upload_photographs_0", "png"),
-        ("Three cameras and more", "upload_several_0", "json"),
-    ],
-)
 def test_limits_hold_on_the_pages(
-    variable: str,
-    sentence: str,
-    how: str,
-    key: str,
-    suffix: str,
-    home: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    variable: str, sentence: str, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(f"STEREOCAL_{variable}", "1")
     app = go(session(begun(home)), "data")
-    app.segmented_control(key="data_how").set_value(how).run()
-    widget = app.file_uploader(key=key)
-    for name in ("left1", "right1"):
-        widget.upload(f"{name}.{suffix}", bytes(1_200_000))
-    app.run()
+    drop(app, {name: bytes(1_200_000) for name in ("left1.png", "right1.png")})
     assert not tracebacks(app)
     assert sentence in messages(app)
     assert f"STEREOCAL_{variable}" in messages(app)

@@ -23,7 +23,7 @@ from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.latest import Latest
-from tests.pages.stored_projects import FULL, go, messages, placed, project_of, wait_until
+from tests.pages.stored_projects import FULL, drop, go, messages, placed, project_of, wait_until
 from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
 
 
@@ -74,10 +74,8 @@ def test_single_files_are_parsed_once(
     app: AppTest, home: Path, tables: list[object], cameras: list[object]
 ) -> None:
     app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("Single files").run()
-    for slot, name in (("primary", "primary.json"), ("correspondences", "correspondences.csv")):
-        content = (FIELD / name).read_bytes()
-        app.file_uploader(key=f"upload_{slot}").upload(name, content).run()
+    for name in ("primary.json", "correspondences.csv"):
+        drop(app, {name: (FIELD / name).read_bytes()})
     assert set(project_of(app, home).inputs.files) == {"primary", "correspondences"}
     assert (len(tables), len(cameras)) == (1, 1)
 
@@ -177,12 +175,11 @@ def upload(app: AppTest, key: str, name: str, content: bytes, calls: list[object
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize("place", ["give_dataset", "unzip"])
+@pytest.mark.parametrize("place", ["intake.give_dataset", "drop_zone.sort_files"])
 def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
-    calls = click_meanwhile(monkeypatch, f"stereocal.ui.intake.{place}")
-    upload(app, "upload_zip", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
+    calls = click_meanwhile(monkeypatch, f"stereocal.ui.{place}")
+    upload(app, "upload_data_0", "rig.zip", zipped(pack_dataset(read_dataset(FIELD))), calls)
     assert project_of(app, home).dataset is not None
 
 
@@ -198,10 +195,9 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
 
 def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
-    app.segmented_control(key="data_how").set_value("A zip").run()
     calls = click_meanwhile(monkeypatch, "stereocal.ui.messages.refuse")
-    upload(app, "upload_zip", "bad.zip", b"no zip", calls)
-    assert "not a valid zip" in messages(app)
+    upload(app, "upload_data_0", "rig.zip", zipped({"dataset.json": b"{}"}), calls)
+    assert "must be an object" in messages(app)
 
 
 def test_points(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

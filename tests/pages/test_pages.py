@@ -18,6 +18,7 @@ from tests.pages.stored_projects import (
     FULL,
     ROOT,
     again,
+    drop,
     go,
     messages,
     placed,
@@ -35,8 +36,7 @@ def open_sample(app: AppTest) -> AppTest:
 
 
 def give_zip(app: AppTest, files: Mapping[str, bytes]) -> AppTest:
-    go(app, "data").segmented_control(key="data_how").set_value("A zip").run()
-    return app.file_uploader(key="upload_zip").upload("rig.zip", zipped(files)).run()
+    return drop(go(app, "data"), {"rig.zip": zipped(files)})
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
@@ -109,8 +109,7 @@ def test_bad_row_is_listed_and_can_be_left_out(
     cells = lines[line - 1].split(",")
     cells[column] = value
     lines[line - 1] = ",".join(cells)
-    upload = app.file_uploader(key="upload_correspondences")
-    upload.upload("points.csv", "\n".join(lines).encode(), "text/csv").run()
+    drop(app, {"points.csv": "\n".join(lines).encode()})
     refused = app.dataframe[0].value
     assert list(refused["Line"]) == [line]
     assert reason in refused["Refused because"][0]
@@ -122,7 +121,7 @@ def test_a_table_without_one_good_row_is_refused(app: AppTest) -> None:
     open_sample(app)
     lines = (FIELD / "correspondences.csv").read_text().splitlines()
     bad = "\n".join([lines[0], *(line.rsplit(",", 1)[0] + ",9e9" for line in lines[1:])])
-    app.file_uploader(key="upload_correspondences").upload("points.csv", bad.encode()).run()
+    drop(app, {"points.csv": bad.encode()})
     assert len(app.dataframe[0].value) == len(lines) - 1
     assert not [button for button in app.button if button.key == "use_rest"]
 
@@ -236,7 +235,6 @@ def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
 def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     app.button(key="demo_photographs").click().run()
     app.switch_page("pages/data.py").run()
-    assert app.segmented_control(key="data_how").value == "Photographs"
     assert "50 photographs. 25 pairs by name" in told(app)
     assert app.number_input(key="baseline_m_value").value == 4.5
     assert not app.button(key="find_targets").disabled

@@ -1,7 +1,6 @@
 """Photographs on the Data page, without a browser."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.rig.camera import CAMERAS, CameraName
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import again, ended, go, messages, project_of, wait_until
+from tests.pages.stored_projects import again, drop, ended, go, messages, project_of, wait_until
 from tests.pages.test_pages import zipped
 
 BARS = bar_set(7)
@@ -20,23 +20,11 @@ FILES = BARS.files()
 
 @pytest.fixture
 def app(app: AppTest) -> AppTest:
-    go(app, "data")
-    return app.segmented_control(key="data_how").set_value("Photographs").run()
+    return go(app, "data")
 
 
 def store_of(app: AppTest, home: Path) -> ProjectPhotographs:
     return ProjectPhotographs(project_of(app, home))
-
-
-def upload(app: AppTest, files: Mapping[str, bytes]) -> None:
-    widget = app.file_uploader(key=f"upload_photographs_{app.session_state['photographs_round']}")
-    for name, content in files.items():
-        widget.upload(name, content)
-    app.run()
-
-
-def upload_zip(app: AppTest, files: Mapping[str, bytes]) -> None:
-    upload(app, {"bars.zip": zipped(files)})
 
 
 def find(app: AppTest, home: Path) -> None:
@@ -47,10 +35,13 @@ def find(app: AppTest, home: Path) -> None:
     app.run()
 
 
+def cameras() -> dict[str, bytes]:
+    sides: tuple[CameraName, ...] = CAMERAS
+    return {f"{side}.json": write_camera(getattr(BARS.rig, side)) for side in sides}
+
+
 def give_cameras_and_lengths(app: AppTest) -> None:
-    for slot in ("primary", "secondary"):
-        content = write_camera(getattr(BARS.rig, slot))
-        app.file_uploader(key=f"upload_{slot}").upload(f"{slot}.json", content, "text/json").run()
+    drop(app, cameras())
     app.number_input(key="baseline_m_value").set_value(2.0).run()
     app.number_input(key="target_distance_m_value").set_value(0.9).run()
 
@@ -66,7 +57,7 @@ def wait_for_the_cancel(*given: object, pieces: object, target: object) -> None:
 def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves(
     app: AppTest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    upload_zip(app, FILES)
+    drop(app, {"bars.zip": zipped(FILES)})
     assert '14 photographs. 7 pairs by name: "primary with left" marks the primary' in messages(app)
     assert app.button(key="find_targets").disabled
     assert "Give the camera file of the primary and the secondary camera" in messages(app)
@@ -99,7 +90,6 @@ def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves
     app.checkbox(key="use_frame_2").set_value(False).run()
     assert "12 pairs of points in 6 frames" in messages(app)
     tab = again(app, "data")
-    assert tab.segmented_control(key="data_how").value == "Photographs"
     assert "12 pairs of points in 6 frames" in messages(tab)
     assert tab.checkbox(key="use_frame_2").value is False
 
@@ -122,17 +112,10 @@ def dataset_files() -> dict[str, bytes]:
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -> None:
-    upload_zip(app, {"left77.png": b"x", "right77.png": b"x"})
-    app.segmented_control(key="data_how").set_value("A zip" if packed else "A folder").run()
+    photograph = FILES["primary/left1.png"]
+    drop(app, {"left77.png": photograph, "right77.png": photograph})
     files = dataset_files()
-    if packed:
-        app.file_uploader(key="upload_zip").upload("field.zip", zipped(files)).run()
-    else:
-        widget = app.file_uploader(key="upload_folder")
-        for name, content in files.items():
-            widget.upload(name, content)
-        app.run()
-    assert app.segmented_control(key="data_how").value == "Photographs"
+    drop(app, {"field.zip": zipped(files)} if packed else files)
     assert "14 photographs. 7 pairs by name" in messages(app)
     assert "Still missing: the targets in the photographs" in messages(app)
     project = store_of(app, tmp_path).project

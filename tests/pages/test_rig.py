@@ -19,7 +19,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.simulation.several import simulated_rig
 from stereocal.ui.start import RIG, three_cameras
 from tests.lens import PATTERN, SMALL, photographed, png
-from tests.pages.stored_projects import dashboard, ended, go, session, told, wait_until
+from tests.pages.stored_projects import dashboard, drop, ended, go, session, told, wait_until
 from tests.photographed_rig import BAR_M
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -104,11 +104,7 @@ def files_of_rig() -> dict[str, bytes]:
 
 def given(app: AppTest, files: dict[str, bytes]) -> AppTest:
     """Files given together on the Data page."""
-    go(app, "data").segmented_control(key="data_how").set_value("Three cameras and more").run()
-    uploader = app.file_uploader(key="upload_several_0")
-    for name, content in files.items():
-        uploader.upload(name, content)
-    return uploader.run()
+    return drop(go(app, "data"), files)
 
 
 def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
@@ -128,7 +124,7 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert "One rig of 3 cameras" in told(go(app, "rig"))
     # The files are still there to be corrected; what replaces one is named, and can be undone.
     other = files_of_rig()["camera_2.yaml"]
-    go(app, "data").file_uploader(key="upload_several_1").upload("camera_1.yaml", other).run()
+    drop(go(app, "data"), {"camera_1.yaml": other})
     assert "camera_1.yaml was replaced" in told(app, "info")
     assert store.parts["camera_1.yaml"] == store.parts["camera_2.yaml"]
     app.button(key="undo_camera_1.yaml").click().run()
@@ -178,15 +174,13 @@ CORNERS = PATTERN.points - PATTERN.points.mean(axis=0)
 
 
 def give(app: AppTest, files: dict[str, bytes]) -> None:
-    """One camera after the other, each in its own uploader."""
-    for number, camera in enumerate(sorted(CAMERAS)):
-        uploader = app.file_uploader(key=f"upload_of_camera_{number}_0")
-        for name, content in files.items():
-            folder, _, file = name.partition("/")
-            if folder == camera:
-                uploader.upload(file, content)
-        uploader.run()
+    """One camera after the other."""
+    for camera in CAMERAS:
+        drop(app, {name: own for name, own in files.items() if name.startswith(camera)})
         assert not app.exception and not app.error
+        assert ("mid/0099.png: this is not a readable" in told(app, "warning")) == (
+            "mid/0099.png" in files and camera == "mid"
+        )
 
 
 def search(app: AppTest, home: Path) -> ProjectRecording:
@@ -201,7 +195,8 @@ def search(app: AppTest, home: Path) -> ProjectRecording:
 
 def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
     files = dict(photographed_bars()[0])
-    files["mid/0003.png"] = b"damaged"
+    files["mid/0003.png"] = png(np.zeros((600, 800), np.uint8))
+    files["mid/0099.png"] = b"damaged"
     given(app, {f"{name}.json": write_camera(own) for name, own in CAMERAS.items()})
     give(app, files)
     store = search(app, home)

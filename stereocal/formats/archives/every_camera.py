@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Taken, lens_taken, with_background
 from stereocal.formats.archives.easywand import LENS_FIELDS
-from stereocal.formats.archives.gather import TABLES, layout_of_bars, names_in, sorted_files
+from stereocal.formats.archives.gather import is_table, layout_of_bars, names_in, sorted_files
 from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
@@ -54,8 +54,8 @@ def gather_all(
         lengths: by target, its distance from the first along a straight bar, in metres. Other
             targets are not used; of another program's bar it may be missing if the files have it.
     """
-    tables = [each for each in files if each.lower().endswith(TABLES)]
-    if len(tables) == 1 and _is_of_points(files[tables[0]], tables[0]):
+    tables = [each for each, content in files.items() if is_table(each, content)]
+    if len(tables) == 1 and names_cameras(files[tables[0]], tables[0]):
         return _of_points(files, tables[0], options, name, lengths)
     return _of_bars(files, options, name, lengths.get("B"))
 
@@ -131,7 +131,7 @@ def _of_bars(
 
 def targets_in(content: bytes, source: str) -> tuple[str, ...]:
     """The targets of a table of format 2, sorted; `ENDS` for one of another program."""
-    if not _is_of_points(content, source):
+    if not names_cameras(content, source):
         return ENDS
     found = tuple(sorted({*_column(content, source, "target")}))
     if len(found) > MOST_TARGETS:
@@ -142,9 +142,12 @@ def targets_in(content: bytes, source: str) -> tuple[str, ...]:
     return found
 
 
-def _is_of_points(content: bytes, source: str) -> bool:
-    """Whether it is a table of format 2."""
-    head, _ = first_rows(content, source)
+def names_cameras(content: bytes, source: str) -> bool:
+    """Whether a file is a table of format 2, which names the camera of each row."""
+    try:
+        head, _ = first_rows(content, source)
+    except StereocalError:
+        return False
     return {*REQUIRED} <= {cell.strip().lower() for cell in head[0]}
 
 

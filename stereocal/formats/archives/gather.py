@@ -19,12 +19,12 @@ from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab, refuse_camera_list
 from stereocal.formats.point_files import PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
+from stereocal.formats.recognition import recognise
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Correspondences
 
 Heights = Sequence[int | None]
 """Of the images of the cameras, px."""
-TABLES = (".csv", ".txt", ".tsv")
 WANTED = (
     "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
     "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
@@ -128,11 +128,7 @@ def _wanted(
 
 def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], EasyWandFile | None]:
     """The name of the table, or empty, the camera files, and the file that has everything."""
-    tables = [
-        name
-        for name, content in files.items()
-        if name.lower().endswith(TABLES) and format_of(name, content) is None
-    ]
+    tables = [name for name, content in files.items() if is_table(name, content)]
     others = {name: each for name, each in files.items() if name not in tables}
     for name in tables:
         refuse_camera_list(files[name], name)
@@ -143,7 +139,8 @@ def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], Eas
                 f"{SAVE_AGAIN}."
             )
         if format_of(name, content) is None:
-            raise StereocalError(f"{name}: the file is not known; {WANTED}.")
+            problem = recognise(name, content).problem or f"the file is not known; {WANTED}."
+            raise StereocalError(problem, name)
         if is_matlab(content) and (opened := open_easywand(content, name)) is not None:
             if len(files) > 1:
                 raise StereocalError(f"{name}: it has points and lenses; give it alone.")
@@ -151,6 +148,11 @@ def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], Eas
     if len(tables) > 1:
         raise StereocalError(f"{', '.join(tables)}: these are {len(tables)} tables; give one.")
     return "".join(tables), others, None
+
+
+def is_table(name: str, content: bytes) -> bool:
+    """Whether a file is a table of points."""
+    return recognise(name, content).kind == "table"
 
 
 def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool) -> Archive:

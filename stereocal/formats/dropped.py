@@ -1,0 +1,135 @@
+"""Files that are given together, sorted by what each is; those in a zip as if they lay in a folder.
+
+dropped = sort_files(contents, keep)      # keep(name, content) stores a photograph
+dropped.photographs, dropped.of("camera"), dropped.problems
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Generic, TypeVar
+
+from stereocal.errors import StereocalError
+from stereocal.formats.recognition import Kind, recognise
+from stereocal.formats.recording_files import DESCRIPTION
+from stereocal.frames.which_camera import which_camera
+from stereocal.rig.camera import CAMERAS
+from stereocal.system.limits import Limits
+from stereocal.system.photograph import photograph_size
+from stereocal.system.photograph_files import is_hidden
+from stereocal.system.zip_files import open_zip
+
+F = TypeVar("F")
+Contents = Iterable[tuple[str, bytes]]
+"""Files, name and content, read one at a time."""
+CAMERA_KINDS: tuple[Kind, ...] = ("camera", "cameras", "rig")
+
+
+@dataclass(eq=False)
+class Dropped(Generic[F]):
+    """What was given, by kind."""
+
+    photographs: dict[str, F] = field(default_factory=dict)
+    sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
+    """Of the photographs, in pixels."""
+    files: dict[str, bytes] = field(default_factory=dict)
+    """The contents of all others that can be used, with their folders."""
+    kinds: dict[str, Kind] = field(default_factory=dict)
+    source: str = ""
+    """The name of the only file that was given, for messages; else words."""
+    problems: list[str] = field(default_factory=list)
+    """A sentence for each file that nobody can use, and for each photograph of another size."""
+
+    def of(self, kind: Kind) -> dict[str, bytes]:
+        """The files of a kind, without their folders where the names stay different."""
+        own = {name: self.files[name] for name, each in self.kinds.items() if each == kind}
+        short = {PurePosixPath(name).name: content for name, content in own.items()}
+        return short if len(short) == len(own) else own
+
+    @property
+    def in_words(self) -> str:
+        """What was taken: `50 photographs, 2 camera files`; empty if nothing."""
+        kinds = [*self.kinds.values()]
+        counts = {
+            "photograph": len(self.photographs),
+            "video": kinds.count("video"),
+            "camera file": sum(map(kinds.count, CAMERA_KINDS)),
+            "table": kinds.count("table"),
+            "data set": kinds.count("data set"),
+        }
+        return ", ".join(f"{n} {what}{'s' * (n > 1)}" for what, n in counts.items() if n)
+
+
+def sort_files(contents: Contents, keep: Callable[[str, bytes], F]) -> Dropped[F]:
+    """Sort files by what they are.
+
+    Args:
+        keep: stores a photograph, of which one at a time is in memory.
+    """
+    found = Dropped[F]()
+    for name, content in contents:
+        found.source = "the files" if found.source else name
+        if not is_hidden(name):
+            _sort(found, name.replace("\\", "/"), content, keep, in_zip=False)
+    found.problems += differing_sizes(found.sizes)
+    return found
+
+
+def _sort(
+    found: Dropped[F], name: str, content: bytes, keep: Callable[[str, bytes], F], in_zip: bool
+) -> None:
+    try:
+        read = recognise(name, content)
+        if read.kind is None:
+            raise StereocalError(read.problem, name)
+        if read.kind == "photograph":
+            found.sizes[name] = photograph_size(content, name)
+            found.photographs[name] = keep(name, content)
+        elif read.kind != "zip":
+            found.kinds[name], found.files[name] = read.kind, content
+        elif in_zip:
+            raise StereocalError("a zip inside a zip: unpack it, and give its files.", name)
+        else:
+            for member, inside in _unpacked(name, content):
+                _sort(found, member, inside, keep, in_zip=True)
+                own = sum(map(len, found.files.values()))
+                Limits.from_environment().check_size(own, f"{name}: the files inside, together")
+    except StereocalError as error:
+        found.problems.append(str(error))
+
+
+def _unpacked(name: str, content: bytes) -> Iterator[tuple[str, bytes]]:
+    """The files of a zip; those of a flat one as in a folder with its name, which may tell the
+    camera."""
+    with open_zip(content, name) as opened:
+        names = [member for member in opened.names if not is_hidden(member)]
+        flat = not any("/" in member for member in names) and DESCRIPTION not in names
+        folder = f"{PurePosixPath(name).stem}/" if flat else ""
+        for member in names:
+            yield folder + member.replace("\\", "/"), opened.read(member)
+
+
+def differing_sizes(sizes: Mapping[str, tuple[int, int]]) -> list[str]:
+    """Sentences on photographs that are not as large as the others of their camera."""
+    sides = which_camera(sizes)
+    lots = [[name for name, own in sides.known.items() if own == side] for side in CAMERAS]
+    lots += [[*series.names] for series in sides.open]
+    said = []
+    for lot in lots:
+        own = [sizes[name] for name in lot]
+        usual = max(own, key=own.count, default=None)
+        if usual is None or 2 * own.count(usual) <= len(own):
+            continue
+        for name in lot:
+            width, height = sizes[name]
+            if (width, height) == usual:
+                continue
+            turned = (height, width) == usual
+            remedy = (
+                "give it without being turned" if turned else "give it in the size of the others"
+            )
+            said.append(
+                f"{name}: it has {width}x{height} px, the other photographs of its camera "
+                f"{usual[0]}x{usual[1]} px: {remedy}, or leave its frame out."
+            )
+    return said

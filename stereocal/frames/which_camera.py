@@ -1,0 +1,244 @@
+"""Which camera does a file belong to? From its folder and name, else from the files it goes with.
+
+What names do not tell is asked about: for each series of names that go on from one to the next, as
+`IMG_1001` to `IMG_1025`, once.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import PurePosixPath
+from statistics import median
+
+from stereocal.frames.pairing import natural, pair_names
+from stereocal.rig.camera import CAMERAS, CameraName
+
+_SEPARATE = r"(?<![a-z])(?:{})(?![a-z])"
+ALONE: Mapping[CameraName, re.Pattern[str]] = {
+    "primary": re.compile(_SEPARATE.format("primary|left|cam(?:era)?[ _-]?a|l")),
+    "secondary": re.compile(_SEPARATE.format("secondary|right|cam(?:era)?[ _-]?b|r")),
+}
+"""Words that tell the camera of a file without one of the other camera beside it. Numbers do not:
+`cam1` is the first of 1 and 2, and the second of 0 and 1."""
+_SUFFIX = re.compile(r"[ _.-]0*([0-3])$")
+_NUMBER_OF_CAMERA = re.compile(r"(?:cam(?:era)?)?[\s_.-]*0*(?=.)")
+FAR = 20
+"""A step between numbers, in median steps, from which on it is another camera's series."""
+SMALL = 0.2
+"""A series with fewer files than this part of the largest is no camera's."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Files of one camera, in natural order."""
+
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        first, last = (PurePosixPath(self.names[at]).stem for at in (0, -1))
+        if len(self.names) == 1:
+            return PurePosixPath(self.names[0]).name
+        return f"{first} to {last} ({len(self.names)})"
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The camera of each file."""
+
+    known: Mapping[str, CameraName]
+    open: tuple[Series, ...]
+    """Of which the camera is to be asked: two, of one camera each; or one, or many."""
+    odd: tuple[str, ...] = ()
+    """Files that are of no series."""
+    folders: Mapping[str, str] = field(default_factory=dict)
+    """New names, in folders `primary` and `secondary`, of those whose own words do not tell."""
+
+
+def which_camera(
+    names: Iterable[str], known: Mapping[str, CameraName] | None = None, each: bool = False
+) -> Sides:
+    """The camera of each file.
+
+    Args:
+        names: with folders, if there are any.
+        known: further files whose cameras are known, which the same words may name.
+        each: every file is a series of its own: a video, a camera file.
+    """
+    ordered, known = sorted(dict.fromkeys(names), key=natural), dict(known or {})
+    found = _by_words(ordered, known)
+    worded = {*found}
+    rest = [name for name in ordered if name not in found]
+    found |= _by_likeness(rest, {**known, **found})
+    rest = [name for name in rest if name not in found]
+    series, odd = (tuple(Series((name,)) for name in rest), ()) if each else _series(rest)
+    if (side := _other_side(series, {**known, **found})) is not None:
+        found |= dict.fromkeys(series[0].names, side)
+        series = ()
+    folders = {name: f"{side}/{name}" for name, side in found.items() if name not in worded}
+    return Sides(found, series, odd, folders)
+
+
+def answered(series: Series, side: CameraName) -> dict[str, str]:
+    """New names of a series whose camera is stated, in its folder."""
+    return {name: f"{side}/{name}" for name in series.names}
+
+
+def _by_words(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[str, CameraName]:
+    """From the words of both cameras (left and right), a last number, or a word alone."""
+    every = [*names, *known]
+    found: dict[str, CameraName] = {}
+    pairing = pair_names(every)
+    for pair in pairing.pairs:
+        found |= {pair.primary: "primary", pair.secondary: "secondary"}
+    found |= {alone.name: CAMERAS[alone.camera] for alone in pairing.alone}
+    # What is known decides: a reading that contradicts it is none.
+    if any(found.get(name, side) != side for name, side in known.items()):
+        found = {}
+    if len(found) < len(every):
+        found |= {name: side for name, side in _by_last_number(every).items() if not found}
+        found |= _by_words_alone([name for name in every if name not in found])
+    return {name: found[name] for name in names if name in found}
+
+
+def _by_last_number(names: Sequence[str]) -> dict[str, CameraName]:
+    """`07_0` and `07_1`: a last number that is one of two in all names, which are alike before it;
+    empty if this is not so."""
+    read = {name: _SUFFIX.search(PurePosixPath(name).stem) for name in names}
+    hits = {name: hit for name, hit in read.items() if hit}
+    numbers = sorted({int(hit[1]) for hit in hits.values()})
+    if len(hits) < len(names) or len(numbers) != 2 or numbers[1] - numbers[0] != 1:
+        return {}
+    sides: dict[CameraName, set[str]] = {"primary": set(), "secondary": set()}
+    found = {n: CAMERAS[numbers.index(int(hit[1]))] for n, hit in hits.items()}
+    for name, hit in hits.items():
+        sides[found[name]].add(f"{PurePosixPath(name).parent}/{hit.string[: hit.start()]}")
+    both = sides["primary"] & sides["secondary"]
+    return found if 2 * len(both) >= max(map(len, sides.values())) else {}
+
+
+def _by_words_alone(names: Sequence[str]) -> dict[str, CameraName]:
+    """From a word in each name. Where the names of one camera go on in two ways, as in `right
+    wing/IMG_1` and `right wing/DSC_1`, the word means something else."""
+    found = {name: side for name in names if (side := _by_word_alone(name)) is not None}
+    told = set[CameraName]()
+    for side in CAMERAS:
+        sizes = [len(lot) for lot in _lots(n for n, own in found.items() if own == side).values()]
+        if sum(size > 1 and size >= SMALL * max(sizes) for size in sizes) < 2:
+            told.add(side)
+    return {name: side for name, side in found.items() if side in told}
+
+
+def _by_word_alone(name: str) -> CameraName | None:
+    """From a word in the stem, else in the folders from the last one."""
+    path = PurePosixPath(name.replace("\\", "/").lower())
+    for part in (path.stem, *reversed(path.parent.parts)):
+        hits = [side for side, words in ALONE.items() if words.search(part)]
+        if hits:
+            return hits[0] if len(hits) == 1 else None
+    return None
+
+
+def _by_likeness(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[str, CameraName]:
+    """Files called like those of one camera, and not like the other's: `DSC.json` like
+    `secondary/DSC_0231.jpg` beside `primary/IMG_1001.jpg`."""
+    first, second = _first_words(known)
+    if not first or not second:
+        return {}
+    own: dict[CameraName, set[str]] = {"primary": first - second, "secondary": second - first}
+    return {n: side for n in names for side, words in own.items() if _first_word(n) in words}
+
+
+def _other_side(series: Sequence[Series], known: Mapping[str, CameraName]) -> CameraName | None:
+    """The camera of the only series: that which has no files yet, if the other's are called
+    otherwise."""
+    words = _first_words(known)
+    given = [side for side, own in zip(CAMERAS, words, strict=True) if own]
+    if len(series) != 1 or len(given) != 1 or len({*known.values()}) != 1:
+        return None
+    own = {_first_word(name) for name in series[0].names}
+    taken = words[CAMERAS.index(given[0])]
+    return CAMERAS[1 - CAMERAS.index(given[0])] if own - {""} and not own & taken else None
+
+
+def _first_words(known: Mapping[str, CameraName]) -> tuple[set[str], set[str]]:
+    first, second = ({_first_word(n) for n, own in known.items() if own == s} for s in CAMERAS)
+    return first - {""}, second - {""}
+
+
+def _first_word(name: str) -> str:
+    """The letters that a name begins with; a single letter says nothing."""
+    hit = re.match(r"[^\W\d_]{2,}", PurePosixPath(name).stem.lower())
+    return hit[0] if hit else ""
+
+
+def series_of(names: Sequence[str]) -> tuple[Series, ...]:
+    """The series of names, the largest first; all names are in one."""
+    series, odd = _series(names)
+    return (*series, *(Series((name,)) for name in odd))
+
+
+def _series(names: Sequence[str]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+    """The series of names, and names that are of none.
+
+    Names that differ in their last number only are one series, unless their numbers jump once.
+    """
+    lots = _lots(names)
+    most = max(map(len, lots.values()), default=0)
+    kept = [sorted(lot) for lot in lots.values() if len(lot) >= SMALL * most]
+    if len(kept) == 1:
+        kept = _split(kept[0])
+    series = tuple(Series(tuple(name for _, name in lot)) for lot in kept)
+    taken = {name for each in series for name in each.names}
+    return series, tuple(name for name in names if name not in taken)
+
+
+def _lots(names: Iterable[str]) -> dict[str, list[tuple[int, str]]]:
+    """Names that differ in their last number only, with that number."""
+    lots: dict[str, list[tuple[int, str]]] = {}
+    for name in names:
+        path = PurePosixPath(name)
+        hits = [*re.finditer("[0-9]+", path.stem)]
+        at = hits[-1] if hits else None
+        blanked = path.stem if at is None else f"{path.stem[: at.start()]}#{path.stem[at.end() :]}"
+        number = 0 if at is None else int(at[0][-15:])
+        lots.setdefault(f"{path.parent}/{blanked}".lower(), []).append((number, name))
+    return lots
+
+
+def _split(lot: list[tuple[int, str]]) -> list[list[tuple[int, str]]]:
+    """The two series of a lot whose numbers jump once, or the lot itself."""
+    steps = [after - before for (before, _), (after, _) in pairwise(lot)]
+    if len(steps) < 3:
+        return [lot]
+    at = steps.index(max(steps)) + 1
+    alike = min(at, len(lot) - at) >= 0.5 * max(at, len(lot) - at)
+    return [lot[:at], lot[at:]] if alike and max(steps) >= FAR * median(steps) else [lot]
+
+
+def which_of(names: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
+    """The camera of each file among any number of named cameras, by a folder or a part of its name.
+
+    Files whose names tell none or several are not in it.
+    """
+    found = {}
+    for name in names:
+        path = PurePosixPath(name.replace("\\", "/").lower())
+        for part in (*reversed(path.parent.parts), path.stem):
+            hits = [camera for camera in cameras if _names(part, camera)]
+            if len(hits) == 1:
+                found[name] = hits[0]
+                break
+    return found
+
+
+def _names(part: str, camera: str) -> bool:
+    """Whether a folder or stem is or contains a camera's name; `cam1` names camera `1`."""
+    own = camera.lower()
+    if part == own or _NUMBER_OF_CAMERA.sub("", part, count=1) == own:
+        return True
+    plain = _NUMBER_OF_CAMERA.sub("", own, count=1)
+    word = rf"cam(?:era)?[\s_.-]*0*{plain}" if plain.isdigit() else re.escape(own)
+    return re.search(rf"(?<![a-z0-9]){word}(?![a-z0-9])", part) is not None or (
+        not plain.isdigit() and re.match(rf"{re.escape(own)}(?![a-z])", part) is not None
+    )

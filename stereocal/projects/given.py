@@ -1,0 +1,170 @@
+"""Which camera the files of a project belong to, as far as it is known, and what is to be asked.
+
+Photographs whose names do not tell are put into the folder of their camera. Camera files that are
+of no camera yet are kept among the parts of `ProjectRecording`, where the files of three cameras
+and more stay.
+"""
+
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.easywand import open_easywand
+from stereocal.formats.archives.every_camera import names_cameras
+from stereocal.formats.exchange.exchange import camera_names
+from stereocal.formats.other_files import is_matlab
+from stereocal.formats.recognition import recognise
+from stereocal.frames.several import by_folder
+from stereocal.frames.which_camera import Series, Sides, series_of, which_camera, which_of
+from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import INPUT, Project, ProjectPart
+from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.system.latest import read_once
+
+
+class ProjectGiven(ProjectPart):
+    """The files of one project and their cameras."""
+
+    def __init__(self, project: Project) -> None:
+        super().__init__(project)
+        self.photographs = ProjectPhotographs(project)
+        self.recording = ProjectRecording(project)
+
+    @property
+    def is_of_rig(self) -> bool:
+        """Whether the files are of three cameras and more, or their table names cameras."""
+        return bool(self.rig_cameras) or self._has_points
+
+    @property
+    def rig_cameras(self) -> tuple[str, ...]:
+        """Names of the cameras of files that are of three or more; empty for two."""
+        found = [name for own in self._parts.values() for name in own]
+        return tuple(found) if len(found) > 2 or self._has_points else ()
+
+    @property
+    def open_files(self) -> tuple[str, ...]:
+        """Camera files of which it is to be asked whose they are."""
+        return () if self.is_of_rig else tuple(self._parts)
+
+    def cameras_in(self, name: str, content: bytes) -> tuple[str, ...]:
+        """Names of the cameras of a file; empty for a table."""
+        return read_once(_cameras_in, content, name)
+
+    @property
+    def _parts(self) -> dict[str, tuple[str, ...]]:
+        """Names of the cameras in each part that has some."""
+        parts = self.recording.parts.items()
+        read = {name: self.cameras_in(name, file.read_bytes()) for name, file in parts}
+        return {name: cameras for name, cameras in read.items() if cameras}
+
+    @property
+    def _has_points(self) -> bool:
+        """Whether a part is a table that names cameras."""
+        parts = self.recording.parts.items()
+        return any(read_once(names_cameras, file.read_bytes(), name) for name, file in parts)
+
+    @property
+    def sides(self) -> Sides:
+        """The cameras of the photographs, of two."""
+        return which_camera(self.photographs.photographs)
+
+    @property
+    def photographs_in_words(self) -> str:
+        """`25 + 25 photographs`, of two cameras; empty if there are none."""
+        total, known = len(self.photographs.photographs), [*self.sides.known.values()]
+        counts = [known.count(side) for side in CAMERAS]
+        split = " + ".join(map(str, counts)) if sum(counts) == total > 0 and all(counts) else ""
+        return f"{split or total} photograph{'s' * (total > 1)}" if total else ""
+
+    @property
+    def open_series(self) -> tuple[Series, ...]:
+        """Photographs of which it is to be asked which camera took them."""
+        if not self.is_of_rig:
+            return self.sides.open
+        folders = by_folder(names := self.photographs.photographs, self.rig_cameras)
+        placed = {name for own in folders.values() for name in own}
+        return series_of([name for name in names if name not in placed])
+
+    def add_photographs(self, found: Mapping[str, StoredFile]) -> None:
+        """Add stored photographs. Those that are there already stay as they are; others with the
+        same names are the second camera's."""
+        before = self.photographs.photographs
+        there = {(PurePosixPath(name).name, file) for name, file in before.items()}
+        new = {n: f for n, f in found.items() if (PurePosixPath(n).name, f) not in there}
+        again = [name for name in new if name in before]
+        if 2 * len(again) > len(new) and {*again} <= {n for s in self.sides.open for n in s.names}:
+            self.photographs.rename({name: f"primary/{name}" for name in before})
+            new = {f"secondary/{name}": file for name, file in new.items()}
+        self.photographs.add(new)
+        self.settle()
+
+    def settle(self) -> None:
+        """Put photographs into the folders of their cameras, where the names do not say so."""
+        names = self.photographs.photographs
+        if not self.is_of_rig:
+            self.photographs.rename(self.sides.folders)
+            return
+        folders = by_folder(names, cameras := self.rig_cameras)
+        placed = {name for own in folders.values() for name in own}
+        found = which_of((name for name in names if name not in placed), cameras)
+        self.photographs.rename({name: f"{camera}/{name}" for name, camera in found.items()})
+
+    def answer(self, series: Series, camera: str) -> None:
+        """Keep which camera took photographs; of two, another series is the other camera's."""
+        moved = {name: f"{camera}/{name}" for name in series.names}
+        if not self.is_of_rig and len(self.open_series) == 2:
+            (other,) = (each for each in self.open_series if each != series)
+            side = CAMERAS[1 - CAMERAS.index("primary" if camera == "primary" else "secondary")]
+            moved |= {name: f"{side}/{name}" for name in other.names}
+        self.photographs.rename(moved)
+        self.settle()
+
+    def place_cameras(self, new: Mapping[str, bytes]) -> dict[CameraName, str]:
+        """The camera files, new or kept, whose cameras are known. The others are kept: of three
+        cameras and more all, and of two those that are to be asked about.
+
+        Args:
+            new: camera files by name, of one camera each or of three and more.
+        """
+        labels = self.project.inputs.labels
+        used = {labels[slot]: slot for slot in CAMERAS if slot in labels}
+        self.recording.add_parts(new)
+        if self.is_of_rig:
+            self.settle()
+            return {}
+        pending = self.open_files
+        sides = which_camera(pending, {**used, **self.sides.known}, each=True)
+        found = {side: name for name, side in sides.known.items()}
+        if len(found) < len(sides.known):
+            raise StereocalError(
+                f"{', '.join(sides.known)}: two of these are the same camera's. Give one for each."
+            )
+        free = [slot for slot in CAMERAS if slot not in used.values() and slot not in found]
+        if len(sides.open) == len(free) == 1 and (used or found):
+            found[free[0]] = sides.open[0].names[0]
+        return found
+
+    def more_cameras(self, more: Mapping[str, bytes]) -> None:
+        """The camera files in use and the kept ones are those of three cameras and more.
+
+        Args:
+            more: further files, of cameras or a table that names them.
+        """
+        used, labels = self.database.files(INPUT), self.project.inputs.labels
+        files = {labels[slot]: used[slot].read_bytes() for slot in CAMERAS if slot in labels}
+        self.recording.add_parts({**files, **more})
+        self.project.give({}, CAMERAS)
+        self.settle()
+
+
+def _cameras_in(content: bytes, name: str) -> tuple[str, ...]:
+    """Names of the cameras of a file; empty for a table."""
+    kind = recognise(name, content).kind
+    if kind == "cameras" and is_matlab(content):
+        opened = open_easywand(content, name)
+        return () if opened is None else opened.cameras
+    if kind == "cameras":
+        return camera_names(name, content)
+    return (PurePosixPath(name).stem,) if kind == "camera" else ()

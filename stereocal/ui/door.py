@@ -1,0 +1,278 @@
+"""The Data page's one place for files: what each is used for, and what is asked about them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+
+import streamlit as st
+
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.every_camera import names_cameras
+from stereocal.formats.archives.gather import holds_bars
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.correspondences_csv import TEMPLATE
+from stereocal.formats.dropped import Dropped
+from stereocal.formats.point_answers import layout_of
+from stereocal.frames.which_camera import Series, which_camera
+from stereocal.network.rig_file import RigFile
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.files import StoredFile
+from stereocal.projects.given import ProjectGiven
+from stereocal.projects.inputs import Slot
+from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.camera import CAMERAS
+from stereocal.ui import intake
+from stereocal.ui.archives import ask_about_archive
+from stereocal.ui.downloads import offer
+from stereocal.ui.drop_zone import drop_zone
+from stereocal.ui.holding import holds_board, propose_held
+from stereocal.ui.messages import callback, readable, show_refusal
+from stereocal.ui.navigation import go_to
+from stereocal.ui.prerequisites import missing_of
+from stereocal.ui.project import current_project, project_to_write
+from stereocal.ui.texts import escape_markdown
+from stereocal.ui.videos import take_videos, video_settings
+from stereocal.ui.wizard import ask_about_bars
+
+LABEL = (
+    "Drop photographs, videos, a zip, tables, camera files of both (or all) cameras here, together "
+    "or one after the other"
+)
+CAN_BE_GIVEN = """
+- **Photographs** of both cameras (PNG, JPEG, TIFF, BMP, PGM), or a **video** of each (MP4, MOV,
+  AVI, MKV). Names such as left07 and right07, or a folder for each camera, tell
+  which camera took what; otherwise you are asked once.
+- **Camera files**, one for each camera or one of both: stereocal, OpenCV, Kalibr, ROS, MATLAB,
+  aniposelib, Caliscope. Without any, make them on the page *Lenses*.
+- Instead of photographs, a **table** of the bar's ends (CSV): ours, or of Argus, easyWand, DLTdv.
+- **Three cameras and more**: the camera files of all, and one table or the photographs. `rig.json`
+  serves as the camera files of all.
+- A **zip** or a folder of any of these, also with `dataset.json`.
+"""
+SLOTS: Mapping[Slot, str] = {
+    "correspondences": "",
+    "primary": " (primary camera)",
+    "secondary": " (secondary camera)",
+}
+_VIDEOS = "videos_waiting"
+BOTH = ("The primary camera", "The secondary camera")
+
+
+def data_door(project: Project | None) -> None:
+    """The place for files, what they were, and the questions about them."""
+    zone = st.container()
+    with st.expander("What can I give?"):
+        st.markdown(CAN_BE_GIVEN)
+        offer("Template for the table", TEMPLATE, "correspondences.csv", "template")
+        use_videos = partial(take_videos, settings=video_settings(project))
+    with zone:
+        drop_zone(LABEL, "upload_data", _keep, partial(_take, use_videos=use_videos))
+        show_refusal()
+        if project is not None:
+            _show_state(ProjectGiven(project))
+            _ask_whose(ProjectGiven(project))
+            ask_about_bars(ProjectApplication(project))
+            ask_about_archive(project)
+        _ask_whose_video(use_videos)
+
+
+def _show_state(own: ProjectGiven) -> None:
+    """What is in use, and what is still missing."""
+    project, labels = own.project, own.project.inputs.labels
+    used = [labels[slot] + words for slot, words in SLOTS.items() if slot in labels]
+    with suppress(StereocalError):  # damaged: reported where they are shown
+        if counts := own.photographs_in_words:
+            used.append(counts)
+    if not used:
+        return
+    st.caption(f"In use: {escape_markdown(', '.join(used))}")
+    if own.is_of_rig or ProjectRecording(project).is_given:
+        return
+    if missing := missing_of(project):
+        st.warning(f"Still missing: {missing}.")
+    if not all(readable(lambda: project.cameras) or ()) and not holds_board(project):
+        st.page_link("pages/cameras.py", label="No camera files? Make them from a board")
+
+
+def _keep(name: str, content: bytes) -> StoredFile:
+    return project_to_write().database.keep_file(content, name)
+
+
+def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> list[str]:
+    """Use what was given; what is wrong with one kind leaves the others."""
+    if given.of("data set"):
+        intake.store_dataset(given.files, given.source, given.photographs)
+        project = current_project()
+        if project is not None and ProjectRecording(project).is_given:
+            go_to("rig")
+        return []
+    if not (given.photographs or given.files):
+        return []
+    own = ProjectGiven(project_to_write())
+    acts: Sequence[Callable[[], str | None]] = (
+        partial(_take_photographs, own, given.photographs),
+        partial(_take_cameras, own, given),
+        partial(_take_tables, own, given.of("table")),
+        partial(_take_videos, given.of("video"), use_videos),
+    )
+    said = []
+    for act in acts:
+        try:
+            said.append(act())
+        except StereocalError as error:
+            given.problems.append(str(error))
+    return [each for each in said if each]
+
+
+def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
+    if found:
+        own.add_photographs(found)
+        if not own.is_of_rig:
+            propose_held(own.photographs)
+
+
+def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> str | None:
+    """Camera files, those of both cameras or of all, and rigs."""
+    files = given.of("camera")
+    for content in given.of("rig").values():
+        rig = RigFile.loads(content.decode("utf-8-sig"))
+        files |= {f"{camera}.json": write_camera(each) for camera, each in rig.cameras.items()}
+    several: dict[str, bytes] = {}
+    for name, content in given.of("cameras").items():
+        if len(own.cameras_in(name, content)) > 2:
+            several[name] = content
+        else:
+            ProjectApplication(own.project).ask("archive", name, content)
+    if several or len(files) + len(own.open_files) > 2:
+        own.more_cameras({**files, **several})
+    elif files:
+        return _place(own, files)
+    return None
+
+
+def _place(own: ProjectGiven, files: Mapping[str, bytes]) -> str | None:
+    """Store the camera files whose cameras are known; the others are asked about."""
+    placed = own.place_cameras(files)
+    parts = own.recording.parts
+    contents: dict[Slot, tuple[str, bytes]] = {
+        side: (name, parts[name].read_bytes()) for side, name in placed.items()
+    }
+    for name in placed.values():
+        own.recording.drop_part(name)
+    if contents:
+        intake.store_cameras(contents)
+    return ". ".join(f"{name} is the {side} camera's" for side, name in placed.items()) or None
+
+
+def _take_tables(own: ProjectGiven, tables: Mapping[str, bytes]) -> str | None:
+    for number, (name, content) in enumerate(tables.items()):
+        if number:
+            raise StereocalError(f"{name}: another table was given with it. Give one at a time.")
+        if names_cameras(content, name):
+            own.more_cameras({name: content})
+        elif not holds_bars(content, name):
+            intake.store_table(name, content)
+        elif own.is_of_rig and len(layout_of(content, name).cameras) > 2:
+            own.recording.add_parts({name: content})
+        else:
+            ProjectApplication(own.project).ask("bars", name, content)
+    return None
+
+
+def _take_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> str | None:
+    """Begin to take frames of two videos; one waits for the other."""
+    if not videos:
+        return None
+    waiting: dict[str, bytes] = {**st.session_state.get(_VIDEOS, {}), **videos}
+    if len(waiting) > 2:
+        raise StereocalError(
+            f"{', '.join(waiting)}: these are {len(waiting)} videos. Give those of two cameras; "
+            "of more cameras, give photographs of the same moments."
+        )
+    st.session_state[_VIDEOS] = waiting
+    if len(waiting) == 1:
+        return "The video of the other camera is still missing: drop it too"
+    sides = which_camera(waiting, each=True)
+    if len({*sides.known.values()}) == 2:
+        _use_videos({side: name for name, side in sides.known.items()}, use)
+    return None
+
+
+def _use_videos(names: Mapping[str, str], use: Callable[..., None]) -> None:
+    waiting = st.session_state.pop(_VIDEOS)
+    use([(names[camera], waiting[names[camera]]) for camera in CAMERAS])
+
+
+# Questions
+
+
+def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> None:
+    """A question with a button for each answer."""
+    with st.container(border=True):
+        st.markdown(f"**{escape_markdown(question)}**")
+        with st.container(horizontal=True):
+            for number, (label, act) in enumerate(answers.items()):
+                title = escape_markdown(label)
+                st.button(title, key=f"{key}_{number}", type="primary", on_click=callback(act))
+
+
+def _ask_whose(own: ProjectGiven) -> None:
+    """Which camera took photographs, and whose a camera file is, one question at a time."""
+    series = own.open_series
+    cameras = own.rig_cameras if own.is_of_rig else CAMERAS
+    if len(series) == 2 and not own.is_of_rig:
+        answers = {str(each): partial(_answer, own, each, "primary") for each in series}
+        _ask("whose", "Which photographs are the primary camera's?", answers)
+    elif series and cameras:
+        titles = cameras if own.is_of_rig else BOTH
+        of = [partial(_answer, own, series[0], camera) for camera in cameras]
+        _ask("whose", f"Which camera took {series[0]}?", dict(zip(titles, of, strict=True)))
+    elif files := own.open_files:
+        _ask_whose_file(own, files)
+
+
+def _ask_whose_file(own: ProjectGiven, files: Sequence[str]) -> None:
+    first = files[0]
+    if len(files) == 2:
+        either = {name: partial(_give_file, own, name, "primary") for name in files}
+        _ask("whose_file", "Which camera file is the primary camera's?", either)
+        return
+    answers: dict[str, Callable[[], None]] = {
+        title: partial(_give_file, own, first, slot)
+        for title, slot in zip(BOTH, CAMERAS, strict=True)
+    }
+    if {*CAMERAS} <= {*own.project.inputs.labels}:
+        answers["A third camera"] = partial(own.more_cameras, {})
+    _ask("whose_file", f"Which camera's is {first}?", answers)
+
+
+def _answer(own: ProjectGiven, series: Series, camera: str) -> None:
+    own.answer(series, camera)
+    if own.is_of_rig:
+        return
+    propose_held(own.photographs)
+    if own.open_files:  # the photographs may tell now
+        _place(own, {})
+
+
+def _give_file(own: ProjectGiven, name: str, slot: Slot) -> None:
+    """Store a camera file as stated, and the other one as the other camera's."""
+    other = CAMERAS[1 - CAMERAS.index("primary" if slot == "primary" else "secondary")]
+    slots = {name: slot, **dict.fromkeys((each for each in own.open_files if each != name), other)}
+    parts = own.recording.parts
+    contents = {each: (file, parts[file].read_bytes()) for file, each in slots.items()}
+    for file in slots:
+        own.recording.drop_part(file)
+    intake.store_cameras(contents)
+
+
+def _ask_whose_video(use: Callable[..., None]) -> None:
+    waiting = [*st.session_state.get(_VIDEOS, {})]
+    if len(waiting) == 2:
+        orders = (waiting, waiting[::-1])
+        answers = {
+            order[0]: partial(_use_videos, dict(zip(CAMERAS, order, strict=True)), use)
+            for order in orders
+        }
+        _ask("whose_video", "Which video is the primary camera's?", answers)
