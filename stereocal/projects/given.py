@@ -71,6 +71,11 @@ class ProjectGiven(ProjectPart):
         return which_camera(self.photographs.photographs)
 
     @property
+    def is_undivided(self) -> bool:
+        """Whether it is to be asked first which camera took which photographs."""
+        return len(self.open_series) > 0 and not self.sides.known
+
+    @property
     def photographs_in_words(self) -> str:
         """`25 + 25 photographs`, of two cameras; empty if there are none."""
         total, known = len(self.photographs.photographs), [*self.sides.known.values()]

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from typing import Literal
 
 import streamlit as st
 
@@ -57,17 +58,21 @@ SLOTS: Mapping[Slot, str] = {
 }
 _VIDEOS = "videos_waiting"
 BOTH = ("The primary camera", "The secondary camera")
+REMOVE = "Remove all photographs"
 
 
 def data_door(project: Project | None) -> None:
     """The place for files, what they were, and the questions about them."""
-    zone = st.container()
-    with st.expander("What can I give?"):
+    zone, row, below = st.container(), st.container(horizontal=True), st.container()
+    with row.popover("What can I give?"):
         st.markdown(CAN_BE_GIVEN)
         offer("Template for the table", TEMPLATE, "correspondences.csv", "template")
+    with row.popover("Frames of videos"):
         use_videos = partial(take_videos, settings=video_settings(project))
+    take = partial(_take, use_videos=use_videos)
     with zone:
-        drop_zone(LABEL, "upload_data", _keep, partial(_take, use_videos=use_videos))
+        drop_zone(LABEL, "upload_data", _keep, take, row=row, below=below)
+    with below:
         show_refusal()
         if project is not None:
             _show_state(ProjectGiven(project))
@@ -99,30 +104,28 @@ def _keep(name: str, content: bytes) -> StoredFile:
     return project_to_write().database.keep_file(content, name)
 
 
-def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> list[str]:
+def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
     """Use what was given; what is wrong with one kind leaves the others."""
     if given.of("data set"):
         intake.store_dataset(given.files, given.source, given.photographs)
         project = current_project()
         if project is not None and ProjectRecording(project).is_given:
             go_to("rig")
-        return []
+        return
     if not (given.photographs or given.files):
-        return []
+        return
     own = ProjectGiven(project_to_write())
-    acts: Sequence[Callable[[], str | None]] = (
+    acts = (
         partial(_take_photographs, own, given.photographs),
         partial(_take_cameras, own, given),
         partial(_take_tables, own, given.of("table")),
         partial(_take_videos, given.of("video"), use_videos),
     )
-    said = []
     for act in acts:
         try:
-            said.append(act())
+            act()
         except StereocalError as error:
             given.problems.append(str(error))
-    return [each for each in said if each]
 
 
 def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
@@ -132,26 +135,26 @@ def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> Non
             propose_held(own.photographs)
 
 
-def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> str | None:
+def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> None:
     """Camera files, those of both cameras or of all, and rigs."""
     files = given.of("camera")
     for content in given.of("rig").values():
         rig = RigFile.loads(content.decode("utf-8-sig"))
         files |= {f"{camera}.json": write_camera(each) for camera, each in rig.cameras.items()}
     several: dict[str, bytes] = {}
+    of_two = any(_cameras_of(*table) == 2 for table in given.of("table").items())
     for name, content in given.of("cameras").items():
-        if len(own.cameras_in(name, content)) > 2:
+        if len(own.cameras_in(name, content)) > 2 and not of_two:
             several[name] = content
         else:
             ProjectApplication(own.project).ask("archive", name, content)
     if several or len(files) + len(own.open_files) > 2:
         own.more_cameras({**files, **several})
     elif files:
-        return _place(own, files)
-    return None
+        _place(own, files)
 
 
-def _place(own: ProjectGiven, files: Mapping[str, bytes]) -> str | None:
+def _place(own: ProjectGiven, files: Mapping[str, bytes]) -> None:
     """Store the camera files whose cameras are known; the others are asked about."""
     placed = own.place_cameras(files)
     parts = own.recording.parts
@@ -162,28 +165,31 @@ def _place(own: ProjectGiven, files: Mapping[str, bytes]) -> str | None:
         own.recording.drop_part(name)
     if contents:
         intake.store_cameras(contents)
-    return ". ".join(f"{name} is the {side} camera's" for side, name in placed.items()) or None
 
 
-def _take_tables(own: ProjectGiven, tables: Mapping[str, bytes]) -> str | None:
+def _take_tables(own: ProjectGiven, tables: Mapping[str, bytes]) -> None:
     for number, (name, content) in enumerate(tables.items()):
         if number:
             raise StereocalError(f"{name}: another table was given with it. Give one at a time.")
         if names_cameras(content, name):
             own.more_cameras({name: content})
-        elif not holds_bars(content, name):
+        elif not (cameras := _cameras_of(name, content)):
             intake.store_table(name, content)
-        elif own.is_of_rig and len(layout_of(content, name).cameras) > 2:
+        elif own.is_of_rig and cameras > 2:
             own.recording.add_parts({name: content})
         else:
             ProjectApplication(own.project).ask("bars", name, content)
-    return None
 
 
-def _take_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> str | None:
+def _cameras_of(name: str, content: bytes) -> int:
+    """How many cameras a table of another program has; 0 if it is none of the ends of a bar."""
+    return len(layout_of(content, name).cameras) if holds_bars(content, name) else 0
+
+
+def _take_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> None:
     """Begin to take frames of two videos; one waits for the other."""
     if not videos:
-        return None
+        return
     waiting: dict[str, bytes] = {**st.session_state.get(_VIDEOS, {}), **videos}
     if len(waiting) > 2:
         raise StereocalError(
@@ -191,12 +197,9 @@ def _take_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> str |
             "of more cameras, give photographs of the same moments."
         )
     st.session_state[_VIDEOS] = waiting
-    if len(waiting) == 1:
-        return "The video of the other camera is still missing: drop it too"
     sides = which_camera(waiting, each=True)
     if len({*sides.known.values()}) == 2:
         _use_videos({side: name for name, side in sides.known.items()}, use)
-    return None
 
 
 def _use_videos(names: Mapping[str, str], use: Callable[..., None]) -> None:
@@ -213,8 +216,9 @@ def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> 
         st.markdown(f"**{escape_markdown(question)}**")
         with st.container(horizontal=True):
             for number, (label, act) in enumerate(answers.items()):
-                title = escape_markdown(label)
-                st.button(title, key=f"{key}_{number}", type="primary", on_click=callback(act))
+                title, act = escape_markdown(label), callback(act)
+                kind: Literal["primary", "tertiary"] = "tertiary" if label == REMOVE else "primary"
+                st.button(title, key=f"{key}_{number}", type=kind, on_click=act)
 
 
 def _ask_whose(own: ProjectGiven) -> None:
@@ -222,12 +226,16 @@ def _ask_whose(own: ProjectGiven) -> None:
     series = own.open_series
     cameras = own.rig_cameras if own.is_of_rig else CAMERAS
     if len(series) == 2 and not own.is_of_rig:
-        answers = {str(each): partial(_answer, own, each, "primary") for each in series}
+        answers: dict[str, Callable[[], None]] = {
+            str(each): partial(_answer, own, each, "primary") for each in series
+        }
+        answers[REMOVE] = own.photographs.clear
         _ask("whose", "Which photographs are the primary camera's?", answers)
     elif series and cameras:
         titles = cameras if own.is_of_rig else BOTH
         of = [partial(_answer, own, series[0], camera) for camera in cameras]
-        _ask("whose", f"Which camera took {series[0]}?", dict(zip(titles, of, strict=True)))
+        answers = {**dict(zip(titles, of, strict=True)), REMOVE: own.photographs.clear}
+        _ask("whose", f"Which camera took {series[0]}?", answers)
     elif files := own.open_files:
         _ask_whose_file(own, files)
 
@@ -269,6 +277,10 @@ def _give_file(own: ProjectGiven, name: str, slot: Slot) -> None:
 
 def _ask_whose_video(use: Callable[..., None]) -> None:
     waiting = [*st.session_state.get(_VIDEOS, {})]
+    if len(waiting) == 1:
+        st.info(
+            f"{escape_markdown(waiting[0])} waits for the video of the other camera: drop it here."
+        )
     if len(waiting) == 2:
         orders = (waiting, waiting[::-1])
         answers = {

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.projects.files import StoredFile
@@ -19,40 +20,41 @@ def drop_zone(
     label: str,
     key: str,
     keep: Keep,
-    take: Callable[[Dropped[StoredFile]], Sequence[str] | None],
+    take: Callable[[Dropped[StoredFile]], None],
     *,
-    text: str | None = None,
+    row: DeltaGenerator | None = None,
+    below: DeltaGenerator | None = None,
 ) -> None:
-    """The uploader of files of any kind, one of a folder, and what they made of the last ones.
+    """The uploader of files of any kind, one of a folder, and what the last files were.
 
     Args:
         keep: stores a photograph.
-        take: uses what was given, and returns further sentences on it, if there are any.
+        take: uses what was given; it may add to its `problems`.
+        row, below: where the uploader of a folder, and what the last files were, stand; None: here.
     """
 
     def used(uploads: Sequence[Upload]) -> None:
+        st.session_state.pop(_SAID, None)
         with st.spinner("Reading the files."):
             given = sort_files(((each.name, each.getvalue()) for each in uploads), keep)
-        sentences = take(given) or ()
-        st.session_state[_SAID] = key, given.in_words, [*sentences], given.problems
+        take(given)
+        st.session_state[_SAID] = key, given.in_words, given.problems
 
-    emptied_uploader(label, None, key, used, text=text)
-    with st.popover("Give a whole folder"):
+    emptied_uploader(label, None, key, used)
+    with (row or st).popover("Give a whole folder"):
         own = "A folder, with all folders in it"
         emptied_uploader(own, None, f"{key}_folder", used, many="directory")
-    _show_last(key)
+    with below or st.container():
+        _show_last(key)
 
 
 def _show_last(key: str) -> None:
     """What the last files were, and those that cannot be used."""
-    of, taken, sentences, problems = st.session_state.get(_SAID, ("", "", [], []))
+    of, taken, problems = st.session_state.get(_SAID, ("", "", []))
     if of != key:
         return
     if taken:
-        words = " ".join([f"Taken: {taken}.", *sentences])
-        st.success(escape_markdown(words))
-    elif sentences:
-        st.info(escape_markdown(" ".join(sentences)))
+        (st.info if problems else st.success)(f"Recognised: {taken}.")
     if problems:
         first = "\n".join(f"- {escape_markdown(each)}" for each in problems[:SHOWN])
         st.warning(first)

@@ -9,6 +9,7 @@ from stereocal.detection.target import BAR, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpack_detection
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -43,15 +44,15 @@ def photographs_in(project: Project | None) -> None:
     show_frames_taken(project)
     store = ProjectPhotographs(project)
     try:
-        if store.photographs:
-            show_pairing(store)
+        if not store.photographs or ProjectGiven(project).is_undivided:
+            return
+        show_pairing(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         st.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
         return
     with ErrorsShown():
-        if store.photographs:
-            _find_targets(store)
+        _find_targets(store)
 
 
 def _find_targets(store: ProjectPhotographs) -> None:

@@ -18,6 +18,7 @@ from stereocal.frames.pairing import natural
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -47,6 +48,10 @@ def several_in(project: Project) -> None:
     """The files, the questions, what was read, and the press."""
     store = ProjectRecording(project)
     _show_files(store)
+    of_all = [name for name, part in store.parts.items() if not is_table(name, part.read_bytes())]
+    if len(of_all) == 1:
+        two = partial(_use_two, store, of_all[0])
+        st.button("Use only two of these cameras", key="several_two", on_click=two)
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
     asked = Questions(project, "several_{}")
     with st.expander("Say what the files do not, or have wrong"):
@@ -65,7 +70,17 @@ def several_in(project: Project) -> None:
         return
     _show(found)
     calibrate = partial(_calibrate, store, found.recording)
-    st.button("Calibrate all", type="primary", key="several_run", on_click=calibrate)
+    title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
+    st.button(title, type="primary", key="several_run", on_click=calibrate)
+
+
+@callback
+def _use_two(store: ProjectRecording, name: str) -> None:
+    """Ask which two cameras of a file of all to use, and of the table (a callback)."""
+    asked = ProjectApplication(store.project)
+    for part, content in _contents(store.parts).items():
+        asked.ask("archive" if part == name else "bars", part, content)
+        store.drop_part(part)
 
 
 def _show_files(store: ProjectRecording) -> None:

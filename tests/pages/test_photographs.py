@@ -8,10 +8,20 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.formats.camera_file import write_camera
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, CameraName
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import again, drop, ended, go, messages, project_of, wait_until
+from tests.pages.stored_projects import (
+    again,
+    drop,
+    ended,
+    go,
+    messages,
+    project_of,
+    told,
+    wait_until,
+)
 from tests.pages.test_pages import zipped
 
 BARS = bar_set(7)
@@ -120,3 +130,61 @@ def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -
     assert "Still missing: the targets in the photographs" in messages(app)
     project = store_of(app, tmp_path).project
     assert project.inputs.name == "field day" and project.inputs.baseline_m == 2.0
+
+
+def of_camera(side: str, name: str) -> dict[str, bytes]:
+    """The photographs of one camera, as it numbers them."""
+    own = [content for each, content in FILES.items() if each.startswith(side)]
+    return {f"{name}_{number}.png": content for number, content in enumerate(own, 1001)}
+
+
+def press(app: AppTest, label: str) -> AppTest:
+    (button,) = (button for button in app.button if button.label.replace("\\", "") == label)
+    return button.click().run()
+
+
+def test_photographs_named_by_the_cameras_are_asked_about_once(app: AppTest, home: Path) -> None:
+    drop(app, {**of_camera("primary", "IMG"), **of_camera("secondary", "DSC"), "notes.md": b"x"})
+    assert "Recognised: 14 photographs" in messages(app) and "notes.md: " in messages(app)
+    assert "In use: 14 photographs" in told(app, "caption")
+    press(app, "IMG_1001 to IMG_1007 (7)")
+    assert "In use: 7 + 7 photographs" in told(app, "caption")
+    store = store_of(app, home)
+    assert {name[:12] for name in store.photographs} == {"primary/IMG_", "secondary/DS"}
+    # What goes with them is not asked about any more.
+    lenses = cameras()
+    drop(app, {"DSC.json": lenses["secondary.json"], "IMG.json": lenses["primary.json"]})
+    assert store.project.inputs.labels == {"primary": "IMG.json", "secondary": "DSC.json"}
+    drop(app, {"IMG_1099.png": FILES["primary/left1.png"] + b"another"})
+    assert "primary/IMG_1099.png" in store.photographs
+
+
+def test_one_camera_after_the_other_with_the_same_names(app: AppTest, home: Path) -> None:
+    for side in CAMERAS:
+        drop(app, of_camera(side, "IMG"))
+        assert "Which camera took IMG_1001 to IMG_1007 (7)?" in told(app, "markdown")
+        press(app, f"The {side} camera")
+        assert "Which camera" not in told(app, "markdown")
+    assert "14 photographs. 7 pairs by name" in messages(app)
+    # Those that are there already are no others.
+    drop(app, of_camera("secondary", "IMG"))
+    assert len(store_of(app, home).photographs) == 14
+    assert "Which camera" not in told(app, "markdown")
+
+
+def test_both_lots_before_the_question_is_answered(app: AppTest) -> None:
+    for side in CAMERAS:
+        drop(app, of_camera(side, "IMG"))
+    assert "14 photographs. 7 pairs by name" in messages(app)
+
+
+def test_camera_files_whose_names_do_not_tell(app: AppTest, home: Path) -> None:
+    lenses = [*cameras().values()]
+    drop(app, {"hero7.json": lenses[0], "hero8.json": lenses[1]})
+    press(app, "hero8.json")
+    project = store_of(app, home).project
+    assert project.inputs.labels == {"primary": "hero8.json", "secondary": "hero7.json"}
+    drop(app, {"hero9.json": lenses[0]})
+    press(app, "A third camera")
+    assert {*ProjectGiven(project).rig_cameras} == {"hero7", "hero8", "hero9"}
+    assert not app.exception and not project.inputs.files

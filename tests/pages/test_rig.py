@@ -18,8 +18,10 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.several import simulated_rig
 from stereocal.ui.start import RIG, three_cameras
+from tests.archives import caliscope_files, wand_csv
 from tests.lens import PATTERN, SMALL, photographed, png
 from tests.pages.stored_projects import dashboard, drop, ended, go, session, told, wait_until
+from tests.pages.test_pages import zipped
 from tests.photographed_rig import BAR_M
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -254,6 +256,60 @@ def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
             ways = [np.abs(recording.points[rows] - true[::way]).max() for way in (1, -1)]
             assert min(ways) < 1.0
             assert ways.index(min(ways)) == orders.setdefault(int(frame), ways.index(min(ways)))
+
+
+def test_photographs_are_of_the_camera_that_they_name_or_that_is_said(app: AppTest) -> None:
+    files, _ = photographed_bars()
+    own = {
+        name: [content for each, content in files.items() if each.startswith(name)][:4]
+        for name in CAMERAS
+    }
+    # Before anything tells that there are three cameras.
+    drop(go(app, "data"), {f"Left {n}.png": content for n, content in enumerate(own["left"])})
+    drop(app, {f"{name}.json": write_camera(each) for name, each in CAMERAS.items()})
+    flat = zipped({f"{n}.png": content for n, content in enumerate(own["mid"])})
+    ordinary = {f"DSC_{n:04}.png": content for n, content in enumerate(own["right"])}
+    drop(app, {"mid.zip": flat, **ordinary})
+    assert "Which camera took DSC_0000 to DSC_0003 (4)?" in told(app, "markdown")
+    (button,) = (button for button in app.button if button.label == "right")
+    button.click().run()
+    assert "Photographs: left 4, mid 4, right 4" in told(app, "markdown")
+    assert "Which camera" not in told(app, "markdown")
+
+
+def test_a_rig_file_serves_as_the_camera_files_of_all(app: AppTest, home: Path) -> None:
+    drop(go(app, "data"), {"rig.json": rig_text().encode()})
+    drop(app, {"points.csv": files_of_rig()["points.csv"]})
+    app.number_input(key="several_B_m").set_value(0.39).run()
+    assert "1-2 (" in told(app, "caption") and not app.error
+    project = Project.open(home, find_projects(home)[0])
+    assert [*ProjectRecording(project).parts] == ["1.json", "2.json", "3.json", "points.csv"]
+
+
+def test_a_file_of_three_cameras_and_a_table_are_a_rig_or_two_of_them(
+    app: AppTest, home: Path
+) -> None:
+    files = {"array.toml": caliscope_files()[0], "wand.csv": wand_csv(more_cameras=1)}
+    given(app, files)
+    project = Project.open(home, find_projects(home)[0])
+    assert {*ProjectRecording(project).parts} == {*files}
+    app.number_input(key="several_B_m").set_value(0.6).run()
+    assert "Camera 3 sees no end of the bar" in told(app, "warning")
+    app.button(key="several_two").click().run()
+    assert not ProjectRecording(project).parts
+    assert {button.key for button in app.button} >= {"aside_archive", "aside_bars"}
+
+
+def test_two_cameras_whose_table_names_them_are_a_pair(app: AppTest, home: Path) -> None:
+    files = files_of_rig()
+    head, *rows = files["points.csv"].splitlines(keepends=True)
+    files["points.csv"] = head + b"".join(row for row in rows if row.split(b",")[1] != b"3")
+    given(app, {name: files[name] for name in ("camera_1.yaml", "camera_2.yaml", "points.csv")})
+    app.number_input(key="several_B_m").set_value(0.39).run()
+    app.button(key="several_run").click().run()
+    dataset = Project.open(home, find_projects(home)[0]).dataset
+    assert dataset is not None and dataset.target_distance_m == 0.39
+    assert not app.exception and "Complete:" in told(app, "success")
 
 
 def test_names_that_do_not_match_are_reported(app: AppTest, home: Path) -> None:
