@@ -7,12 +7,13 @@ What names do not tell is asked about: for each series of names that go on from 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import PurePosixPath
-from statistics import median
+from types import MappingProxyType
 
 from stereocal.frames.pairing import natural, pair_names
+from stereocal.frames.sides import sides_of
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.system.taken import Taken
 
 _SEPARATE = r"(?<![a-z])(?:{})(?![a-z])"
 ALONE: Mapping[CameraName, re.Pattern[str]] = {
@@ -23,8 +24,8 @@ ALONE: Mapping[CameraName, re.Pattern[str]] = {
 `cam1` is the first of 1 and 2, and the second of 0 and 1."""
 _SUFFIX = re.compile(r"[ _.-]0*([0-3])$")
 _NUMBER_OF_CAMERA = re.compile(r"(?:cam(?:era)?)?[\s_.-]*0*(?=.)")
-FAR = 20
-"""A step between numbers, in median steps, from which on it is another camera's series."""
+ALIKE = 0.3
+"""Two cameras took at least this part of all photographs each."""
 SMALL = 0.2
 """A series with fewer files than this part of the largest is no camera's."""
 
@@ -43,7 +44,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Sides:
+class WhichCamera:
     """The camera of each file."""
 
     known: Mapping[str, CameraName]
@@ -56,14 +57,18 @@ class Sides:
 
 
 def which_camera(
-    names: Iterable[str], known: Mapping[str, CameraName] | None = None, each: bool = False
-) -> Sides:
+    names: Iterable[str],
+    known: Mapping[str, CameraName] | None = None,
+    each: bool = False,
+    taken: Mapping[str, Taken] = MappingProxyType({}),
+) -> WhichCamera:
     """The camera of each file.
 
     Args:
         names: with folders, if there are any.
         known: further files whose cameras are known, which the same words may name.
         each: every file is a series of its own: a video, a camera file.
+        taken: what photographs say of themselves, by name.
     """
     ordered, known = sorted(dict.fromkeys(names), key=natural), dict(known or {})
     found = _by_words(ordered, known)
@@ -71,17 +76,12 @@ def which_camera(
     rest = [name for name in ordered if name not in found]
     found |= _by_likeness(rest, {**known, **found})
     rest = [name for name in rest if name not in found]
-    series, odd = (tuple(Series((name,)) for name in rest), ()) if each else _series(rest)
+    series, odd = (tuple(Series((name,)) for name in rest), ()) if each else _series(rest, taken)
     if (side := _other_side(series, {**known, **found})) is not None:
         found |= dict.fromkeys(series[0].names, side)
         series = ()
     folders = {name: f"{side}/{name}" for name, side in found.items() if name not in worded}
-    return Sides(found, series, odd, folders)
-
-
-def answered(series: Series, side: CameraName) -> dict[str, str]:
-    """New names of a series whose camera is stated, in its folder."""
-    return {name: f"{side}/{name}" for name in series.names}
+    return WhichCamera(found, series, odd, folders)
 
 
 def _by_words(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[str, CameraName]:
@@ -173,24 +173,29 @@ def _first_word(name: str) -> str:
 
 
 def series_of(names: Sequence[str]) -> tuple[Series, ...]:
-    """The series of names, the largest first; all names are in one."""
-    series, odd = _series(names)
+    """The series of names that are told apart by no more than their names; all are in one."""
+    series, odd = _series(names, {})
     return (*series, *(Series((name,)) for name in odd))
 
 
-def _series(names: Sequence[str]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+def _series(
+    names: Sequence[str], taken: Mapping[str, Taken]
+) -> tuple[tuple[Series, ...], tuple[str, ...]]:
     """The series of names, and names that are of none.
 
-    Names that differ in their last number only are one series, unless their numbers jump once.
+    Names that differ in their last number only are one series, unless `sides_of` divides them: by
+    the camera that took them, or by numbers that jump once.
     """
-    lots = _lots(names)
-    most = max(map(len, lots.values()), default=0)
-    kept = [sorted(lot) for lot in lots.values() if len(lot) >= SMALL * most]
+    lots = [sorted(lot) for lot in _lots(names).values()]
+    most = max(map(len, lots), default=0)
+    kept = [tuple(name for _, name in lot) for lot in lots if len(lot) >= SMALL * most]
     if len(kept) == 1:
-        kept = _split(kept[0])
-    series = tuple(Series(tuple(name for _, name in lot)) for lot in kept)
-    taken = {name for each in series for name in each.names}
-    return series, tuple(name for name in names if name not in taken)
+        own = {name: taken.get(name, Taken()) for name in kept[0]}
+        sides = sides_of(own, ())
+        if sides is not None and min(map(len, sides.cameras)) >= ALIKE * len(kept[0]):
+            kept = [*sides.cameras]
+    odd = {*names} - {name for lot in kept for name in lot}
+    return tuple(map(Series, kept)), tuple(name for name in names if name in odd)
 
 
 def _lots(names: Iterable[str]) -> dict[str, list[tuple[int, str]]]:
@@ -204,16 +209,6 @@ def _lots(names: Iterable[str]) -> dict[str, list[tuple[int, str]]]:
         number = 0 if at is None else int(at[0][-15:])
         lots.setdefault(f"{path.parent}/{blanked}".lower(), []).append((number, name))
     return lots
-
-
-def _split(lot: list[tuple[int, str]]) -> list[list[tuple[int, str]]]:
-    """The two series of a lot whose numbers jump once, or the lot itself."""
-    steps = [after - before for (before, _), (after, _) in pairwise(lot)]
-    if len(steps) < 3:
-        return [lot]
-    at = steps.index(max(steps)) + 1
-    alike = min(at, len(lot) - at) >= 0.5 * max(at, len(lot) - at)
-    return [lot[:at], lot[at:]] if alike and max(steps) >= FAR * median(steps) else [lot]
 
 
 def which_of(names: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:

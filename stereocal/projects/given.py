@@ -15,7 +15,7 @@ from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.recognition import recognise
 from stereocal.frames.several import by_folder
-from stereocal.frames.which_camera import Series, Sides, series_of, which_camera, which_of
+from stereocal.frames.which_camera import Series, WhichCamera, series_of, which_camera, which_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import INPUT, Project, ProjectPart
@@ -66,9 +66,10 @@ class ProjectGiven(ProjectPart):
         return any(read_once(names_cameras, file.read_bytes(), name) for name, file in parts)
 
     @property
-    def sides(self) -> Sides:
+    def sides(self) -> WhichCamera:
         """The cameras of the photographs, of two."""
-        return which_camera(self.photographs.photographs)
+        taken = self.photographs.taken
+        return which_camera(taken, taken=taken)
 
     @property
     def is_undivided(self) -> bool:

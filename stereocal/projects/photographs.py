@@ -146,12 +146,10 @@ class ProjectPhotographs(ProjectPart):
         """Give photographs other names, by their present ones; their pairs stay."""
         with self.database.transaction():
             files = self.photographs
-            edited = self._value("pairs", None) is not None and self.rows
             moved = {new: files[old] for old, new in names.items() if old in files}
             self.database.name_files(BAR, moved)
             self.database.forget_files(BAR, [old for old in names if old not in moved])
-            if edited:
-                self.keep_rows([_renamed(row, names) for row in edited])
+            self._decide([_renamed(one, names) for one in self._decisions])
 
     def clear(self, found: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
         """Delete all photographs but `found`, and the targets found in them."""
@@ -348,10 +346,17 @@ def _head(file: StoredFile) -> bytes:
     return b""
 
 
-def _renamed(row: PairRow, names: Mapping[str, str]) -> PairRow:
-    first, second = row.pair.primary, row.pair.secondary
-    new = replace(row.pair, primary=names.get(first, first), secondary=names.get(second, second))
-    return replace(row, pair=new)
+def _renamed(decided: _Decided, names: Mapping[str, str]) -> _Decided:
+    def new(name: str) -> str:
+        return names.get(name, name)
+
+    def row_of(row: PairRow) -> PairRow:
+        pair = replace(row.pair, primary=new(row.pair.primary), secondary=new(row.pair.secondary))
+        return replace(row, pair=pair)
+
+    without = tuple(map(new, decided.choice.without))
+    rows = None if decided.rows is None else [row_of(row) for row in decided.rows]
+    return replace(decided, choice=replace(decided.choice, without=without), rows=rows)
 
 
 def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
