@@ -21,7 +21,9 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import INPUT, Project, ProjectPart
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.system.latest import read_once
+from stereocal.system.latest import Latest, read_once
+
+_SIDES: Latest[WhichCamera] = Latest(8)
 
 
 class ProjectGiven(ProjectPart):
@@ -68,8 +70,9 @@ class ProjectGiven(ProjectPart):
     @property
     def sides(self) -> WhichCamera:
         """The cameras of the photographs, of two."""
-        taken = self.photographs.taken
-        return which_camera(taken, taken=taken)
+        files = self.photographs.photographs
+        about = repr([(name, file.about) for name, file in files.items()])
+        return _SIDES.once(about, lambda: which_camera(files, taken=self.photographs.taken))
 
     @property
     def is_undivided(self) -> bool:
@@ -97,8 +100,10 @@ class ProjectGiven(ProjectPart):
         """Add stored photographs. Those that are there already stay as they are; others with the
         same names are the second camera's."""
         before = self.photographs.photographs
-        there = {(PurePosixPath(name).name, file) for name, file in before.items()}
-        new = {n: f for n, f in found.items() if (PurePosixPath(n).name, f) not in there}
+        # A folder may have been put before the name.
+        there = {(name.partition("/")[2], file) for name, file in before.items()}
+        there |= {*before.items()}
+        new = {name: file for name, file in found.items() if (name, file) not in there}
         again = [name for name in new if name in before]
         if 2 * len(again) > len(new) and {*again} <= {n for s in self.sides.open for n in s.names}:
             self.photographs.rename({name: f"primary/{name}" for name in before})

@@ -71,7 +71,7 @@ def data_door(project: Project | None) -> None:
         use_videos = partial(take_videos, settings=video_settings(project))
     take = partial(_take, use_videos=use_videos)
     with zone:
-        drop_zone(LABEL, "upload_data", _keep, take, row=row, below=below)
+        drop_zone(LABEL, "upload_data", partial(_keep, []), take, row=row, below=below)
     with below:
         show_refusal()
         if project is not None:
@@ -100,8 +100,11 @@ def _show_state(own: ProjectGiven) -> None:
         st.page_link("pages/cameras.py", label="No camera files? Make them from a board")
 
 
-def _keep(name: str, content: bytes) -> StoredFile:
-    return project_to_write().database.keep_file(content, name)
+def _keep(opened: list[Project], name: str, content: bytes) -> StoredFile:
+    """Store a photograph in the project, which the first one opens."""
+    if not opened:
+        opened.append(project_to_write())
+    return opened[0].database.keep_file(content, name)
 
 
 def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
@@ -130,9 +133,10 @@ def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
 
 def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
     if found:
-        own.add_photographs(found)
-        if not own.is_of_rig:
-            propose_held(own.photographs)
+        with st.spinner("Looking at the first photographs ..."):
+            own.add_photographs(found)
+            if not own.is_of_rig:
+                propose_held(own.photographs)
 
 
 def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> None:

@@ -73,7 +73,7 @@ def show_page() -> None:
     if project is None or store is None or recording is None:
         st.info(
             "This page is for recordings of three cameras and more: give their files on the Data "
-            "page, under *Three cameras and more*."
+            "page."
         )
         st.page_link("pages/data.py", label="Give it on the Data page")
         end_here()
