@@ -16,6 +16,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.rig.camera import CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.zip_files import pack_zip
 from stereocal.ui import apply as apply_page
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
@@ -24,6 +25,9 @@ from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 SET_3D = replace(SET_2D, method="3d", matching_threshold_px=None)
+
+CASES = Path(__file__).parent.parent / "cases"
+CASE_T = [-1.1961007208, -0.0468322354155, 0.222822367413]
 
 
 def tables(frames: int = 6, points: int = 15) -> dict[CameraName, pd.DataFrame]:
@@ -239,3 +243,34 @@ def test_a_survey_its_residuals_and_a_mirrored_one(
     assert "left-handed" in told(app, "error")
     assert "in the primary camera's frame" in told(app, "error")
     assert points(app, home)[1] is None
+
+
+def test_files_of_other_programs_are_asked_what_they_do_not_say(app: AppTest, home: Path) -> None:
+    """DLT coefficients that are counted from below, and ROS files, of which one is chosen."""
+    begun(app)
+    (coefficients,) = (CASES / "dlt_counted_from_below").iterdir()
+    app.file_uploader(key="upload_set_matching").upload("d.csv", coefficients.read_bytes()).run()
+    app.selectbox(key="set_format_matching").set_value("dlt").run()
+    for which in ("primary", "secondary"):
+        for side, pixels in (("width", 1920), ("height", 1080)):
+            app.number_input(key=f"set_size_matching_{which}_{side}").set_value(pixels).run()
+    assert "counted from the lower left" in told(app, "info")
+    app.selectbox(key="set_corner_matching").set_value("lower-left").run()
+    app.selectbox(key="set_unit_matching").set_value("m").run()
+    assert "1.218 m apart" in told(app, "caption")
+    app.button(key="use_matching").click().run()
+    content = pack_zip(
+        {each.name: each.read_bytes() for each in (CASES / "ros_order_ignored").iterdir()}
+    )
+    app.file_uploader(key="upload_set_measuring").upload("ros.zip", content).run()
+    app.selectbox(key="set_format_measuring").set_value("ros").run()
+    assert "left.yaml was taken as the primary camera" in told(app, "caption")
+    app.selectbox(key="set_primary_measuring").set_value(1).run()
+    assert "right.yaml was taken as the primary camera" in told(app, "caption")
+    app.button(key="use_measuring").click().run()
+    assert not app.exception and not app.error
+    first, second = (store_of(app, home).set_of(use) for use in ("matching", "measuring"))
+    assert first is not None and second is not None
+    # The true T of both, measured: 1e-6 m.
+    np.testing.assert_allclose(first[1].pose.T, CASE_T, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(second[1].pose.inverse().T, CASE_T, rtol=0, atol=1e-5)
