@@ -114,3 +114,15 @@ def test_a_damaged_stored_pose_is_passed_over(home: Path) -> None:
     project.keep_settings({"plan_stated_pose": {}})
     app = go(session(project), "plan")
     assert not app.exception and app.select_slider(key="plan_baseline_m").value == 4.5
+
+
+def test_a_camera_file_without_an_image_size_is_asked_for_it(app: AppTest) -> None:
+    content = json.dumps({"mtx": known_rig.PRIMARY.K.tolist(), "dist": [0.1, -0.2, 0.0, 0.0, 0.0]})
+    app.selectbox(key="plan_primary_camera").set_value("A camera file").run()
+    app.file_uploader(key="upload_plan_primary").upload("left.json", content.encode()).run()
+    assert "left.json: the file does not state the size of the images" in messages(app)
+    app.button(key="use_rest").click().run()  # without an answer it is asked again
+    for side, pixels in (("width", 1600), ("height", 1200)):
+        app.number_input(key=f"refused_{side}").set_value(pixels)
+    app.button(key="use_rest").click().run()
+    assert not app.error and "In use: 1600 x 1200 px" in told(app, "caption")
