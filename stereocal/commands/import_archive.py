@@ -39,7 +39,7 @@ OPTIONS: Options = {
     **questions("unit"),
     "--baseline B": f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
     "--distance D": "measured distance between A and B in m",
-    "--image-size WxH": "of both cameras, if wrong or missing in the files",
+    "--image-size WxH": "of both cameras, if missing in the files, or wrong in easyWand's",
     "--layout": {
         "type": str.lower,
         "choices": BAR_LAYOUTS,

@@ -65,12 +65,29 @@ USUAL = (
     "brown",
     "brown_conrady",
     "radtan",
+    "radtan5",
+    "radtan8",
+    "radial_tangential",
     "pinhole",
+    "perspective",
+    "rational",
     "opencv",
+    "opencv4",
+    "opencv5",
+    "opencv8",
+    "full_opencv",
     "thin_prism",
     "tilted",
 )
-FISHEYE = ("equidistant", "fisheye", "equi", "kannala_brandt", "kannala_brandt4", "kb4")
+FISHEYE = (
+    "equidistant",
+    "fisheye",
+    "equi",
+    "kannala_brandt",
+    "kannala_brandt4",
+    "kb4",
+    "opencv_fisheye",
+)
 
 
 class ImageSizeError(StereocalError):

@@ -26,7 +26,7 @@ YAML_HEAD = re.compile(r"^%YAML\b.*", re.MULTILINE)
 """OpenCV's is not YAML's."""
 BETWEEN_DOCUMENTS = re.compile(r"^(?:---|\.\.\.)(?=\s|$)", re.MULTILINE)
 NOT_EMPTY = re.compile(r"^[ \t]*[^\s#]", re.MULTILINE)
-MESSAGE_HEADER = re.compile(r"^header:[ \t]*\n(?:[ \t]+.*\n)*", re.MULTILINE)
+MESSAGE_HEADER = re.compile(r"^header:.*\n(?:[ \t]+.*\n)*", re.MULTILINE)
 """Number and time of a ROS message."""
 NUMBER = re.compile(
     r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.inf|\.nan", re.ASCII | re.IGNORECASE
@@ -191,7 +191,7 @@ _PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0
 
 def read_yaml(text: str, source: str) -> dict[str, Any]:
     """The mapping in a YAML text."""
-    text = _document(LONG_LIST.sub("[]", YAML_HEAD.sub("", text)), source)
+    text = _document(LONG_LIST.sub("[]", YAML_HEAD.sub("", text.replace("\r\n", "\n"))), source)
     check_length(text, source)
     try:
         data = yaml.load(text, Loader=_PlainLoader)

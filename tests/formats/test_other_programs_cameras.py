@@ -190,6 +190,8 @@ class TestRosFiles:
         found = gather(files, ExchangeOptions(lens_model="brown"))
         assert found.baseline_m == pytest.approx(BASELINE_M)
         assert focal(found) == [PRIMARY.K[0, 0], SECONDARY.K[0, 0]]
+        windows = {name: content.replace(b"\n", b"\r\n") for name, content in files.items()}
+        assert gather(windows, ExchangeOptions(lens_model="brown")).baseline_m == found.baseline_m
         two = {"both.yaml": b"---\n".join(files.values())}
         with pytest.raises(StereocalError, match="different YAML documents"):
             gather(two, ExchangeOptions())

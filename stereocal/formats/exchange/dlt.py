@@ -10,6 +10,7 @@ determinant of the first three columns is positive, unless v is counted from bel
 import csv
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -111,12 +112,13 @@ def _coefficients(files: Files, source: str) -> tuple[tuple[str, ...], FloatArra
     A file has all cameras, or each camera its own.
     """
     fitting = [file for file in files if file.ends_with(*ENDINGS)]
-    read = [_table(file) for file in fitting]
-    if len(fitting) > 1 and all(len(table) == 1 for _, table in read):
-        names = tuple(file.name.rsplit(".", 1)[0] for file in fitting)
-        return names, np.vstack([table for _, table in read]), source
+    with suppress(StereocalError):  # of files that are none of the cameras
+        columns = [_table(file)[1] for file in fitting]
+        if len(columns) > 1 and all(len(column) == 1 for column in columns):
+            names = tuple(file.name.rsplit(".", 1)[0] for file in fitting)
+            return names, np.vstack(columns), source
     file = only_file(files, ENDINGS, source)
-    names, table = read[0] if read else _table(file)
+    names, table = _table(file)
     return names or tuple(f"cam{k + 1}" for k in range(len(table))), table, file.name
 
 

@@ -145,24 +145,25 @@ def _pose_of_pair(files: Files, source: str, notes: list[str]) -> Pose:
 
 def _from_world(file: ForeignFile) -> tuple[Pose, bool]:
     """The camera from the frame of the pair, and whether the projection matrix turns into it."""
-    P, R = _numbers(file, P_NAMES, (3, 4)), np.eye(3)
-    if find_node(file.storage, R_NAMES) is not None:
-        R = _numbers(file, R_NAMES, (3, 3))
-    still = pose_of(R.T, np.zeros(3), f"{file.name}, {R_NAMES[0]}")
-    if P[1, 0] == 0 and np.array_equal(P[2, :3], [0, 0, 1]):
+    P = _numbers(file, P_NAMES, (3, 4))
+    turns = P[1, 0] != 0 or not np.array_equal(P[2, :3], [0, 0, 1])
+    has_own = not turns or find_node(file.storage, R_NAMES) is not None
+    R = _numbers(file, R_NAMES, (3, 3)) if has_own else np.eye(3)
+    if not turns:
         if not (P[0, 0] > 0 and P[1, 1] > 0):
             raise StereocalError(
                 "the focal lengths of its projection matrix are not above 0.", file.name
             )
         shift = np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
+        still = pose_of(R.T, np.zeros(3), f"{file.name}, {R_NAMES[0]}")
         return still @ Pose(np.eye(3), shift), False
+    found, pose = decomposed(P, f"{file.name}, {P_NAMES[0]}")
     if np.abs(R - np.eye(3)).max() > 0:
         raise StereocalError(
             "its projection matrix has a rotation in it, and its rectification matrix another: "
             "what they mean together is not known.",
             file.name,
         )
-    found, pose = decomposed(P, f"{file.name}, {P_NAMES[0]}")
     own = _numbers(file, K_NAMES, (3, 3))
     different = np.abs(found - own).max() / own[0, 0]
     if abs(found[0, 1]) > MOST_SKEW * found[0, 0] or not different < MOST_DIFFERENT:
@@ -176,6 +177,8 @@ def _from_world(file: ForeignFile) -> tuple[Pose, bool]:
 
 def _numbers(file: ForeignFile, names: Sequence[str], shape: tuple[int, ...]) -> FloatArray:
     table = find_node(file.storage, names)
+    if table is None:
+        raise StereocalError(f"{names[0]} is missing.", file.name)
     values = table.get("data") if isinstance(table, dict) else table
     return array_of(values, shape, names[0], file.name)
 
