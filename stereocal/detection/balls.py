@@ -177,7 +177,7 @@ def proposed_colours(cameras: Sequence[Sequence[npt.NDArray[Any]]]) -> Balls | N
     Returns:
         None if no two colours are found in most of the photographs.
     """
-    small = [[_small(image) for image in images] for images in cameras]
+    small = [[reduced(image) for image in images] for images in cameras]
     every = [image for images in small for image in images]
     proposals = {target for images in small for target in _pairs(images)}
     right = {}
@@ -190,7 +190,8 @@ def proposed_colours(cameras: Sequence[Sequence[npt.NDArray[Any]]]) -> Balls | N
     return best if best is not None and right[best] >= AGREEING * len(every) else None
 
 
-def _small(image: npt.NDArray[Any]) -> Colours:
+def reduced(image: npt.NDArray[Any]) -> Colours:
+    """The photograph (h, w, 3) with 8 bits, halved until no side is longer than `LARGE_PX`."""
     small = eight_bits(image)
     while max(small.shape) > LARGE_PX:
         half = cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)

@@ -18,6 +18,11 @@ from stereocal.system.photograph_files import Photographs
 LOOKED_AT = 6
 FEWEST_MARKERS = 6
 """Of a ChArUco board; fewer may be tags, or none."""
+DICTIONARIES = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "APRILTAG_36h11")
+"""Those in which markers are looked for; smaller ones are parts of these. Those of 1000 take four
+times as long, 0.5 s each before a large board, and have the same first 250 markers."""
+Markers = dict[str, tuple[IntArray, FloatArray]]
+"""By dictionary: the numbers (n,) and corners (n, 4, 2) px of the markers."""
 MOST_SQUARES = 20
 FITTING = 0.15
 """Largest RMS distance of markers from where a board has them, in squares."""
@@ -40,11 +45,8 @@ class ProposedBoard:
         return f"{self.columns}x{self.rows}"
 
 
-def proposed_board(photographs: Photographs, least: float = 0.0) -> ProposedBoard | None:
+def proposed_board(photographs: Photographs) -> ProposedBoard | None:
     """The board that most of the first photographs show.
-
-    Args:
-        least: part of the photographs that must show it.
 
     Returns:
         None if they show none, or do not agree.
@@ -57,23 +59,38 @@ def proposed_board(photographs: Photographs, least: float = 0.0) -> ProposedBoar
             grey = eight_bits(read_photograph(photographs[name]))
         except StereocalError:  # reported by the search
             continue
-        board = _charuco(grey) or _chessboard(grey)
-        found.update([board] if board else [])
+        seen = charuco_of(markers_in(grey)) or chessboard_in(grey)
+        found.update([seen[0]] if seen else [])
     best = found.most_common(2)
     if not best or (len(best) > 1 and best[0][1] == best[1][1]):
         return None
-    board, count = best[0]
-    return board if count >= least * len(chosen) else None
+    return best[0][0]
 
 
-def _chessboard(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
-    """At least as many columns as rows.
+def markers_in(grey: npt.NDArray[np.uint8]) -> Markers:
+    """The markers in a photograph, at half the size of a large one."""
+    scale, found = 1.0, dict[str, tuple[IntArray, FloatArray]]()
+    if max(grey.shape) > LARGE_PX:
+        grey, scale = halved(grey), 2.0
+    for name in DICTIONARIES:
+        printed = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+        corners, numbers, _ = cv2.aruco.ArucoDetector(printed).detectMarkers(grey)
+        if numbers is not None:
+            four = np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
+            ids = np.asarray(numbers, dtype=np.int64).ravel()
+            found[name] = ids, scale * four + 0.5 * (scale - 1.0)
+    return found
+
+
+def chessboard_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArray] | None:
+    """A chessboard, with at least as many columns as rows, and its inner corners (n, 2) px.
 
     The finder takes large 2x2 targets, whose edges it crosses as it likes, for a board of 4x3: at
     most 2 of its 12 corners were crossings of squares, of a board all are.
     """
+    scale = 1.0
     if max(grey.shape) > LARGE_PX:
-        grey = halved(grey)
+        grey, scale = halved(grey), 2.0
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
     if not found:
@@ -83,29 +100,35 @@ def _chessboard(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
     crossings = are_crossings(grey, grid.reshape(-1, 2), OF_SQUARE * spacing)
     if crossings.mean() < CROSSINGS or not outer_squares(grid, grey):
         return None
-    return ProposedBoard(max(meta.shape), min(meta.shape))
+    raw = scale * grid.reshape(-1, 2) + 0.5 * (scale - 1.0)
+    return ProposedBoard(max(meta.shape), min(meta.shape)), raw
 
 
-def _charuco(grey: npt.NDArray[np.uint8]) -> ProposedBoard | None:
-    """A ChArUco board in view whole, by the places of its numbered markers."""
-    seen: dict[str, tuple[IntArray, FloatArray]] = {}
-    for kind in ("4X4", "5X5", "6X6", "7X7"):  # smaller dictionaries are parts of the largest
-        printed = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{kind}_1000"))
-        found, numbers, _ = cv2.aruco.ArucoDetector(printed).detectMarkers(grey)
-        if numbers is not None and len(numbers) >= FEWEST_MARKERS:
-            four = np.array(found, dtype=np.float64).reshape(-1, 4, 2)
-            seen[kind] = np.asarray(numbers, dtype=np.int64).ravel(), four
+def charuco_of(markers: Markers) -> tuple[ProposedBoard, FloatArray] | None:
+    """A ChArUco board in view whole, by the places of its numbered markers, and the centres (n, 2)
+    px of these."""
+    seen = {
+        name: own for name, own in markers.items() if len(own[0]) >= FEWEST_MARKERS and "X" in name
+    }
     if not seen:
         return None
-    bits = max(seen, key=lambda kind: len(seen[kind][0]))
+    best = max(seen, key=lambda name: len(seen[name][0]))
     shapes = itertools.product(range(4, MOST_SQUARES + 1), (0, 1))
-    fits = [fit for columns, first in shapes if (fit := _fit(columns, first, *seen[bits]))]
+    fits = [fit for columns, first in shapes if (fit := _fit(columns, first, *seen[best]))]
     misfit, columns, rows, marker = min(fits, default=(np.inf, 0, 0, 0.0))
     if misfit > FITTING or rows < 4:
         return None
-    most = columns * rows // 2
-    names = (f"DICT_{bits}_{size}" for size in (50, 100, 250, 1000) if size >= most)
-    return ProposedBoard(columns - 1, rows - 1, next(names), round(marker, 2))
+    name = f"DICT_{smallest_dictionary(best, columns * rows // 2)}"
+    board = ProposedBoard(columns - 1, rows - 1, name, round(marker, 2))
+    return board, seen[best][1].mean(axis=1)
+
+
+def smallest_dictionary(name: str, markers: int) -> str:
+    """The smallest dictionary that is a part of the named one and has so many markers."""
+    bits, _, size = name.partition("_")
+    if not size.isdigit():
+        return name
+    return f"{bits}_{next((size for size in (50, 100, 250) if size >= markers), 1000)}"
 
 
 def _fit(

@@ -286,7 +286,7 @@ def test_large_2x2_targets_are_no_board(tmp_path: Path) -> None:
     for image in (pairs[1].primary, pairs[3].secondary):
         path = tmp_path / "bar.png"
         cv2.imwrite(str(path), image)
-        assert proposed_board({path.name: path}, least=0.5) is None
+        assert proposed_board({path.name: path}) is None
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def photograph_balls(
     if rod_m:
         _rod(picture, camera, centres_m, rod_m)
     for which in np.argsort(-centres_m[:, 2]):
-        _paint(picture, camera, centres_m[which], radius_m, colours[which], settings)
+        paint_ball(picture, camera, centres_m[which], radius_m, colours[which], settings)
     return expose_colours(picture, settings, rng)
 
 
@@ -86,7 +86,7 @@ def expose_colours(
     return np.ascontiguousarray(np.rint(255.0 * coded[:, :, ::-1]).astype(np.uint8))
 
 
-def _paint(
+def paint_ball(
     picture: ColourPicture,
     camera: Camera,
     centre: FloatArray,
@@ -94,6 +94,7 @@ def _paint(
     colour: Colour,
     settings: BallSettings,
 ) -> None:
+    """Paint a ball with its centre (3,) m in the camera's frame over a picture, in place."""
     height, width = picture.shape[:2]
     middle = camera.project(centre[None])[0]
     reach = 1.3 * radius / centre[2] * float(camera.K[0, 0]) + 3.0

@@ -1,0 +1,245 @@
+"""What is held in front of both cameras, from a few photographs of each, for the user to accept.
+
+    held = held_object([photographs_of_the_primary, photographs_of_the_secondary])
+
+Evidence for an object is that both cameras see it, and see it at different places: what lies about
+in the scene does not move.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from stereocal.detection.ball_colours import Colours
+from stereocal.detection.balls import find_balls, proposed_colours, reduced
+from stereocal.detection.detect import detect_targets
+from stereocal.detection.fit import Corner
+from stereocal.detection.intensity import eight_bits
+from stereocal.detection.target import BAR, Balls, Tags, Target
+from stereocal.errors import StereocalError
+from stereocal.intrinsics.boards import BoardView, find_board
+from stereocal.intrinsics.proposed_board import (
+    ProposedBoard,
+    charuco_of,
+    chessboard_in,
+    markers_in,
+    smallest_dictionary,
+)
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.photograph import PhotographFile, read_colours, read_photograph
+
+LOOKED_AT = 5
+"""Photographs of each camera, spread over all."""
+ELSEWHERE = 0.02
+"""Least distance of two places over the diagonal of the image."""
+LEAST_PART = 0.6
+"""Of the photographs of each camera, in which the object must be, each time elsewhere."""
+SQUARE_M = 0.01
+"""Any side of a square: where a board is in a photograph does not depend on it."""
+Held = Target | ProposedBoard
+Seen = tuple[Mapping[str, FloatArray], ...]
+"""For each camera, by photograph: points (n, 2) px on the object."""
+
+
+class _Look(NamedTuple):
+    """What one photograph shows, of each kind of object."""
+
+    name: str
+    file: PhotographFile
+    diagonal: float
+    board: tuple[ProposedBoard, FloatArray] | None
+    bar: tuple[Corner, Corner] | None
+    tags: dict[tuple[str, int], FloatArray]
+    """By dictionary and number."""
+    small: Colours
+    scale: float
+    """Pixels of the photograph for one of `small`."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldObject:
+    """What is held, and where it is in the photographs that were looked at."""
+
+    what: Held
+    seen: Seen
+    looked_at: tuple[int, ...]
+    """Photographs of each camera."""
+
+    @property
+    def kind(self) -> Literal["bar2x2", "balls", "board", "tags"]:
+        """As the text of a target begins."""
+        match self.what:
+            case ProposedBoard():
+                return "board"
+            case Balls():
+                return "balls"
+            case Tags():
+                return "tags"
+        return "bar2x2"
+
+    @property
+    def words(self) -> str:
+        """What is held, for the user: "a board of 9x6 inner corners"."""
+        match self.what:
+            case ProposedBoard(dictionary=None):
+                return f"a chessboard with {self.what} inner corners"
+            case ProposedBoard():
+                return f"a ChArUco board with {self.what} inner corners"
+            case Balls(colours=colours):
+                return f"a bar with balls of the colours {' and '.join(colours)}"
+            case Tags(dictionary=dictionary, ids=(a, b)):
+                return f"a bar with the tags {a} and {b} of {dictionary}"
+            case _:
+                return "a bar with two 2x2 targets"
+
+    @property
+    def sentence(self) -> str:
+        """What is proposed, and why."""
+        first, second = (
+            f"{len(own)} of {of}" for own, of in zip(self.seen, self.looked_at, strict=True)
+        )
+        return (
+            f"This looks like {self.words}: it was found, each time elsewhere, in {first} "
+            f"photographs of the primary and {second} of the secondary that were looked at."
+        )
+
+
+def held_object(cameras: Sequence[Mapping[str, PhotographFile]]) -> HeldObject | None:
+    """The object that moves before both cameras.
+
+    Args:
+        cameras: the photographs of the primary and of the secondary, in the order of their frames.
+
+    Returns:
+        None if nothing is found in most photographs of both, or several objects are.
+    """
+    looks = [[*_looks(photographs)] for photographs in cameras]
+    found = [*_boards(looks), *_bar(looks), *_tags(looks)] or [*_balls(looks)]
+    if len(found) != 1:
+        return None
+    what, seen = found[0]
+    return HeldObject(what, seen, tuple(map(len, looks)))
+
+
+def _looks(photographs: Mapping[str, PhotographFile]) -> Iterator[_Look]:
+    names = [*photographs]
+    places = np.linspace(0, len(names) - 1, min(LOOKED_AT, len(names))).round().astype(int)
+    for name in (names[at] for at in places):
+        file = photographs[name]
+        try:
+            grey, small = read_photograph(file, name), reduced(read_colours(file, name))
+        except StereocalError:  # reported by the search
+            continue
+        plain = eight_bits(grey)
+        markers = markers_in(plain)
+        yield _Look(
+            name,
+            file,
+            float(np.hypot(*grey.shape)),
+            charuco_of(markers) or chessboard_in(plain),
+            detect_targets(grey).targets,
+            {
+                (dictionary, int(number)): four.mean(axis=0, keepdims=True)
+                for dictionary, own in markers.items()
+                for number, four in zip(*own, strict=True)
+            },
+            small,
+            grey.shape[0] / small.shape[0],
+        )
+
+
+def _places(seen: Mapping[str, FloatArray], looks: Sequence[_Look]) -> int:
+    """At how many places of a camera's image the object was."""
+    places: list[FloatArray] = []
+    for look in looks:
+        if look.name in seen:
+            centre = seen[look.name].mean(axis=0)
+            away = [np.linalg.norm(centre - other) for other in places]
+            if min(away, default=np.inf) > ELSEWHERE * look.diagonal:
+                places.append(centre)
+    return len(places)
+
+
+def _moves(seen: Seen, looks: Sequence[Sequence[_Look]]) -> bool:
+    """Whether an object is in most photographs of each camera, each time elsewhere."""
+    return all(
+        _places(own, of_camera) >= max(2.0, LEAST_PART * len(of_camera))
+        for own, of_camera in zip(seen, looks, strict=True)
+    )
+
+
+def _boards(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
+    """Boards whose size is seen at several places of an image, searched for in all others: only a
+    board of known size is found where its outer squares are narrow or something hides them."""
+    known = [{look.name: look.board for look in own if look.board} for own in looks]
+    every = [board for own in known for board, _ in own.values()]
+    # The side of a marker is measured anew in each photograph.
+    for size in {replace(board, marker=0.0) for board in every}:
+        markers = [board.marker for board in every if replace(board, marker=0.0) == size]
+        board = replace(size, marker=round(float(np.median(markers)), 2))
+        first = [
+            {name: at for name, (own, at) in of_camera.items() if replace(own, marker=0.0) == size}
+            for of_camera in known
+        ]
+        if any(_places(own, of) > 1 for own, of in zip(first, looks, strict=True)):
+            seen = tuple(
+                own | dict(_found(board, [look for look in of_camera if look.name not in own]))
+                for own, of_camera in zip(first, looks, strict=True)
+            )
+            if _moves(seen, looks):
+                yield board, seen
+
+
+def _found(board: ProposedBoard, looks: Sequence[_Look]) -> Iterator[tuple[str, FloatArray]]:
+    side = (SQUARE_M, board.dictionary, board.marker * SQUARE_M or None)
+    pattern = BoardPattern(board.columns, board.rows, *side)
+    for look in looks:
+        view = find_board(read_photograph(look.file), pattern, look.name)
+        if isinstance(view, BoardView):
+            yield look.name, view.corners
+
+
+def _bar(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
+    seen = tuple(
+        {look.name: np.array([corner.centre for corner in look.bar]) for look in own if look.bar}
+        for own in looks
+    )
+    if _moves(seen, looks):
+        yield BAR, seen
+
+
+def _tags(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
+    """Two tags of one dictionary that move; more are no bar."""
+    by_dictionary: dict[str, dict[int, Seen]] = {}
+    for tag in sorted({tag for own in looks for look in own for tag in look.tags}):
+        seen = tuple(
+            {look.name: look.tags[tag] for look in own if tag in look.tags} for own in looks
+        )
+        if _moves(seen, looks):
+            by_dictionary.setdefault(tag[0], {})[tag[1]] = seen
+    for dictionary, moving in by_dictionary.items():
+        if len(moving) == 2:
+            (a, first), (b, second) = moving.items()
+            both = tuple(
+                {name: np.vstack([own[name], other[name]]) for name in own if name in other}
+                for own, other in zip(first, second, strict=True)
+            )
+            yield Tags(smallest_dictionary(dictionary, b + 1), (a, b)), both
+
+
+def _balls(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
+    balls = proposed_colours([[look.small for look in own] for own in looks])
+    if balls is None:
+        return
+    found: list[dict[str, FloatArray]] = [{}, {}]
+    for own, of_camera in zip(found, looks, strict=True):
+        for look in of_camera:
+            spots = [spot for spot in find_balls(look.small, balls).spots if spot]
+            if len(spots) == 2:
+                centres = np.array([spot.centre for spot in spots])
+                own[look.name] = look.scale * (centres + 0.5) - 0.5
+    if _moves(tuple(found), looks):
+        yield balls, tuple(found)
