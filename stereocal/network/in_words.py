@@ -18,18 +18,42 @@ def rig_sentence(rig: RigFile) -> str:
             "share points of one recording, its errors are larger than stated: give the recording "
             "instead."
         )
-    length = figures["length_error_p95"]
-    lengths = "" if length is None else f", 95 % of lengths within {rounded(100 * length)} %"
     weakest = figures["weakest_camera"]
     error = rig.about["image_errors_px"].get(weakest)
     known = "" if error is None else f": its images are predicted to {rounded(error)} px"
     partner, bars = _best_partner(rig.about["pairs"], weakest)
     return (
-        f"One rig of {count} cameras: {rounded(figures['reprojection_px'])} px{lengths} on the "
-        f"{figures['frames']} frames it was fitted to. The weakest camera is {weakest}{known}; it "
-        f"shares {bars} bars with {partner}. More bars that both see, at other places and in other "
-        "directions, would help most."
+        f"One rig of {count} cameras: {_accuracy(figures)}. "
+        f"The weakest camera is {weakest}{known}; it shares {bars} bars with {partner}. More "
+        "bars that both see, at other places and in other directions, would help most."
     )
+
+
+def _accuracy(figures: Mapping[str, Any]) -> str:
+    """The errors on frames not fitted, and which these are."""
+    held_out = figures.get("held_out", {})
+    if not held_out:
+        return f"{rig_errors(figures)}, on the {figures['frames']} frames it was fitted to"
+    if "runs" not in held_out:
+        return f"{rig_errors(figures)}, on frames held out of the fit"
+    text = f"{rig_errors(figures)}, on whole runs of frames held out of the fit"
+    if "frames" in held_out:
+        text += "; on single frames held out, whose neighbours are fitted: "
+        text += _errors(held_out["frames"])
+    return text
+
+
+def rig_errors(figures: Mapping[str, Any]) -> str:
+    """The errors of a rig: on whole runs of frames not fitted; for a recording without such, on
+    frames not fitted; and if it is too short for that, on those fitted."""
+    held_out = figures.get("held_out", {})
+    return _errors(held_out.get("runs") or held_out.get("frames") or figures)
+
+
+def _errors(figures: Mapping[str, Any]) -> str:
+    length = figures["length_error_p95"]
+    lengths = "" if length is None else f", 95 % of lengths within {rounded(100 * length)} %"
+    return f"{rounded(figures['reprojection_px'])} px{lengths}"
 
 
 def rig_notes(rig: RigFile) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from stereocal.network.fit import RigFit
 from stereocal.network.fuse import Fused
+from stereocal.network.held_out import HeldOut, frame_errors, held_out, length_errors, point_fits
 from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
@@ -71,10 +72,7 @@ class RigCalibration:
     def point_fits(self) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2, 3) of the units of `fit.placings`, from their pixels alone, and residuals
         (n, 2, c, 2) in pixels; NaN where not seen."""
-        shape = -1, len(self.names), 2
-        pixels, rays = (v.reshape(shape) for v in (self.fit.placings.pixels, self.fit.rays))
-        found = fit_points(self.fit.cameras, pixels, rays)
-        return found.points.reshape(-1, 2, 3), found.residuals.reshape(-1, 2, *shape[1:])
+        return point_fits(self.fit.cameras, self.fit.placings, self.fit.rays)
 
     @cached_property
     def used(self) -> IntArray:
@@ -142,18 +140,21 @@ class RigCalibration:
     @cached_property
     def reprojection_px(self) -> FloatArray:
         """(f,): root mean square distance of the images of each frame; NaN if left out."""
-        own, squares = self.fit.placings, np.square(self.point_fits[1]).sum(axis=3)
-        seen = np.isfinite(squares)
-        total = np.bincount(own.of_frame, np.where(seen, squares, 0.0).sum(axis=(1, 2)))
-        count = np.bincount(own.of_frame, seen.sum(axis=(1, 2)))
-        return np.where(self.fit.outlying, np.nan, np.sqrt(total / np.maximum(count, 1)))
+        own = self.fit.placings
+        found = frame_errors(self.point_fits[1], own.of_frame, len(own.frames))
+        return np.where(self.fit.outlying, np.nan, found)
 
     @cached_property
     def length_errors(self) -> FloatArray:
         """(m,): relative errors of the lengths of the frames used."""
-        own, points = self.fit.placings, self.point_fits[0]
-        found = np.linalg.norm(points[:, 0] - points[:, 1], axis=1) / own.distances - 1.0
-        return np.asarray(found[np.isfinite(found) & ~self.fit.outlying[own.of_frame]])
+        own = self.fit.placings
+        units = ~self.fit.outlying[own.of_frame]
+        return length_errors(self.point_fits[0][units], own.distances[units])
+
+    @cached_property
+    def held_out(self) -> dict[str, HeldOut]:
+        """Errors on frames not fitted, as of `held_out.held_out`."""
+        return held_out(self.fit, self.clusters)
 
     @cached_property
     def loops(self) -> list[dict[str, Any]]:

@@ -226,6 +226,8 @@ def _check_figures(data: Mapping[str, Any]) -> None:
             figures["length_error_p95"] or 0,
             *(value or 0 for value in data["image_errors_px"].values()),
         ]
+        for own in figures.get("held_out", {}).values():
+            numbers += [own["frames"], own["reprojection_px"], own["length_error_p95"] or 0]
         if figures["weakest_camera"] not in data["cameras"]:
             raise ValueError("the weakest camera")
     for own in data["pairs"].values():
@@ -271,6 +273,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
             "design_effect": rig.design_effect,
             "length_scatter_m": rig.fit.scatter,
             "weakest_camera": rig.weakest,
+            "held_out": {name: asdict(own) for name, own in rig.held_out.items()},
         },
         "image_errors_px": {
             name: px if np.isfinite(px) else None for name, px in rig.image_px.items()

@@ -17,6 +17,7 @@ from pathlib import Path
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.evaluation_files import validation_figures
+from stereocal.network.in_words import rig_errors
 from stereocal.projects.application import POINT_FILES
 from stereocal.projects.database import (
     NOT_THERE,
@@ -236,12 +237,10 @@ def _rig_of(recording: ProjectRecording) -> str:
     if (rig := recording.rig) is None:
         return "not calibrated"
     figures, pairs = rig.about["figures"], rig.about["pairs"]
-    length = figures["length_error_p95"]
-    lengths = "" if length is None else f", 95 % of lengths within {percent(length)} %"
     noise = [(own["noise_px"], name) for name, own in pairs.items() if "noise_px" in own]
     worst, name = max(noise, default=(0.0, ""))
     last = f", worst pair {name} with {rounded(worst)} px" if name else ""
-    return f"One rig: {rounded(figures['reprojection_px'])} px{lengths}{last}"
+    return f"One rig: {rig_errors(figures)}{last}"
 
 
 def title_of(project: Project) -> str:

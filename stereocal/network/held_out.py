@@ -1,0 +1,111 @@
+"""A rig's errors on frames that it was not fitted to.
+
+The frames are divided into parts; each part is measured with the rig fitted to all others. Frames
+drawn at random have neighbours among the fitted ones where they follow each other, and share their
+errors; so such a recording is divided into whole runs of frames too.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stereocal.network.fit import RigFit
+from stereocal.network.placings import Placings, rows_where
+from stereocal.refined.views import Cameras, fit_points
+from stereocal.rig.clusters import Clusters
+from stereocal.rig.compiled import FloatArray, IntArray
+
+PARTS = 5
+"""Into which the frames are divided: as the paper's splits, four fifths are fitted."""
+FEWEST = 2 * PARTS
+"""Frames, or runs, that are divided at least."""
+SEED = 0
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of frames measured with a rig that was fitted without them."""
+
+    frames: int
+    reprojection_px: float
+    """Root mean square distance of the images of a frame from those of its points, over frames."""
+    length_error_p95: float | None
+    """95 % of the lengths are within this fraction; None without known lengths."""
+
+
+def point_fits(
+    cameras: Cameras, placings: Placings, rays: FloatArray, units: IntArray | slice = slice(None)
+) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2, 3) of units, from their pixels alone, and residuals (n, 2, c, 2) in pixels; NaN
+    where not seen."""
+    shape = -1, rays.shape[2], 2
+    found = fit_points(cameras, placings.pixels[units].reshape(shape), rays[units].reshape(shape))
+    return found.points.reshape(-1, 2, 3), found.residuals.reshape(-1, 2, *shape[1:])
+
+
+def frame_errors(residuals: FloatArray, of_frame: IntArray, frames: int) -> FloatArray:
+    """(f,): root mean square distance of the images of each frame; NaN for a frame without any.
+
+    Args:
+        residuals: (n, 2, c, 2), as of `point_fits`; `of_frame`: (n,), the index of each frame.
+    """
+    squares = np.square(residuals).sum(axis=3)
+    seen = np.isfinite(squares)
+    total = np.bincount(of_frame, np.where(seen, squares, 0.0).sum(axis=(1, 2)), frames)
+    count = np.bincount(of_frame, seen.sum(axis=(1, 2)), frames)
+    return np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
+
+
+def length_errors(points: FloatArray, distances: FloatArray) -> FloatArray:
+    """Relative errors of the known distances (n,) of points (n, 2, 3)."""
+    found = np.linalg.norm(points[:, 0] - points[:, 1], axis=1) / distances - 1.0
+    return np.asarray(found[np.isfinite(found)])
+
+
+def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOut]:
+    """The errors with frames drawn at random left out (`frames`), and for a recording of frames
+    that follow each other with whole runs left out (`runs`); empty for fewer than `FEWEST`.
+
+    Args:
+        fit: of all frames; those that it leaves out are in no part.
+        clusters: of its other frames.
+    """
+    draws, count = np.random.default_rng(SEED), len(clusters.of_frames)
+    groups = {"frames": np.arange(count)}
+    if clusters.has_runs:
+        groups["runs"] = clusters.of_frames
+    found: dict[str, HeldOut] = {}
+    for name, of_frames in groups.items():
+        number = int(of_frames.max(initial=-1)) + 1
+        if number < FEWEST:
+            continue
+        parts = (draws.permutation(number) % PARTS)[of_frames]
+        errors = _errors(fit, parts)
+        if errors is not None:
+            found[name] = errors
+    return found
+
+
+def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
+    """The errors of all parts (f,) of the used frames; None if a fit fails."""
+    own, used = fit.placings, np.flatnonzero(~fit.outlying)
+    start = dict(zip(fit.unknowns.names, fit.p.tolist(), strict=True))
+    settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
+    pixels, lengths = list[FloatArray](), list[FloatArray]()
+    for part in range(PARTS):
+        out = used[parts == part]
+        fitted = np.isin(fit.recording.frame, own.frames[used[parts != part]])
+        again = RigFit(rows_where(fit.recording, fitted), fit.poses, settings)
+        again.start_at(start, fit.sigma_px)
+        if not again.run():
+            return None
+        units = np.flatnonzero(np.isin(own.of_frame, out))
+        points, residuals = point_fits(again.cameras, own, fit.rays, units)
+        pixels.append(frame_errors(residuals, own.of_frame[units], len(own.frames))[out])
+        lengths.append(length_errors(points, own.distances[units]))
+    every, relative = np.concatenate(pixels), np.concatenate(lengths)
+    return HeldOut(
+        len(every),
+        float(np.sqrt(np.nanmean(np.square(every)))),
+        float(np.quantile(np.abs(relative), 0.95)) if len(relative) else None,
+    )
