@@ -15,7 +15,7 @@ from stereocal.ui.refined import answer_when_ready
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import show_exchanged
 
-project, inputs, dataset = project_with_data()
+project, inputs, dataset = project_with_data("calibrate")
 top = st.container()
 values = settings_form(project, dataset)
 show_exchanged(project)

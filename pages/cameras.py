@@ -7,12 +7,14 @@ page_head("Lenses", "How does each camera's lens see, and how well is that known
 import streamlit as st
 
 from stereocal.ui import lens as page
-from stereocal.ui.messages import show_refusal
+from stereocal.ui.messages import end_here, show_refusal
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import BOARDS
 
 project = current_project()
+if project is not None and project.pair is None and page.show_cameras_of_rig(project):
+    end_here()
 page.show_cameras_in_use(project)
 which, how = page.choose_camera(project)
 if how == "A camera file":

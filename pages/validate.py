@@ -18,7 +18,7 @@ from stereocal.ui.validation import (
 )
 from stereocal.ui.validation_results import show_evaluation, with_refined
 
-project, _, own = project_with_data()
+project, _, own = project_with_data("validate")
 with ErrorsShown(end=True):
     datasets = choose_data(project, own)
     settings = choose_protocol(project, datasets)

@@ -2,11 +2,12 @@
 
 import argparse
 
-from stereocal.commands.console import Options, report
+from stereocal.commands.console import ONE_OF, Options, report
 from stereocal.commands.options import contents
-from stereocal.field.world.find import find_world
+from stereocal.field.world.find import find_world, find_world_of_rig
 from stereocal.field.world.frame import Axes, WorldSettings
-from stereocal.formats.world_file import read_observed, write_world
+from stereocal.formats.world_file import pair_in_table, read_observed, write_world
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_atomically
 
@@ -14,9 +15,10 @@ OPTIONS: Options = {
     "observed SURVEY.csv|PLUMB.csv|THROW.csv": "surveyed points (point,x,y,z and pixels of both "
     "cameras), plumb lines, level lines and horizons (line,kind and pixels), or a throw (frame "
     "and pixels)",
-    "--parameters FILE": {
-        "required": True,
-        "help": "the parameters to measure with: parameters_3d.json or parameters_refined.json",
+    ONE_OF: {
+        "--parameters FILE": "the parameters to measure with: parameters_3d.json or "
+        "parameters_refined.json",
+        "--rig FILE": "rig.json: the table has the pixels of two of its cameras, as u_left,v_left",
     },
     "--out OUT": "world.json",
     "--frame-rate FPS": "frames per second, for a throw",
@@ -36,12 +38,20 @@ DEFAULTS = {"heading": 0.0, "survey_sigma": WorldSettings.survey_sigma_m}
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the world frame, write it, print what it rests on."""
-    rig = RigParameters.load(parsed.parameters)
     (content,) = contents([parsed.observed]).values()
-    observed = read_observed(content, str(parsed.observed), parsed.frame_rate)
+    source, rate = str(parsed.observed), parsed.frame_rate
     axes, drag = Axes(parsed.origin, parsed.x_axis, parsed.heading), not parsed.no_drag
     noise = parsed.sigma_px, parsed.survey_sigma
-    found = find_world(rig, observed, WorldSettings(axes, *noise, drag, parsed.upside_down))
+    settings = WorldSettings(axes, *noise, drag, parsed.upside_down)
+    if parsed.rig is not None:
+        several = RigFile.load(parsed.rig)
+        pair = pair_in_table(several, content, source)
+        rig = several.pair(*pair)
+        observed = read_observed(content, source, rate, pair)
+        found = find_world_of_rig(several, pair, observed, settings)
+    else:
+        rig = RigParameters.load(parsed.parameters)
+        found = find_world(rig, read_observed(content, source, rate), settings)
     residuals = [
         f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m"
         for name, (x, y, z) in found.about.get("residuals_m", {}).items()

@@ -29,7 +29,6 @@ from stereocal.figures.space import frusta
 from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, NEUTRAL, WRONG_COLOUR
 from stereocal.figures.validation_panels import COLUMNS, Column, Panel
 from stereocal.refined.results import Calibration
-from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import FloatArray
 
 COLUMN_MM, PAGE_MM = 88.0, 180.0
@@ -251,7 +250,7 @@ def draw_rig(calibration: Calibration, method: Method, width_mm: float) -> Figur
     return figure
 
 
-def _draw_rig(axes: Axes, outlines: Mapping[CameraName, FloatArray], at: int, sign: float) -> None:
+def _draw_rig(axes: Axes, outlines: Mapping[str, FloatArray], at: int, sign: float) -> None:
     """Both cameras, with their names in the view from above, and the baseline."""
     ends = _flat(np.array([outline[0] for outline in outlines.values()]), at, sign)
     axes.plot(*ends.T, color=NEUTRAL, linestyle="--", linewidth=0.6)

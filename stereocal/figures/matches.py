@@ -1,5 +1,7 @@
-"""The pairs of one frame in an image, the points without a partner, and histograms of best and
-second-best matching errors with the threshold."""
+"""The pairs of one frame in an image, or what several cameras see, points without a partner; and
+histograms of best and second-best matching errors with the threshold."""
+
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -17,9 +19,10 @@ from stereocal.figures.style import (
 )
 from stereocal.matching.matching import NearestErrors
 from stereocal.matching.threshold import ThresholdChoice
-from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import rounded
+from stereocal.verdict.in_words import listed
 
 MAXIMUM_DRAWN = 3000
 """Maximum number of points of one kind that are drawn in an image, evenly thinned."""
@@ -37,14 +40,15 @@ HATCH = {"shape": "/", "fgcolor": WRONG_COLOUR, "bgcolor": style.TRANSPARENT, "s
 def plot_matches(
     pairs: pd.DataFrame,
     points: FloatArray,
-    side: CameraName,
+    side: str,
     size: tuple[int, int],
     photograph: Photograph | None = None,
 ) -> go.Figure:
-    """One image of one frame; partners have the same number and colour in both.
+    """One image of one frame; partners have the same number and colour in all.
 
     Args:
-        pairs: the rows of `pairs.csv` of this frame.
+        pairs: the rows of `pairs.csv`, or of `tracks.csv`, of this frame.
+        side: the camera.
         points: (n, 2) all points of the frame in this image, raw pixels.
         size: width and height of the image.
         photograph: what is drawn behind the points.
@@ -59,26 +63,30 @@ def plot_matches(
     marker = {"symbol": "circle-open", "size": 9, "line": {"width": 2}, "color": colour}
     hover, name = "no partner<br>u %{x:.2f} px, v %{y:.2f} px", f"No partner (n = {len(alone)})"
     add(figure, alone[thinned(len(alone), MAXIMUM_DRAWN)], hover, marker=marker, name=name)
-    ordered = pairs.sort_values("u_primary", ignore_index=True)
+    first = next(name for name in map(str, pairs) if name.startswith("u_"))
+    ordered = pairs.sort_values(first, ignore_index=True)
     _add_pairs(figure, side, ordered, photograph is not None)
     x = {"nticks": 4, "tickangle": 0, "ticksuffix": " px", "mirror": True}
     style.set_image_axes(figure, size, 0.0, x, {"nticks": 5, "mirror": True})
     return figure
 
 
-def describe_matches(
-    pairs: pd.DataFrame, primary: FloatArray, secondary: FloatArray, frame: int
-) -> str:
-    """How many pairs there are, and points without a partner."""
-    left = [
-        int(unmatched(pairs, points, side).sum())
-        for side, points in (("primary", primary), ("secondary", secondary))
-    ]
-    most = max(len(pairs), *left)
+def describe_matches(pairs: pd.DataFrame, seen: Mapping[str, FloatArray], frame: int) -> str:
+    """How many pairs, or points of several cameras, there are, and images without a partner.
+
+    Args:
+        seen: all points of the frame by camera, (n, 2) raw pixels.
+    """
+    left = {side: int(unmatched(pairs, points, side).sum()) for side, points in seen.items()}
+    most, what = max(len(pairs), *left.values()), "pair"
+    if "views" in pairs:
+        what = "point"
+    alone = listed(
+        [f"{left[side]} of {len(seen[side])} points of {camera_in_words(side)}" for side in seen]
+    )
     text = (
-        f"Frame {frame}: {count(len(pairs), 'pair')}, {int(pairs['ambiguous'].sum())} of them "
-        f"ambiguous (diamonds); without a partner (hollow): {left[0]} of {len(primary)} points of "
-        f"the primary camera and {left[1]} of {len(secondary)} of the secondary."
+        f"Frame {frame}: {count(len(pairs), what)}, {int(pairs['ambiguous'].sum())} of them "
+        f"ambiguous (diamonds); without a partner (hollow): {alone}."
     )
     if most > MAXIMUM_DRAWN:
         text += f" At most {MAXIMUM_DRAWN} of each kind are drawn, evenly spread."
@@ -91,15 +99,17 @@ def unmatched(pairs: pd.DataFrame, points: FloatArray, side: str) -> BoolArray:
     return np.array([tuple(point) not in taken for point in points], dtype=np.bool_)
 
 
-def _add_pairs(
-    figure: go.Figure, side: CameraName, pairs: pd.DataFrame, on_photograph: bool
-) -> None:
-    """Pairs as discs, ambiguous ones as diamonds, coloured by their order in the primary image."""
+def _add_pairs(figure: go.Figure, side: str, pairs: pd.DataFrame, on_photograph: bool) -> None:
+    """Pairs as discs, ambiguous ones as diamonds, coloured by their order in the first image."""
     rank = np.arange(len(pairs)) / max(len(pairs) - 1, 1)
     ambiguous = pairs["ambiguous"].to_numpy(dtype=np.bool_)
+    seen = pairs[f"u_{side}"].notna().to_numpy()
+    quality, runner_up = ["error_px"], ""
+    if "runner_up_px" in pairs:
+        quality, runner_up = ["error_px", "runner_up_px"], ", runner-up %{customdata[1]:.3f} px"
     for chosen, name, symbol in (
-        (~ambiguous, "Pair", "circle"),
-        (ambiguous, "Ambiguous pair", "diamond"),
+        (seen & ~ambiguous, "Pair", "circle"),
+        (seen & ambiguous, "Ambiguous pair", "diamond"),
     ):
         if not chosen.any():
             continue
@@ -109,7 +119,7 @@ def _add_pairs(
             figure,
             rows[[f"u_{side}", f"v_{side}"]].to_numpy(dtype=np.float64),
             f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
-            "%{customdata[0]:.3f} px, runner-up %{customdata[1]:.3f} px",
+            f"%{{customdata[0]:.3f}} px{runner_up}",
             mode="markers+text" if len(pairs) <= MAXIMUM_NUMBERS else "markers",
             text=[str(k + 1) for k in drawn],
             textposition="top center",
@@ -124,7 +134,7 @@ def _add_pairs(
                 "cmax": 1.0,
                 "line": {"width": 1 if on_photograph else 0, "color": "white"},
             },
-            customdata=rows[["error_px", "runner_up_px"]],
+            customdata=rows[quality],
         )
 
 

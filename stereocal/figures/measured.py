@@ -14,7 +14,7 @@ from stereocal.figures.style import DASHED, add, blank, count, marker_of, senten
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCameras
 from stereocal.system.numbers import rounded
 
 MAXIMUM_DRAWN = 10_000
@@ -46,6 +46,7 @@ HEADINGS: Mapping[str, str] = {
     "sigma_y": "Standard error of y (m)",
     "sigma_z": "Standard error of z (m)",
     "outside_volume": "Outside the volume of the bars",
+    "views": "Cameras that see it",
 }
 """Of tables of pairs and points on a page, by the name of the column; the files keep their names,
 and a column of the user keeps its own."""
@@ -97,19 +98,19 @@ class PointCloud:
 def plot_points(
     points: pd.DataFrame,
     colour: Colour,
-    rig: Rig,
+    rig: PlacedCameras,
     view: str = VIEWS[0],
     tracks: Sequence[IntArray] = (),
     frame: int | None = None,
     world: Pose | None = None,
 ) -> go.Figure:
-    """The points in the primary camera's frame or a world frame, with both cameras; equal axes,
+    """The points in the primary camera's frame or a world frame, with all cameras; equal axes,
     metres.
 
     Args:
         points: rows of `points.csv`.
         colour: the quantity shown as colour.
-        view: one of `VIEWS`.
+        view: one of `views_of` the cameras.
         tracks: rows that are connected by lines.
         frame: a frame to mark.
         world: `world_from_primary` of the points; None: they are in the primary's frame.

@@ -13,6 +13,7 @@ from stereocal.figures.space import outline_of, set_scene
 from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add, blank, line_of
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.version import __version__
@@ -109,6 +110,21 @@ def rig_report(rig: RigFile, name: str) -> str:
         "How it was computed": paragraphs(f"stereocal {__version__}. {HOW}"),
     }
     return html_page(f"The rig of {name}", rig_sentence(rig), sections)
+
+
+def lens_table(stated: Mapping[str, Camera], rig: RigFile | None = None) -> pd.DataFrame:
+    """The lens of each camera, a camera a row: as stated, and as a rig refined it."""
+    rows = []
+    for name, camera in stated.items():
+        width, height = camera.image_size
+        fisheye = ", fisheye" if camera.is_fisheye else ""
+        row = {"Camera": name, "Image, px": f"{width} × {height}"}
+        row["Focal length, px"] = f"{camera.K[0, 0]:.1f}{fisheye}"
+        if rig is not None and name in rig.cameras:
+            error = rig.to_json()["cameras"][name]["standard_errors"]["fx"]
+            row["Refined, px"] = f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(error)}"
+        rows.append(row)
+    return pd.DataFrame(rows).fillna("")
 
 
 def camera_table(rig: RigFile) -> pd.DataFrame:

@@ -1,19 +1,21 @@
-"""Common parts of 3D figures: upright axes of equal scale, viewpoints, and the two cameras."""
+"""Common parts of 3D figures: upright axes of equal scale, viewpoints, and the cameras."""
 
 from dataclasses import dataclass, field
+from itertools import cycle
 
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
 from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add, line_of, upright
-from stereocal.rig.camera import CAMERAS, Camera, CameraName
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCameras
 
-VIEWS = ("Behind", "Above", "Side", "Camera 1", "Camera 2")
-"""From where the scene is seen; camera 1 is the primary."""
+OUTER_VIEWS = ("Behind", "Above", "Side")
+VIEWS = (*OUTER_VIEWS, "Camera 1", "Camera 2")
+"""From where the scene of two cameras is seen; camera 1 is the primary."""
 FRUSTUM_OF_DEPTH = 0.15
 """Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
@@ -90,24 +92,31 @@ class Eye:
     """Width over height of the view that everything has to fit into."""
 
 
+def views_of(rig: PlacedCameras) -> tuple[str, ...]:
+    """From where the scene of two cameras or more is seen."""
+    if len(rig.placed) == len(CAMERAS):
+        return VIEWS
+    return (*OUTER_VIEWS, *(f"Camera {name}" for name in rig.placed))
+
+
 def eye_of(
     view: str,
-    rig: Rig,
+    rig: PlacedCameras,
     target: FloatArray,
     scene: Scene = IN_CAMERA,
     whole: FloatArray | None = None,
     shape: float = NARROW,
 ) -> Eye:
-    """One of `VIEWS` of a scene around a point (3,), metres.
+    """One of `views_of` a scene around a point (3,), metres.
 
     Args:
         scene: in whose frame `target` is given.
         whole, shape: as of `Eye`; `whole` of the first view only.
     """
     turn = scene.from_primary.R
-    if view.startswith("Camera"):
-        second = scene.from_primary.apply(rig.pose.inverse().T)
-        return Eye(at=scene.from_primary.T if view == "Camera 1" else second, towards=target)
+    through = dict(zip(views_of(rig)[len(OUTER_VIEWS) :], rig.placed.values(), strict=True))
+    if view in through:
+        return Eye(at=scene.from_primary.apply(through[view].pose.inverse().T), towards=target)
     if view == "Above":  # depth to the right, since figures are wide
         return Eye((0.0, -1.0, 0.0), up=-turn[:, 0], shape=shape)
     if view == "Side":
@@ -115,14 +124,17 @@ def eye_of(
     return Eye(turn @ BEHIND, whole=whole, shape=shape)
 
 
-def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAMERA) -> None:
-    """Draw both frusta in proportion to a depth in metres, with labelled optical centres, and the
-    baseline."""
-    # One name above, one below, each inwards: apart with a short baseline, and not cut.
-    inwards = ("right", "left") if rig.pose.inverse().T[0] > 0 else ("left", "right")
+def add_cameras(
+    figure: go.Figure, rig: PlacedCameras, depth: float, scene: Scene = IN_CAMERA
+) -> None:
+    """Draw all frusta in proportion to a depth in metres, with labelled optical centres, and the
+    baseline of two cameras."""
+    # Names above and below in turn, each inwards: apart with a short baseline, and not cut.
+    across = np.array([own.pose.inverse().T[0] for own in rig.placed.values()])
+    inwards = np.where(across < across.mean(), "right", "left")
     centres = []
     for (name, camera, path), over, side in zip(
-        frusta(rig, depth, scene), ("top", "bottom"), inwards, strict=True
+        frusta(rig, depth, scene), cycle(("top", "bottom")), inwards, strict=False
     ):
         centres.append(path[0])
         add(figure, path, line=line_of(width=4), showlegend=False, name=f"{name} camera")
@@ -138,21 +150,26 @@ def add_cameras(figure: go.Figure, rig: Rig, depth: float, scene: Scene = IN_CAM
             showlegend=False,
             name=f"optical centre, {name}",
         )
-    length, line = f"{rig.pose.baseline:.3f} m", line_of(width=3, dash="dash")
-    add(figure, np.array(centres), f"baseline {length}", line=line, name=f"Baseline {length}")
+    if len(centres) == len(CAMERAS):
+        baseline = f"{float(np.linalg.norm(centres[1] - centres[0])):.3f} m"
+        line, name = line_of(width=3, dash="dash"), f"Baseline {baseline}"
+        add(figure, np.array(centres), f"baseline {baseline}", line=line, name=name)
 
 
 def frusta(
-    rig: Rig, depth: float, scene: Scene = IN_CAMERA
-) -> list[tuple[CameraName, Camera, FloatArray]]:
+    rig: PlacedCameras, depth: float, scene: Scene = IN_CAMERA
+) -> list[tuple[str, Camera, FloatArray]]:
     """Name, camera and outline of each frustum in proportion to a depth in metres.
 
     An outline is a path (k, 3) with gaps of NaN, which begins at the optical centre.
     """
-    poses = scene.from_primary, scene.from_primary @ rig.pose.inverse()
     return [
-        (name, camera, outline_of(camera, pose, FRUSTUM_OF_DEPTH * depth))
-        for name, camera, pose in zip(CAMERAS, (rig.primary, rig.secondary), poses, strict=True)
+        (
+            name,
+            camera,
+            outline_of(camera, scene.from_primary @ pose.inverse(), FRUSTUM_OF_DEPTH * depth),
+        )
+        for name, (camera, pose) in rig.placed.items()
     ]
 
 

@@ -7,6 +7,7 @@ Tables of surveyed points, lines and throws name their columns in the first line
 import csv
 import datetime
 import json
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,24 @@ from stereocal.field.world.frame import (
     WorldFrame,
 )
 from stereocal.matching.reconstruction import name_of_world
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Pair
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
-from stereocal.system.tables import Column, Reasons, Values, names_of, read_rows, text_of
+from stereocal.system.tables import (
+    Column,
+    Reasons,
+    Values,
+    is_missing,
+    names_of,
+    read_rows,
+    rows_below,
+    text_of,
+)
 from stereocal.version import __version__
 
 WORLD_FORMAT = "stereocal-world/1"
@@ -143,35 +156,64 @@ def kind_of_table(content: bytes, source: str) -> str:
     )
 
 
-def read_observed(content: bytes, source: str, frame_rate: float | None = None) -> Observed:
+def pair_in_table(rig: RigFile, content: bytes, source: str) -> Pair:
+    """The two cameras of a rig whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more
+    than two, those that see most of its rows together."""
+    names, delimiter, above = names_of(text_of(content, source), source)
+    seen = [name for name in rig.names if {f"u_{name}".lower(), f"v_{name}".lower()} <= {*names}]
+    if len(seen) < 2:
+        if {*MEASURED} <= {*names}:
+            return rig.names[0], rig.names[1]
+        raise StereocalError(
+            f"{source}: the pixels of two cameras of the rig are needed, as the columns "
+            f"{', '.join(f'u_{name},v_{name}' for name in rig.names[:2])}; the table names "
+            f"{', '.join(names)[:200]}."
+        )
+    rows, _ = rows_below(text_of(content, source), above, len(names), delimiter, source)
+    rows.columns = pd.Index(names)
+    given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
+
+    def seen_by(pair: Pair) -> tuple[int, int]:
+        one, other = (given[name] for name in pair)
+        return int((one & other).sum()), int(min(one.sum(), other.sum()))  # of lines, one each
+
+    return max(combinations(seen, 2), key=seen_by)
+
+
+def read_observed(
+    content: bytes, source: str, frame_rate: float | None = None, cameras: Pair = CAMERAS
+) -> Observed:
     """Surveyed points, lines or a throw from a table; further columns are ignored.
 
     Args:
         frame_rate: frames per second of a throw.
+        cameras: whose pixels are read, the one that serves as the primary first.
     """
+    pixels = tuple(f"{axis}_{camera}".lower() for camera in cameras for axis in "uv")
     kind = kind_of_table(content, source)
     if kind == FRAME and frame_rate is None:
         raise StereocalError(
             f"{source}: a throw needs the frame rate of the cameras (frames per second; "
             "--frame-rate on the command line)."
         )
-    required = {POINT: (POINT, *SURVEYED), LINE: (LINE, *PIXELS), FRAME: (FRAME, *PIXELS)}[kind]
+    required = {POINT: (POINT, *SURVEYED), LINE: (LINE, *pixels), FRAME: (FRAME, *pixels)}[kind]
     if max(content.count(b"\n"), content.count(b"\r")) > MOST_ROWS:
         raise StereocalError(f"{source}: at most {MOST_ROWS:,} rows are read for a world frame.")
     numbers = [
-        Column(name, name not in required or name in PIXELS)
-        for name in (*PIXELS, *SURVEYED, *MEASURED)
+        Column(name, name not in required or name in pixels)
+        for name in (*pixels, *SURVEYED, *MEASURED)
     ]
     if kind == FRAME:
         numbers.append(Column(FRAME, is_whole=True))
     rows = read_rows(content, source, required, numbers, (POINT, LINE, FRAME, KIND, THROW))
-    raw, values, reasons = rows.raw, rows.values, rows.reasons
+    raw, values, reasons = rows.raw, dict(rows.values), rows.reasons
+    values |= {ours: values[own] for ours, own in zip(PIXELS, pixels, strict=True)}
     if rows.too_long:
         rows.check(source)
     _check_sizes(raw, kind, source)
     found: Observed
     if kind == POINT:
-        found = _survey(raw, values, reasons)
+        found = _survey(raw, values, reasons, pixels)
     elif kind == LINE:
         found = _lines(raw, values, reasons)
     else:
@@ -180,13 +222,18 @@ def read_observed(content: bytes, source: str, frame_rate: float | None = None) 
     return found
 
 
-def check_world(content: bytes, source: str) -> None:
-    """Check that a file is a world frame, or a table that one can be found from."""
+def check_world(content: bytes, source: str, rig: RigFile | None = None) -> None:
+    """Check that a file is a world frame, or a table that one can be found from.
+
+    Args:
+        rig: whose cameras the table is of; None: of a primary and a secondary.
+    """
     if is_json(source):
         parse_world(content, source)
         return
     try:
-        read_observed(content, source, frame_rate=1.0)
+        cameras = CAMERAS if rig is None else pair_in_table(rig, content, source)
+        read_observed(content, source, 1.0, cameras)
     except RefusedRowsError:
         raise
     except StereocalError as error:
@@ -216,7 +263,7 @@ def _columns(values: Values, columns: tuple[str, ...]) -> FloatArray:
     return np.column_stack([values[name] for name in columns])
 
 
-def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons) -> Survey:
+def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons, given: tuple[str, ...]) -> Survey:
     names = _names(raw, POINT)
     world, pixels, measured = (_columns(values, each) for each in (SURVEYED, PIXELS, MEASURED))
     has_pixels = np.asarray(np.isfinite(pixels).all(axis=1))
@@ -227,7 +274,7 @@ def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons) -> Survey:
             reasons.setdefault(row, "the point has no name")
         elif not (has_pixels[row] or has_point[row]):
             reasons.setdefault(
-                row, f"{', '.join(PIXELS)} are not all given, nor {', '.join(MEASURED)}"
+                row, f"{', '.join(given)} are not all given, nor {', '.join(MEASURED)}"
             )
         elif np.abs(world[row]).max() > FARTHEST_M:
             reasons.setdefault(row, "the point is too far away; coordinates are in metres")

@@ -5,11 +5,11 @@ The tables are identical to those of the commands `match` and `reconstruct`.
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
 from stereocal.system.numbers import rounded
 
 PAIRS, POINTS = "pairs.csv", "points.csv"
@@ -50,6 +50,22 @@ class Points:
     frames: int
 
 
+class Input(Protocol):
+    """What a result is compared with."""
+
+    @property
+    def used(self) -> dict[str, Any]:
+        """As of `Outcome`."""
+
+    @property
+    def shown_depths_m(self) -> list[float | None]:
+        """As of `Outcome.depths_m`."""
+
+    @property
+    def sigma_px(self) -> float | None:
+        """Noise of the points, if it was stated."""
+
+
 @dataclass(frozen=True, eq=False)
 class Application:
     """The input: points, parameter sets, threshold and depth range."""
@@ -67,6 +83,16 @@ class Application:
     """Noise of the points; None: by their columns, or estimated."""
     names: str = AUTO
     """As of `pairs.match`."""
+
+    @property
+    def points(self) -> dict[str, Points]:
+        """By camera."""
+        return dict(zip(CAMERAS, (self.primary, self.secondary), strict=True))
+
+    @property
+    def rows(self) -> list[int]:
+        """The numbers of points of the cameras."""
+        return [self.primary.rows, self.secondary.rows]
 
     @property
     def digest(self) -> str:
@@ -114,6 +140,7 @@ class Outcome:
     digest: str
     """Of the `Application`."""
     threshold_px: float
+    """0 for a rig, where the noise of the points decides."""
     depths_m: list[float | None]
     """Nearest and farthest; None is unlimited."""
     pairs: int
@@ -124,18 +151,22 @@ class Outcome:
     """Warnings, a sentence each."""
     made_with: str
     tables: list[str]
-    """Names of the primary's and the secondary's table in the project."""
+    """Names of the cameras' tables in the project, in the order of `cameras`."""
     measured_with: dict[str, Any]
-    """Cameras and pose of the measuring set, and the world frame of the points, as JSON."""
+    """Cameras and poses that measured, and the world frame of the points, as JSON."""
     used: dict[str, Any] = field(default_factory=dict)
-    """`points`: the labels of both files; `matching`, `measuring`: method and digest of the sets.
-    Empty in results of version 1.0."""
+    """`points`: the labels of the files; `matching`, `measuring`: method and digest of the sets, or
+    `rig`: its digest. Empty in results of version 1.0."""
     sigma_px: float | None = None
     """Noise of the points, if it was stated."""
     names: str = AUTO
     """As of the `Application`."""
+    matched: str = PAIRS
+    """Name of the table of what belongs together."""
+    cameras: list[str] = field(default_factory=lambda: [*CAMERAS])
+    """Those whose points were given."""
 
-    def changed_since(self, work: Application) -> str:
+    def changed_since(self, work: Input) -> str:
         """What of an input is another than it was for this result, as a list in words."""
         used = self.used | {"depths": self.depths_m, "sigma_px": self.sigma_px}
         now = work.used | {"depths": work.shown_depths_m, "sigma_px": work.sigma_px}
@@ -143,15 +174,25 @@ class Outcome:
             "points": "points",
             "matching": "set to match with",
             "measuring": "set to measure with",
+            "rig": "rig",
             "depths": "depths",
             "sigma_px": "noise of the points",
         }
-        found = [name for key, name in names.items() if used.get(key) != now[key]]
+        found = [name for key, name in names.items() if used.get(key) != now.get(key)]
         return ", ".join(found) or "threshold or world frame"
 
     @property
-    def rig(self) -> Rig:
-        """The measuring set's cameras and pose."""
+    def rig(self) -> PlacedCameras:
+        """The cameras that measured, and their poses."""
+        if (several := self.measured_with.get("rig")) is not None:
+            return SeveralCameras(
+                {
+                    name: PlacedCamera(
+                        Camera.from_json(own, name), Pose(*(np.array(own[key]) for key in "RT"))
+                    )
+                    for name, own in several.items()
+                }
+            )
         first, second = (Camera.from_json(self.measured_with[name], name) for name in CAMERAS)
         R, T = (np.array(self.measured_with[key], dtype=np.float64) for key in "RT")
         return Rig(first, second, Pose(R, T))
@@ -168,7 +209,7 @@ class Outcome:
 
 def apply_sets(
     work: Application,
-    tables: tuple[Path, Path],
+    tables: Mapping[str, Path],
     folder: Path,
     begin: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -178,15 +219,14 @@ def apply_sets(
     """Write `pairs.csv` and `points.csv` into a folder; None if cancelled.
 
     Args:
-        tables: the primary's and the secondary's points.
+        tables: the points by camera.
         executor: computes blocks of both tables; None: the calling thread.
     """
     refuse_different_rigs(work.matching, work.measuring)
     if begin is not None:
         begin(STAGES[0])
     first, second = (
-        PointTable(path, POINT, points.label)
-        for path, points in zip(tables, (work.primary, work.secondary), strict=True)
+        PointTable(tables[name], POINT, points.label) for name, points in work.points.items()
     )
     how: dict[str, Any] = {"progress": progress, "cancelled": cancelled, "executor": executor}
     given = work.threshold_px, work.depths_m
@@ -230,13 +270,17 @@ def apply_sets(
             "secondary": work.measuring.secondary.to_json(),
             "R": work.measuring.pose.R.tolist(),
             "T": work.measuring.pose.T.tolist(),
-            "world_from_primary": work.world
-            and np.column_stack([work.world.R, work.world.T]).tolist(),
+            "world_from_primary": world_to_json(work.world),
         },
         used=work.used,
         sigma_px=work.sigma_px,
         names=work.names,
     )
+
+
+def world_to_json(world: Pose | None) -> list[list[float]] | None:
+    """(3, 4) of a world frame."""
+    return None if world is None else np.column_stack([world.R, world.T]).tolist()
 
 
 def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> Sample:
@@ -271,8 +315,9 @@ def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
         pairs: rows of `pairs.csv`; `points`: of `points.csv`.
     """
     frames, ambiguous = pairs["frame"].nunique(), int(pairs["ambiguous"].sum())
+    what = "point" if "views" in pairs else "pair"
     text = (
-        f"{len(pairs):,} pair{'s' * (len(pairs) != 1)} in {frames:,} frame{'s' * (frames != 1)}, "
+        f"{len(pairs):,} {what}{'s' * (len(pairs) != 1)} in {frames:,} frame{'s' * (frames != 1)}, "
         f"{f'{ambiguous:,}' if ambiguous else 'none'} of them ambiguous"
     )
     if OUTSIDE_VOLUME in points:

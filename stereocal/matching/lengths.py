@@ -67,7 +67,7 @@ class LengthCheck:
 
 def further_columns(points: pd.DataFrame) -> list[str]:
     """The columns that were passed through."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES, "ambiguous"}
+    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES, "ambiguous", "views"}
     return [str(name) for name in points.columns if name not in own]
 
 

@@ -1,8 +1,9 @@
 """Tables of the points of three cameras and more: matched into tracks.csv, measured from it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,14 +23,15 @@ from stereocal.matching.several_views import (
 )
 from stereocal.matching.threshold import choose_threshold
 from stereocal.network.rig_file import RigFile
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.numbers import rounded
 from stereocal.system.tables import EMPTY, Column, read_rows
-from stereocal.system.tasks import Progress
+from stereocal.system.tasks import Progress, StoppedError
 
 SAMPLE_FRAMES = 60
+OF_TRACKS = ("views", "error_px", "ambiguous")
 FEWEST_DECOYS = 3
 """Frames without which the share of wrong groups is not estimated."""
 
@@ -69,12 +71,18 @@ def match_rig(
     out: Path,
     sigma_px: float | None = None,
     progress: Progress | None = None,
-) -> TracksReport:
+    cancelled: Callable[[], bool] | None = None,
+) -> TracksReport | None:
     """Match the tables of several cameras (`frame,u,v`) and write tracks.csv.
+
+    Further columns are passed through, with the name of their camera: `target_left`.
 
     Args:
         sigma_px: noise of the points; None: estimated, else that of the targets.
         progress: called with the frames done and the total.
+
+    Returns:
+        The report; None if cancelled, then no file is written.
     """
     unknown = [name for name in tables if name not in rig.cameras]
     if unknown or len(tables) < 2:
@@ -86,30 +94,50 @@ def match_rig(
     contents = {
         name: check_points(table, rig.cameras[name], name) for name, table in tables.items()
     }
-    by_frame: dict[int, dict[str, FloatArray]] = {}
+    by_frame: dict[int, dict[str, pd.DataFrame]] = {}
     for name, table in tables.items():
         for frame, rows in table.frames():
-            by_frame.setdefault(frame, {})[name] = pixels_of(rows)
+            by_frame.setdefault(frame, {})[name] = rows
     frames = sorted(by_frame)
     empty = np.empty((0, 2))
-    points = [[by_frame[frame].get(name, empty) for name in rig.names] for frame in frames]
+    points = [
+        [
+            pixels_of(by_frame[frame][name]) if name in by_frame[frame] else empty
+            for name in rig.names
+        ]
+        for frame in frames
+    ]
     fitter = ViewFitter(rig)
     noise = _noise(rig, points, sigma_px)
     sigma = max(noise.sigma_px, 1e-3)
     pixels = [f"{axis}_{name}" for name in rig.names for axis in POINT]
+    further = {
+        (name, column): f"{column}_{name}" for name in tables for column in tables[name].further
+    }
     counts, ambiguous = np.zeros(len(rig.names) + 1, dtype=np.int64), 0
-    with open_table(out, ["frame", *pixels, "views", "error_px", "ambiguous"]) as writer:
-        for number, (frame, own) in enumerate(zip(frames, points, strict=True)):
-            found = match_views(fitter, own, sigma)
-            images = images_of_groups(found.images, own).reshape(-1, len(pixels))
-            rows = pd.DataFrame(images, columns=pixels)
-            errors = found.error_px.round(ERROR_DECIMALS)
-            own_columns = {"views": found.views, "error_px": errors, "ambiguous": found.ambiguous}
-            writer.add(rows.assign(frame=frame, **own_columns))
-            ambiguous += int(found.ambiguous.sum())
-            counts += np.bincount(found.views, minlength=len(counts))
-            if progress is not None:
-                progress(number + 1, len(frames))
+    columns = ["frame", *pixels, *OF_TRACKS, *further.values()]
+    try:
+        with open_table(out, columns) as writer:
+            for number, (frame, own) in enumerate(zip(frames, points, strict=True)):
+                found = match_views(fitter, own, sigma)
+                images = images_of_groups(found.images, own).reshape(-1, len(pixels))
+                rows = pd.DataFrame(images, columns=pixels)
+                errors = found.error_px.round(ERROR_DECIMALS)
+                about = zip(OF_TRACKS, (found.views, errors, found.ambiguous), strict=True)
+                passed = {
+                    new: _of_images(by_frame[frame].get(name), column, images)
+                    for (name, column), new in further.items()
+                    for images in [found.images[:, rig.names.index(name)]]
+                }
+                writer.add(rows.assign(frame=frame, **{**dict(about), **passed}))
+                ambiguous += int(found.ambiguous.sum())
+                counts += np.bincount(found.views, minlength=len(counts))
+                if progress is not None:
+                    progress(number + 1, len(frames))
+                if cancelled is not None and cancelled():
+                    raise StoppedError
+    except StoppedError:
+        return None
     sample = points[:: max(len(points) // SAMPLE_FRAMES, 1)]
     wrong = expected_wrong(fitter, sample, sigma) if len(sample) >= FEWEST_DECOYS else {}
     notes = [
@@ -124,6 +152,12 @@ def match_rig(
     ]
     by_views = {int(views): int(counts[views]) for views in np.flatnonzero(counts)[::-1]}
     return TracksReport(len(frames), by_views, ambiguous, noise, wrong, notes)
+
+
+def _of_images(rows: pd.DataFrame | None, column: str, images: IntArray) -> list[Any]:
+    """The values (k,) of a column of a camera's rows, of the images -1 or a row of each point."""
+    values = [] if rows is None else rows[column].tolist()
+    return [None if image < 0 else values[image] for image in images.tolist()]
 
 
 def _noise(
@@ -180,7 +214,7 @@ def reconstruct_rig(
         sigma_px: noise of the points, for the standard errors; None: estimated from their errors.
     """
     check_sigma(sigma_px)
-    frame, pixels = read_tracks(rig, tracks)
+    frame, pixels, passed = read_tracks(rig, tracks)
     fitter = ViewFitter(rig)
     rays = fitter.rays(pixels)
     if sigma_px is None:
@@ -199,6 +233,8 @@ def reconstruct_rig(
         table[OUTSIDE_VOLUME] = outside
     if world is not None:
         table[COORDINATES] = name_of_world(world)
+    for name in map(str, passed):
+        table[f"{name}_of_track" if name in table else name] = passed[name].array
     with open_table(out) as writer:
         writer.add(table)
     lost = ~np.isfinite(found.xyz[:, 0])
@@ -207,8 +243,9 @@ def reconstruct_rig(
     return RigPointsReport(len(frame), int(lost.sum()), median, sigma_px, count)
 
 
-def read_tracks(rig: RigFile, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Frames (n,) and pixels (n, c, 2) of tracks.csv; NaN where a camera does not see a point."""
+def read_tracks(rig: RigFile, path: Path) -> tuple[IntArray, FloatArray, pd.DataFrame]:
+    """Frames (n,) and pixels (n, c, 2) of tracks.csv, NaN where a camera does not see a point; and
+    its further columns, of those with a camera's name one for all cameras."""
     content = read_whole(path)
     names = [f"{axis}_{name}".lower() for name in rig.names for axis in POINT]
     columns = [Column(name, may_be_empty=True) for name in names]
@@ -227,7 +264,27 @@ def read_tracks(rig: RigFile, path: Path) -> tuple[FloatArray, FloatArray]:
             f"{rig.names[camera]}."
         )
     shaped[~np.isfinite(shaped).all(axis=2)] = np.nan
-    return rows.values["frame"], shaped
+    own = {"frame", *names, *OF_TRACKS}
+    further = rows.raw[[name for name in map(str, rows.raw) if name.lower() not in own]]
+    return rows.values["frame"].astype(np.int64), shaped, _common(further, rig.names)
+
+
+def _common(further: pd.DataFrame, cameras: Sequence[str]) -> pd.DataFrame:
+    """One column in place of those that end in the cameras' names: what all that have a value say;
+    empty where they differ, and not there where none agree."""
+    groups: dict[str, list[str]] = {}
+    by_length = sorted(map(str.lower, cameras), key=len, reverse=True)
+    for name in map(str, further):
+        camera = next((each for each in by_length if name.endswith(f"_{each}")), None)
+        groups.setdefault(name if camera is None else name[: -len(camera) - 1], []).append(name)
+    found = {}
+    for stem, names in groups.items():
+        values = further[names].where(further[names] != "")
+        first = values.bfill(axis=1).iloc[:, 0]
+        agree = (values.eq(first, axis=0) | values.isna()).all(axis=1) & first.notna()
+        if agree.any():
+            found[stem] = first.where(agree, "")
+    return pd.DataFrame(found, index=further.index)
 
 
 def _noise_of_tracks(fitter: ViewFitter, pixels: FloatArray, rays: FloatArray) -> float:

@@ -1,6 +1,7 @@
 """`rig.json`: the cameras of a rig in one frame, with their errors and what the pairs say."""
 
 import datetime
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -22,7 +23,7 @@ from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters, software_versions
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCamera, Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
@@ -71,6 +72,11 @@ class RigFile:
             q[first + TRANSLATION : first + 2 * TRANSLATION] = self.poses[name].T
             q[first + TIME] = self.time_offsets[name]
         return q
+
+    @property
+    def placed(self) -> dict[str, PlacedCamera]:
+        """The cameras and their poses by name."""
+        return {name: PlacedCamera(own, self.poses[name]) for name, own in self.cameras.items()}
 
     @property
     def R(self) -> FloatArray:
@@ -144,6 +150,14 @@ class RigFile:
             "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
+
+    @cached_property
+    def digest(self) -> str:
+        """Identifies the rig, independent of date and version."""
+        content = self.to_json()
+        for key in ("created", "software"):
+            del content[key]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def dumps(self) -> str:
         """The file as text."""
@@ -245,12 +259,17 @@ def _check_figures(data: Mapping[str, Any]) -> None:
         raise ValueError("a figure that is not finite")
 
 
+def is_rig(content: bytes) -> bool:
+    """Whether the content of a file is a rig's, of any version."""
+    return b'"stereocal-rig/' in content[:200]
+
+
 def holds_rig(path: Path) -> bool:
-    """Whether a file is a rig's, of any version."""
+    """As `is_rig`, of a file."""
     try:
-        with path.open(encoding="utf-8") as file:
-            return '"stereocal-rig/' in file.read(200)
-    except (OSError, UnicodeDecodeError):
+        with path.open("rb") as file:
+            return is_rig(file.read(200))
+    except OSError:
         return False
 
 

@@ -41,7 +41,11 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     """
     caution = answer.recommendation.caution
     warning = [f"**Do not rely on this result: {caution}**"] if caution else []
-    use = partial(_applied, applied) if applied is not None and applied.used else _recommended
+    use = (
+        partial(_applied, applied)
+        if applied is not None and "matching" in applied.used
+        else _recommended
+    )
     parts = (_recording, _left_out, _sets, _validation, _held_out, use, _verdict)
     paragraphs = (" ".join(filter(None, part(answer))) for part in parts)
     again = (

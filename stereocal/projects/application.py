@@ -18,20 +18,23 @@ from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.world_file import check_world
-from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, Points, apply_sets
+from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PARQUET, PointTable
+from stereocal.matching.rig_application import RigApplication, apply_rig
+from stereocal.network.rig_file import RIG, RigFile, is_rig
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart
-from stereocal.rig.camera import CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.records import of_plain, pack, plain
 from stereocal.system.zip_files import pack_zip, unzip
 
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
-Asked = Literal["primary", "secondary", "bars", "archive", "matching", "measuring"]
+Asked = str
+"""What a file with open questions is for: a camera's points (`primary`, `secondary`, or `slot_of` a
+rig's camera), `bars`, `archive`, `matching` or `measuring`."""
 SUFFIXES = (".csv", ".parquet")
 POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
 SETS, APPLIED, WORLD = "sets", "applied", "world"
@@ -41,6 +44,11 @@ CHECK, PARAMETERS, IMAGES = "check", "parameters", "images"
 """The part of the Check page, and its files."""
 EARLIER = "image_sizes"
 """Of the results of earlier versions, which had no cameras."""
+
+
+def slot_of(camera: str) -> Asked:
+    """Where the points of a rig's camera are: its name alone could be that of another file."""
+    return f"camera {camera}"
 
 
 @dataclass(frozen=True)
@@ -69,14 +77,14 @@ class ProjectApplication(ProjectPart):
 
     # Points
 
-    def point_file(self, side: CameraName) -> PointFile | None:
+    def point_file(self, side: Asked) -> PointFile | None:
         found = self.database.file(TABLES, side)
         try:
             return None if found is None else of_plain(found.about, PointFile)
         except DAMAGED as error:
             raise DamagedError("The list of point files is damaged; give them again.") from error
 
-    def points(self, side: CameraName) -> Points | None:
+    def points(self, side: Asked) -> Points | None:
         file, stored = self.point_file(side), self.database.file(TABLES, side)
         if file is None or stored is None:
             return None
@@ -105,7 +113,7 @@ class ProjectApplication(ProjectPart):
                     self.table(name).copy_to(path)
             yield Path(folder)
 
-    def offer_points(self, side: CameraName, label: str, content: bytes) -> None:
+    def offer_points(self, side: Asked, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered."""
         parquet = Path(label).suffix.lower() in PARQUET
         content = content if parquet else point_text(content, label)
@@ -131,7 +139,7 @@ class ProjectApplication(ProjectPart):
         found = self.database.file(ASKING, side)
         return None if found is None else (found.label, found.read_bytes())
 
-    def preview(self, side: CameraName, answers: Answers, first_rows: int | None) -> pd.DataFrame:
+    def preview(self, side: Asked, answers: Answers, first_rows: int | None) -> pd.DataFrame:
         """The points of the file with open questions, as they would be read."""
         found = self.asking(side)
         if found is None:
@@ -140,7 +148,7 @@ class ProjectApplication(ProjectPart):
         layout = answered(layout_of(content, label), answers, content, label)
         return read_points(content, layout, answers.camera, answers.image_height, label, first_rows)
 
-    def answer(self, side: CameraName, answers: Answers) -> None:
+    def answer(self, side: Asked, answers: Answers) -> None:
         """Read the file with open questions as answered, and use it."""
         if (found := self.asking(side)) is None:
             return
@@ -151,7 +159,7 @@ class ProjectApplication(ProjectPart):
         file = PointFile(label, ".csv", len(table), int(table["frame"].nunique()), answers)
         self._keep_points(side, content, _written(table), file)
 
-    def ask_again(self, side: CameraName) -> None:
+    def ask_again(self, side: Asked) -> None:
         """Ask about the file in use again; it stays in use until answered."""
         with self.database.transaction():
             file, given = self.point_file(side), self.database.file(POINT_FILES, side)
@@ -162,7 +170,7 @@ class ProjectApplication(ProjectPart):
         with self.database.freeing():
             self.database.forget_files(ASKING, [side])
 
-    def _keep_points(self, side: CameraName, given: bytes, table: bytes, file: PointFile) -> None:
+    def _keep_points(self, side: Asked, given: bytes, table: bytes, file: PointFile) -> None:
         with self.database.transaction():
             self.database.give(POINT_FILES, side, file.label, given)
             stored = self.database.keep_file(table, file.label)
@@ -171,8 +179,27 @@ class ProjectApplication(ProjectPart):
 
     # Parameter files and the world frame
 
+    def keep_rig(self, label: str, content: bytes) -> None:
+        """Store rig.json, to be used in place of parameter files."""
+        RigFile.loads(content, label)
+        self.database.give(SETS, RIG, label, content)
+
+    def forget_rig(self) -> None:
+        with self.database.freeing():
+            self.database.forget_files(SETS, [RIG])
+
+    @property
+    def rig_given(self) -> tuple[str, RigFile] | None:
+        """Name and content of the rig.json given here."""
+        found = self.database.file(SETS, RIG)
+        return None if found is None else (found.label, RigFile.loads(found.read_bytes()))
+
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
-        """Store a parameter file; another one is refused, and nothing changes."""
+        """Store a parameter file, or a rig.json as such; another one is refused, and nothing
+        changes."""
+        if is_rig(content):
+            self.keep_rig(label, content)
+            return
         RigParameters.loads(content, label)
         with self.database.transaction():
             self.database.give(SETS, use, label, content)
@@ -195,9 +222,9 @@ class ProjectApplication(ProjectPart):
             return None
         return found.label, RigParameters.loads(found.read_bytes(), found.label)
 
-    def keep_world(self, label: str, content: bytes) -> None:
-        """Store a world frame, or a table for one."""
-        check_world(content, label)
+    def keep_world(self, label: str, content: bytes, rig: RigFile | None = None) -> None:
+        """Store a world frame, or a table for one, as of `check_world`."""
+        check_world(content, label, rig)
         self.database.give(WORLD, WORLD, label, content)
 
     def forget_world(self) -> None:
@@ -213,7 +240,8 @@ class ProjectApplication(ProjectPart):
 
     @property
     def result(self) -> tuple[Outcome, dict[str, StoredFile]] | None:
-        """The last finished result and its tables, `pairs.csv` and `points.csv`.
+        """The last finished result and its tables, `pairs.csv` (of a rig `tracks.csv`) and
+        `points.csv`.
 
         None also for a result that an earlier version stored in another form.
         """
@@ -223,7 +251,8 @@ class ProjectApplication(ProjectPart):
             stored = None if packed is None else loaded(packed.decode())
             if stored is None or EARLIER in stored:
                 return None
-            return of_plain(stored, Outcome), {name: files[name] for name in (PAIRS, POINTS)}
+            outcome = of_plain(stored, Outcome)
+            return outcome, {name: files[name] for name in (outcome.matched, POINTS)}
         except DAMAGED as error:
             raise DamagedError(
                 "The last result of this page is damaged; match and measure again."
@@ -235,14 +264,20 @@ class ProjectApplication(ProjectPart):
             self.database.forget_files(APPLIED)
             self.database.keep_result(APPLIED, None)
 
-    def run(self, work: Application, *how: Any) -> bool:
-        """Match and measure as `apply_sets`, and replace the last result; False if cancelled."""
-        names = work.primary.name, work.secondary.name
+    def run(self, work: Application | RigApplication, *how: Any) -> bool:
+        """Match and measure as `apply_sets` or `apply_rig`, and replace the last result; False if
+        cancelled."""
+        names = [points.name for points in work.points.values()]
         with self.opened(*names) as folder:
-            outcome = apply_sets(work, (folder / names[0], folder / names[1]), folder, *how)
+            tables = {camera: folder / points.name for camera, points in work.points.items()}
+            if isinstance(work, RigApplication):
+                outcome = apply_rig(work, tables, folder, *how[:3])
+            else:
+                outcome = apply_sets(work, tables, folder, *how)
             if outcome is None:
                 return False
-            files = {name: self.database.keep_file(folder / name, name) for name in (PAIRS, POINTS)}
+            made = outcome.matched, POINTS
+            files = {name: self.database.keep_file(folder / name, name) for name in made}
         for name in self._own.keys() & {*names}:
             self.database.keep_file(self._own[name], name)
         with self.database.transaction():

@@ -2,15 +2,21 @@
 
 import hashlib
 from collections.abc import Mapping
+from itertools import combinations
 
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.every_camera import cameras_in
+from stereocal.formats.archives.gather import TABLES
 from stereocal.formats.dataset_files import TABLE, pack_pair
-from stereocal.formats.recording_files import POINTS, find_description, parse_recording
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.recording_files import DESCRIPTION, POINTS, find_description, parse_recording
+from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
 from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import INPUT, Project, ProjectPart
+from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 
 RECORDING, RIG_FILES = "recording", "rig"
@@ -48,6 +54,25 @@ class ProjectRecording(ProjectPart):
     def camera_count(self) -> int:
         """How many cameras the recording has, without reading its points."""
         return len(find_description(self._contents(POINTS), SOURCE).entries["cameras"])
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras of the recording, or of the files that are no recording yet."""
+        contents = self._contents(POINTS)
+        if contents:
+            return dict(parse_recording(contents, SOURCE, with_points=False).cameras)
+        files = {name: file.read_bytes() for name, file in self.parts.items()}
+        if DESCRIPTION in files:
+            return dict(parse_recording(files, SOURCE, with_points=False).cameras)
+        files = {n: each for n, each in files.items() if not n.lower().endswith(TABLES)}
+        return cameras_in(files, ExchangeOptions())
+
+    @property
+    def pair_names(self) -> list[str]:
+        """The pairs of the rig that see bars together; before there is one, all pairs."""
+        if (rig := self.rig) is not None:
+            return list(rig.about["pairs"])
+        return [pair_name(pair) for pair in combinations(self.cameras, 2)]
 
     def _contents(self, but: str = "") -> dict[str, bytes]:
         files = self.database.files(RECORDING).items()

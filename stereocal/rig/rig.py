@@ -1,11 +1,13 @@
 """Two cameras and their pose: triangulation, residuals, epipolar distances."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.camera import Camera, pixel_scales
+from stereocal.rig.camera import CAMERAS, Camera, pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     Pose,
@@ -17,6 +19,34 @@ from stereocal.rig.geometry import (
 )
 
 
+def camera_in_words(name: str) -> str:
+    """Such as `the primary camera`, or `camera 1` of a rig."""
+    return f"the {name} camera" if name in CAMERAS else f"camera {name}"
+
+
+class PlacedCamera(NamedTuple):
+    """A camera and where it is."""
+
+    camera: Camera
+    pose: Pose
+    """`camera_from_reference`."""
+
+
+class PlacedCameras(Protocol):
+    """Two cameras or more."""
+
+    @property
+    def placed(self) -> Mapping[str, PlacedCamera]:
+        """By name; the first is the reference."""
+
+
+@dataclass(frozen=True)
+class SeveralCameras:
+    """Cameras and their poses."""
+
+    placed: Mapping[str, PlacedCamera]
+
+
 @dataclass(frozen=True, eq=False)
 class Rig:
     """Two cameras and their pose."""
@@ -25,6 +55,12 @@ class Rig:
     secondary: Camera
     pose: Pose
     """`secondary_from_primary`."""
+
+    @property
+    def placed(self) -> dict[str, PlacedCamera]:
+        """The primary, which is the reference, and the secondary."""
+        cameras, poses = (self.primary, self.secondary), (Pose(np.eye(3), np.zeros(3)), self.pose)
+        return dict(zip(CAMERAS, map(PlacedCamera, cameras, poses), strict=True))
 
     def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
         """Points (n, 3) in metres in the primary frame, from raw pixels (n, 2) of each camera."""

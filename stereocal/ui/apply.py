@@ -11,10 +11,12 @@ from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.names import AUTO
-from stereocal.projects.application import USES, ProjectApplication
+from stereocal.matching.rig_application import RigApplication
+from stereocal.projects.application import USES, Asked, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import camera_in_words
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ThresholdForm, ask_names, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
@@ -25,6 +27,7 @@ from stereocal.ui.refined import set_in_use
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 from stereocal.ui.world import choose_world
+from stereocal.verdict.in_words import listed
 
 OWN, FILES = "The bar's own points", "Two point files"
 POINT_KINDS = ["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"]
@@ -39,10 +42,10 @@ INSTANT_S = 2.0
 class Chosen(NamedTuple):
     """The inputs, complete but for the threshold."""
 
-    work: Application | None
+    work: Application | RigApplication | None
     """What is to be computed; None without a threshold or with invalid depths."""
-    show_threshold: Callable[[], None]
-    """Draws what the threshold depends on."""
+    show_threshold: Callable[[], None] | None
+    """Draws what the threshold depends on; None for a rig, which has none."""
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
@@ -95,29 +98,45 @@ def _points_kind(project: Project, store: ProjectApplication) -> Field:
 def _take_points(project: Project, store: ProjectApplication) -> list[CameraName]:
     """Uploaders of points, and questions about them; returns the cameras without a file."""
 
-    def take(side: CameraName, name: str, content: bytes) -> None:
+    def take(side: Asked, name: str, content: bytes) -> None:
         store.offer_points(side, name, content)
         if all(map(store.point_file, CAMERAS)):
             _points_kind(project, store).set(FILES)
 
-    files = {side: store.point_file(side) for side in CAMERAS}
-    used = "In use" if _points_kind(project, store).value() == FILES else "Not in use"
-    for (side, file), column in zip(files.items(), st.columns(2), strict=True):
+    used = _points_kind(project, store).value() == FILES
+    for side, column in zip(CAMERAS, st.columns(2), strict=True):
         with column:
-            if file is not None:
-                st.caption(f"{used}: {escape_markdown(file.label)}, {file.rows:,} points")
-            if file is not None and file.answers is not None:
-                again = callback(partial(store.ask_again, side))
-                st.button("Read it differently", key=f"again_{side}", on_click=again)
-            title, key = f"Points of the {side} camera", f"upload_points_{side}"
-            upload = st.file_uploader(title, type=POINT_KINDS, key=key, help=POINT_FILES)
-            take_one(upload, partial(take, side))
+            upload_points(store, side, camera_in_words(side), used, take)
     given = store.set_of("matching")
     for side, camera in zip(CAMERAS, project.cameras, strict=True):
         if camera is None and given is not None:
             camera = getattr(given[1], side)
         ask_about_points(store, side, None if camera is None else camera.image_size[1])
-    return [side for side, file in files.items() if file is None]
+    return [side for side in CAMERAS if store.point_file(side) is None]
+
+
+def upload_points(
+    store: ProjectApplication,
+    side: Asked,
+    camera: str,
+    used: bool,
+    take: Callable[[Asked, str, bytes], object],
+) -> None:
+    """The uploader of one camera's points.
+
+    Args:
+        camera: in words.
+        used: whether the page uses the files given.
+    """
+    if (file := store.point_file(side)) is not None:
+        in_use = "In use" if used else "Not in use"
+        st.caption(f"{in_use}: {escape_markdown(file.label)}, {file.rows:,} points")
+        if file.answers is not None:
+            again = callback(partial(store.ask_again, side))
+            st.button("Read it differently", key=f"again_{side}", on_click=again)
+    title, key = f"Points of {escape_markdown(camera)}", f"upload_points_{side}"
+    upload = st.file_uploader(title, type=POINT_KINDS, key=key, help=POINT_FILES)
+    take_one(upload, partial(take, side))
 
 
 def _choose_points(project: Project, store: ProjectApplication) -> tuple[Points, Points] | None:
@@ -154,7 +173,9 @@ def _choose_sets(
     return (found[0], found[1]) if len(found) == len(USES) else None
 
 
-def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
+def bring_up_to_date(
+    project: Project, store: ProjectApplication, work: Application | RigApplication
+) -> None:
     """Compute short work at once; for long work show a button and progress."""
 
     def run(job: jobs.Job) -> bool:
@@ -163,7 +184,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
     result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
     current = result is not None and result[0].digest == work.digest
     job = jobs.Work(project, "apply", STAGES, {"application": work.digest}, run)
-    label = f"Match and measure ({work.primary.rows:,} and {work.secondary.rows:,} points)"
+    label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
     short, doing = work.expected_seconds <= INSTANT_S, "Matching and measuring."
     last = "Cancelled. What is shown is the last finished result."
     stale = "" if result is None or current else result[0].changed_since(work)

@@ -2,6 +2,7 @@
 
 import bisect
 import io
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -15,13 +16,15 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
-from stereocal.figures.space import VIEWS
+from stereocal.figures.space import views_of
 from stereocal.matching import lengths
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
 from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import pixels_of
 from stereocal.matching.reconstruction_files import COORDINATES
-from stereocal.projects.application import USES, ProjectApplication
+from stereocal.matching.rig_application import TRACKS, RigApplication
+from stereocal.network.rig_file import RIG
+from stereocal.projects.application import USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -50,6 +53,7 @@ class Tables(NamedTuple):
     """The tables of a result, and what they say."""
 
     pairs: pd.DataFrame
+    """What belongs together: `pairs.csv`, or `tracks.csv` of a rig."""
     points: pd.DataFrame
     answer: str
     agreement: str | None
@@ -75,10 +79,10 @@ def show_application(project: Project, store: ProjectApplication, chosen: Chosen
         # A length that is known of the points, if they are the bar's.
         known_m = project.inputs.target_distance_m if _are_own(store, result[0]) else None
         looks["A known length"] = partial(_show_lengths, project, tables.points, known_m)
-    if chosen is not None:
+    if chosen is not None and chosen.show_threshold is not None:
         looks["Threshold and depths"] = chosen.show_threshold
-    if tables is not None:
-        looks["Tables"] = partial(_show_tables, tables)
+    if tables is not None and result is not None:
+        looks["Tables"] = partial(_show_tables, tables, result[0].matched)
     if looks:
         shown = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
         if look := st.segmented_control("Look closer", list(looks), **shown.widget()):
@@ -92,13 +96,14 @@ def _show_result(
     store: ProjectApplication,
     outcome: Outcome,
     files: dict[str, StoredFile],
-    work: Application | None,
+    work: Application | RigApplication | None,
 ) -> Tables | None:
     if work is None:
         show_stale("points, parameters or threshold, which are not complete now")
     tables = None
     with ErrorsShown():
-        tables = _read(files[PAIRS].name, files[POINTS].name, files[PAIRS], files[POINTS])
+        matched, points = files[outcome.matched], files[POINTS]
+        tables = _read(matched.name, points.name, matched, points)
     if tables is None:
         st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
         return None
@@ -110,7 +115,7 @@ def _show_result(
         st.warning(escape_markdown(note))
     _show_frames(store, outcome, tables)
     with st.container(horizontal=True):
-        for name in (PAIRS, POINTS):
+        for name in (outcome.matched, POINTS):
             _download(files[name], name, primary=True)
     return tables
 
@@ -156,9 +161,9 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         show_figure(measured.plot_lengths(check), measured.describe_lengths(check), "lengths")
 
 
-def _show_tables(tables: Tables) -> None:
+def _show_tables(tables: Tables, matched: str) -> None:
     headings = measured.IN_WORLD if COORDINATES in tables.points else measured.HEADINGS
-    for name, table in ((PAIRS, tables.pairs), (POINTS, tables.points)):
+    for name, table in ((matched, tables.pairs), (POINTS, tables.points)):
         st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {len(table)} rows")
         st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**headings})
 
@@ -170,38 +175,53 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         for sentence in (*outcome.sentences, agreed, f"Made with: {outcome.made_with}"):
             if sentence:
                 st.caption(escape_markdown(sentence))
-        near, far = outcome.depths_m
-        depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
-        sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
-        by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
-        suffixes = [Path(name).suffix for name in outcome.tables]
-        names = [f"{which}{end}" for which, end in zip(CAMERAS, suffixes, strict=True)]
-        match_with, measure_with = (
-            f"parameters_{outcome.used.get(use, [PAPERS[use]])[0]}.json" for use in USES
-        )
-        st.code(
-            f"python -m stereocal match {names[0]} {names[1]} --parameters {match_with} "
-            f"--threshold {outcome.threshold_px!r}{sigma}{depths}{by_name} --out {PAIRS}\n"
-            f"python -m stereocal reconstruct {PAIRS} --parameters {measure_with} "
-            f"{'' if outcome.world is None else f'--world {WORLD_FILE} '}--out {POINTS}",
-            language="shell",
-            wrap_lines=True,
-        )
+        names = [
+            f"{camera}{Path(table).suffix}"
+            for camera, table in zip(outcome.cameras, outcome.tables, strict=True)
+        ]
+        st.code(_commands(outcome, names), language="shell", wrap_lines=True)
         with st.container(horizontal=True):
             for table, name in zip(outcome.tables, names, strict=True):
                 _download(store.table(table), name)
+
+
+def _commands(outcome: Outcome, names: Sequence[str]) -> str:
+    """The commands that write the same files from point files of these names."""
+    sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
+    world = "" if outcome.world is None else f" --world {WORLD_FILE}"
+    if outcome.matched == TRACKS:
+        given = " ".join(
+            shlex.quote(f"{camera}={name}")
+            for camera, name in zip(outcome.cameras, names, strict=True)
+        )
+        match, measure = f"{given} --rig {RIG}{sigma}", f"--rig {RIG}{world}{sigma}"
+    else:
+        near, far = outcome.depths_m
+        depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
+        match_with, measure_with = (
+            f"--parameters parameters_{outcome.used.get(use, [PAPERS[use]])[0]}.json"
+            for use in USES
+        )
+        by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
+        threshold = f"--threshold {outcome.threshold_px!r}"
+        match = f"{' '.join(names)} {match_with} {threshold}{sigma}{depths}{by_name}"
+        measure = f"{measure_with}{world}"
+    return (
+        f"python -m stereocal match {match} --out {outcome.matched}\n"
+        f"python -m stereocal reconstruct {outcome.matched} {measure} --out {POINTS}"
+    )
 
 
 @st.cache_resource(show_spinner=False, max_entries=4)
 def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: StoredFile) -> Tables:
     assert pairs_digest and points_digest
     tables = []
-    for name, file in ((PAIRS, _pairs), (POINTS, _points)):
+    for file in (_pairs, _points):
         table = pd.DataFrame()
         with suppress(ValueError):
             table = pd.read_csv(io.BytesIO(file.read_bytes()))
         if "frame" not in table:
-            raise StereocalError(f"{name} of the last result is damaged.")
+            raise StereocalError(f"{file.label} of the last result is damaged.")
         tables.append(table)
     pairs, points = tables
     tracks = lengths.track_columns(points), lengths.usual_tracks(points)
@@ -222,18 +242,22 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     frames = _frames(" ".join(outcome.tables), tables)
     frame = _choose_frame(store, outcome, frames)
     of_frame = result.pairs[result.pairs["frame"] == frame]
-    seen = [pixels_of(table[table["frame"] == frame]) for table in tables]
+    seen = {
+        side: pixels_of(table[table["frame"] == frame])
+        for side, table in zip(outcome.cameras, tables, strict=True)
+    }
     own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
-    photographs = photographs_of(store.project, frame) if own else (None, None)
+    found = photographs_of(store.project, frame) if own else (None, None)
+    photographs = dict(zip(CAMERAS, found, strict=True))
     images, space = st.columns(2)
     with images:
-        for side, pixels, photograph in zip(CAMERAS, seen, photographs, strict=True):
-            st.markdown(f"**{side.capitalize()}**")
-            size = getattr(outcome.rig, side).image_size
+        for side, pixels in seen.items():
+            st.markdown(f"**{escape_markdown(side.capitalize())}**")
+            size, photograph = outcome.rig.placed[side].camera.image_size, photographs.get(side)
             fits = photograph is not None and photograph.shape[::-1] == size
             figure = plot_matches(of_frame, pixels, side, size, photograph if fits else None)
             st.plotly_chart(figure, key=f"matches_{side}")
-        st.caption(escape_markdown(describe_matches(of_frame, seen[0], seen[1], frame)))
+        st.caption(escape_markdown(describe_matches(of_frame, seen, frame)))
     with space:
         _show_space(store.project, outcome, result, None if playing else frame)
 
@@ -246,7 +270,8 @@ def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
 
 def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
     """Whether a result is of the bar's own points."""
-    given = store.points("primary")
+    first = outcome.cameras[0]
+    given = store.points(first if outcome.matched == PAIRS else slot_of(first))
     return given is None or given.name != outcome.tables[0]
 
 
@@ -293,7 +318,7 @@ def _pause() -> None:
 def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int | None) -> None:
     points, usual = result.points, result.usual_tracks
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        view = choose(project, "apply_seen_from", "Seen from", VIEWS)
+        view = choose(project, "apply_seen_from", "Seen from", views_of(outcome.rig))
         with st.popover("Colour, lines"):
             titles, named = measured.TITLES, measured.TITLES.__getitem__
             colour: measured.Colour = choose(

@@ -9,6 +9,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import lens as figures
+from stereocal.figures.rig_report import lens_table
 from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import sort_files
@@ -23,6 +24,7 @@ from stereocal.intrinsics.calibrate_lens import (
 from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.described import descriptions
@@ -37,7 +39,7 @@ from stereocal.ui.holding import board_form
 from stereocal.ui.messages import ErrorsShown, callback, readable, refusing, show_stale
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import escape_markdown, escaped_table
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 STAGES = ("photographs searched", "draws calibrated")
@@ -59,6 +61,24 @@ def show_cameras_in_use(project: Project | None) -> None:
             sigma = f" ± {rounded(camera.uncertainty.fx)}" if camera.uncertainty else ""
             said = f"fx {camera.K[0, 0]:.2f}{sigma} px, image {width} × {height} px"
             st.markdown(f"{escape_markdown(labels[which])}: {said}")
+
+
+def show_cameras_of_rig(project: Project) -> bool:
+    """The lenses of a recording of several cameras, or of the files given for one; with a rig,
+    those that it refined too. False if there are none."""
+    store = ProjectRecording(project)
+    cameras = readable(lambda: store.cameras) or {}
+    if not (store.is_given or len(cameras) > len(CAMERAS)):
+        return False
+    st.table(escaped_table(lens_table(cameras, store.rig)).set_index("Camera"))
+    if store.rig is not None:
+        st.caption("Refined: by the rig, with its standard errors. Apply and Check use these.")
+    st.markdown(
+        "To give another lens, give its camera file on the page Data. From photographs of a board, "
+        "make it in a project of its own, and download its camera file there."
+    )
+    st.page_link("pages/data.py", label="Camera files on the Data page")
+    return True
 
 
 def choose_camera(project: Project | None) -> tuple[CameraName, str]:

@@ -31,6 +31,8 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
 work. The name is the last part of the address too."""
 RIG = "rig"
 """A page of projects with three cameras and more; other menus do not show it."""
+OF_PAIRS = ("calibrate", "validate", "one_set")
+"""Pages that a whole rig has not; they open for a pair of it."""
 OTHER_ADDRESSES = {"one-set": "one_set", "start": "start", "lenses": "cameras"}
 """Of bookmarks, and what people type."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
@@ -39,17 +41,38 @@ STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
 
 
+def pages_shown(states: Mapping[str, PageState]) -> dict[str, dict[str, str]]:
+    """The pages of a project by group, as `SECTIONS`: a rig has its own page in place of those for
+    two cameras; a pair of it has both.
+
+    Args:
+        states: of its pages.
+    """
+    shown = {group: dict(titles) for group, titles in SECTIONS.items()}
+    if RIG in states:
+        before, *others = SECTIONS["Calibrate"].items()
+        others = [each for each in others if each[0] in states or each[0] not in OF_PAIRS]
+        shown["Calibrate"] = dict([before, (RIG, "Rig"), *others])
+    return shown
+
+
 def show_menu() -> StreamlitPage:
     """The menu with the state of each page as it was last; returns the chosen page."""
     st.session_state[_DRAWN] = True
     # The configuration hides Streamlit's own list of the files in `pages/`.
     st.set_option("client.showSidebarNavigation", True)
     states: Mapping[str, PageState] = st.session_state.get(STATES, {})
+    shown = pages_shown(states)
     sections = {
         group: [_page(name, title, states.get(name)) for name, title in titles.items()]
-        for group, titles in SECTIONS.items()
+        for group, titles in shown.items()
     }
-    sections["Calibrate"].insert(1, _page(RIG, "Rig", states.get(RIG), hidden=RIG not in states))
+    visible = [name for titles in shown.values() for name in titles]
+    sections["Calibrate"] += [
+        _page(name, title, None, hidden=True)
+        for name, title in {RIG: "Rig", **TITLES}.items()
+        if name not in visible
+    ]
     sections["Use"] += [
         st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
         for address, name in OTHER_ADDRESSES.items()

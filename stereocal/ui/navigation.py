@@ -4,7 +4,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
@@ -22,9 +22,9 @@ from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
-from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, TITLES, show_menu
+from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, pages_shown, show_menu
 from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
-from stereocal.ui.page_states import page_states
+from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
 
@@ -104,7 +104,7 @@ def run_page(page: StreamlitPage) -> None:
             except OSError as error:
                 reason = escape_markdown(f"{error.strerror or error}")
                 st.error(f"The project's folder cannot be used: {reason}.")
-        _show_next(page)
+        _show_next(page, page_states(project))
     except StopException as stop:
         stopped = stop
     end_page()
@@ -131,12 +131,13 @@ def _take_focus(page: StreamlitPage) -> None:
             st.html(ARRIVAL.replace("{}", arrived), unsafe_allow_javascript=True)
 
 
-def _show_next(page: StreamlitPage) -> None:
+def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
     """The button to the next page; none on Start, which has its own, and on the last page."""
-    order = [name for name in TITLES if name != "help"]
+    titles = {n: title for own in pages_shown(states).values() for n, title in own.items()}
+    order = [name for name in titles if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     if following is not None:
-        label, on = f"Next: {TITLES[following]}", partial(go_to, following)
+        label, on = f"Next: {titles[following]}", partial(go_to, following)
         icon = ":material/arrow_forward:"
         st.button(label, key="next", type="primary", icon=icon, on_click=on)
 

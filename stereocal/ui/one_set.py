@@ -44,7 +44,7 @@ MOST_NAMED = 12
 
 def show_page() -> None:
     """What the last calibration tells; before the first, what data and form give."""
-    project, inputs, dataset = project_with_data()
+    project, inputs, dataset = project_with_data("one_set")
     offer_again(project, inputs, dataset)
     with st.expander("What the refined set is, and what it may change"):
         st.markdown(ONE_SET)

@@ -53,7 +53,7 @@ def page_states(project: Project | None) -> dict[str, PageState]:
             kept = recording.database.file(RIG_FILES, RIG)
             of_rig = {"rig": _done_if(kept, "Calibrated together", "Not calibrated yet")}
             if project.pair is None:
-                return {"data": PageState("done", "A recording of several cameras"), **of_rig}
+                return {**_of_several(recording), **of_rig}
             return {**_of_two(project), **of_rig}
     except Exception:  # the pages themselves report what is wrong
         _LOG.debug("The states of the pages cannot be read.", exc_info=True)
@@ -64,23 +64,36 @@ def _done_if(done: object, yes: str, no: str) -> PageState:
     return PageState("done", yes) if done else PageState("missing", no)
 
 
+def _of_several(recording: ProjectRecording) -> dict[str, PageState]:
+    count_of = f"{recording.camera_count} cameras"
+    project = recording.project
+    return {
+        "cameras": PageState("done", f"The lenses of {count_of} are known"),
+        "data": PageState("done", f"A recording of {count_of}"),
+        **_of_use(project),
+    }
+
+
+def _of_use(project: Project) -> dict[str, PageState]:
+    applied = ProjectApplication(project).result
+    given = applied or ProjectCheck(project).file(IMAGES)
+    return {
+        "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
+        "check": _done_if(given, "New images are given", "No new bars or points yet"),
+    }
+
+
 def _of_two(project: Project) -> dict[str, PageState]:
     inputs, dataset = project.inputs, project.dataset
     lenses = [slot for slot in CAMERAS if slot not in inputs.files]
     lacking = f"No lens of the {' and '.join(lenses)} camera yet"
-    applied = ProjectApplication(project).result
-    given = applied or ProjectCheck(project).file(IMAGES)
-    found = {
-        "cameras": _done_if(not lenses, "Both lenses are known", lacking),
-        "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
-        "check": _done_if(given, "New images are given", "No new bars or points yet"),
-    }
+    found = {"cameras": _done_if(not lenses, "Both lenses are known", lacking), **_of_use(project)}
     if dataset is None:
         missing = PageState("missing", f"Missing: {', '.join(inputs.missing)}")
         return found | dict.fromkeys(("data", "calibrate", "validate", "one_set"), missing)
     calibrate, validate = _calibrate(project, dataset), _validate(project, dataset)
     own = project.settings.get("apply_sets") != "Parameter files"
-    if applied and own and calibrate.mark == "stale":
+    if found["apply"].mark == "done" and own and calibrate.mark == "stale":
         found["apply"] = calibrate
     return {
         **found,

@@ -153,8 +153,8 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
         type=KINDS,
         key=f"upload_set_{use}",
         accept_multiple_files=True,
-        help="Or parameters_refined.json, which serves both; or the files of another program, all "
-        "of them at once or as a zip.",
+        help="Or parameters_refined.json, which serves both; or rig.json of three cameras and "
+        "more; or the files of another program, all of them at once or as a zip.",
     )
     take_new(uploads, lambda files: store.offer_set(use, files))
 

@@ -11,6 +11,7 @@ from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import begin_project, current_project
+from stereocal.ui.rig_pairs import pair_buttons
 
 
 def missing_of(project: Project) -> str:
@@ -35,10 +36,14 @@ def project_or_begin(needs: str, key: str) -> Project:
     return project
 
 
-def project_with_data() -> tuple[Project, Inputs, Dataset]:
+def project_with_data(page: str) -> tuple[Project, Inputs, Dataset]:
     """The current project, its inputs and data set.
 
-    If an input is missing, the page names it, links to the Data page, and stops.
+    If an input is missing, the page names it, links to the Data page, and stops; for a rig it opens
+    a pair.
+
+    Args:
+        page: the page's name, as it is to be opened for a pair.
     """
     project = current_project()
     inputs = project.inputs if project else None
@@ -47,8 +52,8 @@ def project_with_data() -> tuple[Project, Inputs, Dataset]:
         if project is not None:
             ask_if_measured(project)
         if project is not None and ProjectRecording(project).is_given:
-            st.info("This project holds a recording of several cameras: open a pair of them.")
-            st.page_link("pages/rig.py", label="Open a pair on the page Rig")
+            st.info("This page is for two cameras of the rig. Open a pair of them:")
+            pair_buttons(project, page)
         else:
             missing = missing_of(project) if project else "points, cameras and two lengths"
             st.info(f"Before this page can answer, it needs {missing}.")

@@ -1,7 +1,5 @@
 """The Rig page: all cameras of a recording together."""
 
-from functools import partial
-
 import numpy as np
 import streamlit as st
 
@@ -24,9 +22,8 @@ from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback, end_here
-from stereocal.ui.navigation import go_to
-from stereocal.ui.project import current_project, open_project
-from stereocal.ui.screening import calibrate_next
+from stereocal.ui.project import current_project
+from stereocal.ui.rig_pairs import open_pair, pair_buttons
 from stereocal.ui.texts import escape_markdown
 
 KIND: jobs.Kind = "rig"
@@ -88,8 +85,8 @@ def show_page() -> None:
         count, frames = len(recording.cameras), len({*recording.frame.tolist()})
         pairs = escape_markdown(recording.describe_pairs())
         st.info(f"{count} cameras, {frames} frames. {pairs}")
-    else:
-        _show_rig(store, rig)
+        end_here()
+    _show_rig(store, rig)
 
 
 def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
@@ -103,7 +100,7 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
     def open_clicked() -> None:
         for point in st.session_state[GRAPH]["selection"]["points"]:
             if "customdata" in point:  # not a camera
-                _open_pair(store, str(np.ravel(point["customdata"])[0]))
+                open_pair(store, str(np.ravel(point["customdata"])[0]))
                 return
 
     graph, words = plot_rig_graph(rig), describe_rig_graph(rig)
@@ -113,21 +110,8 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
         st.caption(escape_markdown(loops))
     for note in rig_notes(rig):
         st.warning(escape_markdown(note))
-    with st.container(horizontal=True, vertical_alignment="bottom"):
-        chosen = st.selectbox("A pair by itself", list(rig.about["pairs"]), key="rig_pair")
-        told = "on all other pages: the bars that both cameras saw, with the rig's lenses"
-        press = partial(_open_pair, store, chosen)
-        st.button("Open this pair", key="rig_open_pair", on_click=press, help=told)
+    st.caption("A pair by itself, on the pages Calibrate, Validate and One set or two:")
+    pair_buttons(store.project)
     st.header("The cameras", divider="gray")
     show_figure(plot_cameras(rig), words, "rig_cameras")
     st.table(camera_table(rig))
-
-
-@callback
-def _open_pair(store: ProjectRecording, name: str) -> None:
-    """Open the pages of a pair, and calibrate it the first time (a callback)."""
-    pair = store.pair(name)
-    open_project(pair.id, name)
-    go_to("calibrate")
-    if pair.calibration is None:
-        calibrate_next()

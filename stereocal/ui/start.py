@@ -12,10 +12,11 @@ from stereocal.errors import disk_errors
 from stereocal.figures import story as figures
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.recording_files import POINTS
-from stereocal.projects.application import ProjectApplication
+from stereocal.projects.application import ProjectApplication, slot_of
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
@@ -80,9 +81,15 @@ def real_recording() -> Project:
 
 
 def three_cameras() -> Project:
-    """A project with the real recording of three cameras."""
+    """A project with the real recording of three cameras; the middle marker is the points to match
+    and measure."""
     cameras = [path.name for path in sorted(RIG.glob("*.yaml"))]
-    return _sample(RIG, [DESCRIPTION[0], POINTS, *cameras], "three cameras")
+    project = _sample(RIG, [DESCRIPTION[0], POINTS, *cameras], "three cameras")
+    store = ProjectApplication(project)
+    for camera in ProjectRecording(project).cameras:
+        name = f"points_{camera}.csv"
+        store.offer_points(slot_of(camera), name, (RIG / name).read_bytes())
+    return project
 
 
 def sample_points() -> Project:

@@ -25,7 +25,8 @@ from stereocal.formats.point_answers import Answers, can_choose_columns, layout_
 from stereocal.formats.point_files import PointLayout
 from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.rig import camera_in_words
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.messages import ErrorsShown, callback, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
@@ -130,12 +131,25 @@ def ask_about(
             st.button("Put the file aside", key=f"aside_{asked}", on_click=away)
 
 
-def ask_about_points(store: ProjectApplication, side: CameraName, image_height: int | None) -> None:
-    """The questions about one camera's file, if there is one."""
+def ask_about_points(
+    store: ProjectApplication,
+    side: Asked,
+    image_height: int | None,
+    camera: str | None = None,
+    number: int | None = None,
+) -> None:
+    """The questions about one camera's file, if there is one.
+
+    Args:
+        camera: in words; None: `side` is its name.
+        number: of the camera in a file of several, as a first proposal.
+    """
+    camera = camera or camera_in_words(side)
+    at = CAMERAS.index(side) if number is None and side in CAMERAS else number or 0
 
     def form(label: str, content: bytes) -> Use | None:
         layout = layout_of(content, label)
-        _say_layout(label, layout, f"{side} camera")
+        _say_layout(label, layout, camera)
         asked = Questions(store.project, f"wizard_{side}_{{}}", layout.program)
         if not can_choose_columns(layout) and st.toggle(
             "It is another table: I choose its columns",
@@ -143,10 +157,10 @@ def ask_about_points(store: ProjectApplication, side: CameraName, image_height: 
         ):
             layout = point_answers.layout_by_hand(content, label)
             asked = Questions(store.project, f"wizard_{side}_hand_{{}}", layout.program)
-        first = point_answers.first_answers(layout, CAMERAS.index(side), image_height)
+        first = point_answers.first_answers(layout, at, image_height)
         by_hand = can_choose_columns(layout)
         names = point_answers.column_names(content, layout, label) if by_hand else []
-        answers = _point_form(asked, layout, side, first, names)
+        answers = _point_form(asked, layout, camera, first, names)
         if answers.columns is None and not layout.columns:
             st.info("Choose the columns: this file does not say which is which.")
         elif answers.corner == "lower-left" and answers.image_height is None:
@@ -186,19 +200,21 @@ def ask_about_bars(store: ProjectApplication) -> None:
 
 
 def _say_layout(label: str, layout: PointLayout, what: str) -> None:
-    st.markdown(f"**{escape_markdown(label)}** ({what}) looks like {layout.program}.")
+    st.markdown(
+        f"**{escape_markdown(label)}** ({escape_markdown(what)}) looks like {layout.program}."
+    )
     for question in layout.questions:
         st.markdown(f"- {escape_markdown(question)}")
 
 
 def _point_form(
-    asked: Questions, layout: PointLayout, side: CameraName, first: Answers, names: list[str]
+    asked: Questions, layout: PointLayout, whose: str, first: Answers, names: list[str]
 ) -> Answers:
     """The answers about one camera's points; `names` are those of the columns to choose from."""
     camera, per_unit, likelihood = first.camera, 1.0, 0.0
     if len(layout.cameras) > 1:
         one = asked.field("camera", camera, one_of(layout.cameras))
-        camera = one.menu(f"The {side} camera is")
+        camera = one.menu(f"{whose[0].upper()}{whose[1:]} is")
     columns = _columns(asked, names, first) if names else None
     origin = asked.origin(PixelOrigin(first.corner, first.first_pixel, first.flip))
     height = _height(asked, "image_height", "", first.image_height, origin.corner)

@@ -1,12 +1,14 @@
 """The fold "World frame" of the Apply page: a table or world.json, the frame, its download."""
 
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.find import find_world
+from stereocal.field.world.find import find_world, find_world_of_rig
 from stereocal.field.world.frame import (
     BASELINE,
     CAMERA,
@@ -24,16 +26,21 @@ from stereocal.formats.world_file import (
     FRAME,
     is_json,
     kind_of_table,
+    pair_in_table,
     parse_world,
     read_observed,
     write_world,
 )
 from stereocal.matching.application import digest_of
+from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Pair
+from stereocal.rig.rig import camera_in_words
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ask_noise, noise_field
 from stereocal.ui.downloads import offer
@@ -49,10 +56,16 @@ HELP = (
     "level lines or a horizon (line,kind and pixels), or of a throw (frame and pixels); or "
     "world.json, or a 4x4 matrix."
 )
+OF_RIG = "The pixels are those of two cameras of the rig, as the columns u_{0},v_{0},u_{1},v_{1}."
 
 
-def choose_world(project: Project, store: ProjectApplication, rig: RigParameters) -> Pose | None:
-    """The fold; returns `world_from_primary`, or None for points in the primary's frame."""
+def choose_world(
+    project: Project, store: ProjectApplication, rig: RigParameters | RigFile
+) -> Pose | None:
+    """The fold; returns `world_from_primary`, of a rig `world_from_reference`; None for points in
+    the camera's frame."""
+    several = rig if isinstance(rig, RigFile) else None
+    camera = camera_in_words("primary" if several is None else several.names[0])
     file, world, refused = store.world_file, None, None
     rate = setting(project, "world_frame_rate", None, Number(0.1, 1e6, or_none=True))
     kind = None  # None also for a file that states the frame itself: JSON, or a 4x4 matrix
@@ -69,12 +82,13 @@ def choose_world(project: Project, store: ProjectApplication, rig: RigParameters
                 if kind == FRAME:
                     rate.number_input("Frame rate (frames per second)", format="%.6g")
             title = "Surveyed points, plumb lines or a throw; or world.json"
-            upload = st.file_uploader(title, type=KINDS, key="upload_world", help=HELP)
-            take_one(upload, store.keep_world)
+            told = HELP if several is None else f"{HELP} {OF_RIG.format(*several.names)}"
+            upload = st.file_uploader(title, type=KINDS, key="upload_world", help=told)
+            take_one(upload, partial(store.keep_world, rig=several))
             if file is None:
                 st.caption(
-                    "Points are in the primary camera's frame. A table of surveyed points, plumb "
-                    "lines or a throw gives them a world frame with a known vertical."
+                    f"Points are in the frame of {escape_markdown(camera)}. A table of surveyed "
+                    "points, plumb lines or a throw gives them a world frame with a known vertical."
                 )
             elif kind is None:
                 world = parse_world(file.read_bytes(), file.label)
@@ -88,16 +102,28 @@ def choose_world(project: Project, store: ProjectApplication, rig: RigParameters
     if refused is not None:
         st.error(
             f"World frame: {escape_markdown(str(refused))} "
-            "Until then, points are in the primary camera's frame."
+            f"Until then, points are in the frame of {escape_markdown(camera)}."
         )
     return world
 
 
-def _found(project: Project, file: StoredFile, rate: float | None, rig: RigParameters) -> Pose:
+def _found(
+    project: Project, file: StoredFile, rate: float | None, rig: RigParameters | RigFile
+) -> Pose:
     """The frame that a table gives, with its sentence and download."""
-    observed = read_observed(file.read_bytes(), file.label, rate)
-    key = f"{file.name} {rate} {digest_of(rig)}"
-    frame = _world(key, rig, observed, _settings(project, observed))
+    content = file.read_bytes()
+    pair: Pair = CAMERAS
+    if isinstance(rig, RigFile):
+        pair = pair_in_table(rig, content, file.label)
+        used = rig.pair(*pair)
+        find: Callable[..., WorldFrame] = partial(find_world_of_rig, rig, pair)
+        observed = read_observed(content, file.label, rate, pair)
+        key = f"{file.name} {rate} {rig.digest} {pair}"
+    else:
+        used = rig
+        find, observed = partial(find_world, rig), read_observed(content, file.label, rate)
+        key = f"{file.name} {rate} {digest_of(rig)}"
+    frame = _world(key, find, observed, _settings(project, observed, pair))
     st.success(escape_markdown(frame.sentence))
     for note in frame.notes:
         st.caption(escape_markdown(note))
@@ -108,16 +134,17 @@ def _found(project: Project, file: StoredFile, rate: float | None, rig: RigParam
         table, height = table.rename_axis("Point").reset_index(), min(35 * len(table) + 38, 283)
         shown = dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f"))
         st.dataframe(table, hide_index=True, height=height, column_config=shown)
-    offer(f"Download {WORLD_FILE}", lambda: write_world(frame, rig), WORLD_FILE, "download_world")
+    offer(f"Download {WORLD_FILE}", lambda: write_world(frame, used), WORLD_FILE, "download_world")
     return frame.pose
 
 
-def _settings(project: Project, observed: Observed) -> WorldSettings:
+def _settings(project: Project, observed: Observed, cameras: Pair) -> WorldSettings:
     """Origin and axes, and what else the table does not say."""
     survey, throw = isinstance(observed, Survey), isinstance(observed, Throw)
     origins = {SURVEY: "the survey's own"} if survey else {}
-    directions = {**origins, VIEW: "where the primary looks", BASELINE: "from primary to secondary"}
-    origins[CAMERA] = "the primary camera"
+    first, second = map(camera_in_words, cameras)
+    directions = {**origins, VIEW: f"where {first} looks", BASELINE: f"from {first} to {second}"}
+    origins[CAMERA] = first
     if isinstance(observed, Survey):
         origins |= {name: name for name in observed.names}
     elif isinstance(observed, Throw):
@@ -152,7 +179,7 @@ def _switch(project: Project, title: str, name: str) -> bool:
 
 @st.cache_resource(show_spinner="Finding the world frame.", max_entries=16)
 def _world(
-    key: str, _rig: RigParameters, _observed: Observed, settings: WorldSettings
+    key: str, _find: Callable[..., WorldFrame], _observed: Observed, settings: WorldSettings
 ) -> WorldFrame:
     assert key
-    return jobs.compute(find_world, _rig, _observed, settings)
+    return jobs.compute(_find, _observed, settings)

@@ -28,7 +28,7 @@ def test_from_start_to_the_rig_and_to_a_pair(
     page.set_viewport_size({"width": 420, "height": 900})
     settled(page)
     assert page.evaluate("document.body.scrollWidth <= window.innerWidth")
-    page.get_by_role("button", name="Open this pair").click()
+    page.get_by_role("button", name="Pair 1-2").click()
     expect(page.get_by_role("heading", name="Calibrate", exact=True).first).to_be_visible(
         timeout=LONGEST_MS
     )

@@ -71,7 +71,8 @@ def test_matches_of_a_frame() -> None:
     np.testing.assert_array_equal(right.x, ordered["u_secondary"])
     assert list(left.text) == list(right.text) == ["1", "2"]
     np.testing.assert_array_equal(left.marker.color, right.marker.color)
-    assert "1 of 3 points of the primary" in describe_matches(of_frame, first, second, 1)
+    said = describe_matches(of_frame, dict(zip(CAMERAS, (first, second), strict=True)), 1)
+    assert "1 of 3 points of the primary" in said
     for figure in figures:
         assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
         assert not figure.layout.images

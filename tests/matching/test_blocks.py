@@ -57,7 +57,7 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folders = [tmp_path / name for name in ("plain", "whole", "stopped")]
     for folder in folders:
         folder.mkdir()
-    tables = tmp_path / "p.csv", tmp_path / "s.csv"
+    tables = {"primary": tmp_path / "p.csv", "secondary": tmp_path / "s.csv"}
     plain = apply_sets(work, tables, folders[0])
     stop = StopAt(90)  # all 60 frames are matched, and some of the pairs measured
 

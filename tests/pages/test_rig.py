@@ -5,13 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.cli import main
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.recording_files import pack_recording
+from stereocal.matching.lengths import check_lengths
+from stereocal.matching.rig_application import points_by_camera
 from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile
+from stereocal.projects.application import ProjectApplication, slot_of
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
@@ -56,8 +61,7 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
     pair.keep_settings({"validate_runs": 10})
     app = go(session(project), "rig")
     assert "One rig of 3 cameras" in told(app)
-    app.selectbox(key="rig_pair").set_value("2-3").run()
-    app.button(key="rig_open_pair").click().run()
+    app.button(key="open_pair_2-3").click().run()
     assert titles(app) == ["Calibrate"] and not app.exception
     assert app.query_params["pair"] == "2-3"
     # Computed when first opened.
@@ -73,6 +77,80 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
     assert "pair" not in app.query_params
     cards = told(go(app, "start"))
     assert "One rig: 0." in cards and cards.count("3 cameras") == 1
+
+
+def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
+    app = go(session(project), "rig")
+    states = app.session_state["page_states"]
+    assert not {"calibrate", "validate", "one_set"} & {*states}
+    assert {states[name].mark for name in ("cameras", "data", "rig")} == {"done"}
+    app.button(key="next").click().run()
+    assert titles(app) == ["Apply"] and not app.exception
+    app.button(key="next").click().run()
+    assert titles(app) == ["Check"] and not app.exception
+    lenses = go(app, "cameras").table[0].value
+    assert list(lenses.index) == ["1", "2", "3"] and "Refined, px" in lenses
+    # A page for two cameras, opened by its address, opens a pair of them.
+    for page, title in (("validate", "Validate"), ("calibrate", "Calibrate")):
+        app = go(session(project), page)
+        assert not app.exception
+        assert {b.key for b in app.button} >= {
+            f"open_pair_{name}" for name in ("1-2", "1-3", "2-3")
+        }
+        app.button(key="open_pair_1-2").click().run()
+        assert titles(app) == [title] and app.query_params["pair"] == "1-2"
+
+
+def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
+    project: Project, tmp_path: Path
+) -> None:
+    """The points are the wand's markers, unnamed, in a tenth of the frames."""
+    store, files = ProjectApplication(project), tmp_path / "files"
+    recording = ProjectRecording(project).read()
+    assert recording is not None
+    some = points_by_camera(rows_where(recording, recording.frame % 30 == 0))
+    files.mkdir()
+    (files / "rig.json").write_text(rig_text())
+    given = []
+    for camera, table in some.items():
+        path = files / f"{camera}.csv"
+        table.to_csv(path, index=False)
+        store.offer_points(slot_of(camera), path.name, path.read_bytes())
+        given.append(f"{camera}={path}")
+    app = go(session(project), "apply")
+    assert not app.exception and not app.error
+    result = store.result
+    assert result is not None and result[0].matched == "tracks.csv"
+    made = {"tracks.csv": ["match", *given], "points.csv": ["reconstruct", f"{files}/tracks.csv"]}
+    for name, words in made.items():
+        assert main([*words, "--rig", f"{files}/rig.json", "--out", f"{files}/{name}"]) == 0
+        assert result[1][name].read_bytes() == (files / name).read_bytes()
+    points = pd.read_csv(files / "points.csv")
+    assert (points["views"] == 3).any()
+    # The names are carried along: A and B of the wand are 0.39 m apart. Measured: 0.15 %.
+    app.segmented_control(key="apply_view").set_value("A known length").run()
+    app.number_input(key="apply_known").set_value(0.39).run()
+    assert "target" in app.selectbox(key="apply_way").options
+    check = check_lengths(points, 0.39, "target", ("A", "B"))
+    assert check.mean_error < 0.003 and check.sentence() in told(app, "success")
+    assert app.session_state["page_states"]["apply"].mark == "done"
+    for view in ("Camera 1", "Camera 3", "Above"):
+        app.segmented_control(key="apply_seen_from").set_value(view).run()
+        assert not app.exception
+
+
+def test_a_rig_file_alone_is_applied(app: AppTest, home: Path) -> None:
+    go(app, "apply").button(key="apply_begin").click().run()
+    app.file_uploader(key="upload_set_matching").upload("rig.json", rig_text().encode()).run()
+    assert "a rig of 3 cameras" in told(app, "caption") and not app.exception
+    for camera in "12":
+        table = (RIG / f"points_{camera}.csv").read_bytes()
+        few = b"".join(table.splitlines(keepends=True)[:40])
+        app.file_uploader(key=f"upload_points_camera {camera}").upload("p.csv", few).run()
+    result = ProjectApplication(Project.open(home, find_projects(home)[0])).result
+    assert result is not None and result[0].cameras == ["1", "2"]
+    app.button(key="forget_rig").click().run()
+    assert not app.exception and "parameter file" in told(app)
 
 
 def test_a_pair_opens_by_its_address(project: Project) -> None:

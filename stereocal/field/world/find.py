@@ -1,5 +1,7 @@
 """The world frame of whatever was observed."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from stereocal.errors import StereocalError
@@ -7,7 +9,9 @@ from stereocal.field.world.frame import Observed, Survey, Throw, WorldFrame, Wor
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Pair
 
 
 def find_world(
@@ -28,3 +32,19 @@ def find_world(
         raise StereocalError(
             "No world frame fits these observations; are the numbers in pixels and metres?"
         ) from error
+
+
+def find_world_of_rig(
+    rig: RigFile, pair: Pair, observed: Observed, settings: WorldSettings | None = None
+) -> WorldFrame:
+    """The world frame of a rig of three cameras and more: its pose is `world_from_reference`.
+
+    Args:
+        pair: the cameras that observed, as of `pair_in_table`.
+        observed: points already reconstructed are in the reference's frame.
+    """
+    to_first = rig.poses[pair[0]]
+    if isinstance(observed, Survey):
+        observed = replace(observed, measured_m=to_first.apply(observed.measured_m))
+    found = find_world(rig.pair(*pair), observed, settings)
+    return replace(found, pose=found.pose @ to_first)
