@@ -26,15 +26,16 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.rig_check import check_rig, rig_notes, rig_sentence, rig_to_json
 from stereocal.formats.dataset_files import read_recording
-from stereocal.formats.inputs import STORED_PROJECT, images_in_table
+from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
 from stereocal.matching.point_noise import check_sigma
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.atomic_files import read_whole
 
 OPTIONS: Options = {
     "parameters": "the parameter file to check, or rig.json",
     "dataset": "a few new bars: folder or zip with dataset.json, or a table of bars "
-    "(correspondences.csv); or matched points alone: pairs.csv",
+    "(correspondences.csv; with rig.json its points.csv); or matched points alone: pairs.csv",
     "--out OUT": "folder for the files",
     "--turn DEG": 'smallest turn that matters; "same" is reported only if it would be seen '
     "(default: %(default).3g)",
@@ -62,8 +63,12 @@ def run(parsed: argparse.Namespace) -> None:
     if holds_rig(path):
         names = ("sigma_px", "pair", "baseline_sigma", "distance_sigma")
         refuse_given(parsed, WITH_RIG, *names)
-        recording = read_recording(data, parsed.lens_model)
-        whole = check_rig(RigFile.load(path), recording, smallest)
+        rig = RigFile.load(path)
+        if data.is_file() and not zipfile.is_zipfile(data):
+            recording = recording_in(read_whole(data), str(data), rig)
+        else:
+            recording = read_recording(data, parsed.lens_model)
+        whole = check_rig(rig, recording, smallest)
         answer, told, remarks = rig_to_json(whole), rig_sentence(whole), rig_notes(whole)
     else:
         path, prior = _prior(path)

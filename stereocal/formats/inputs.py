@@ -2,17 +2,22 @@
 
 import tempfile
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
+from stereocal.formats.recording_files import parse_recording, read_points
 from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PARQUET, PointTable
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
+from stereocal.system.photograph_files import is_photograph
 from stereocal.system.zip_files import open_zip, unzip
 
 MANIFEST = "project.json"
@@ -55,6 +60,19 @@ def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
         path.write_bytes(content)
         return images_in_table(path, label, rig)
+
+
+def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
+    """New images of a rig in a file: a zip with `dataset.json`, or a table `points.csv` of the
+    object that the rig was calibrated with."""
+    if content[:4] == b"PK\x03\x04":
+        return parse_recording(unzip(content, label, lambda name: not is_photograph(name)), label)
+    if rig.object is None:
+        raise StereocalError(
+            f"{label}: the rig's file does not say which object it was calibrated with. Give a "
+            "data set with dataset.json."
+        )
+    return replace(read_points(content, rig.cameras, rig.object, label), name=label)
 
 
 def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:

@@ -122,14 +122,16 @@ def match_rig(
                 found = match_views(fitter, own, sigma)
                 images = images_of_groups(found.images, own).reshape(-1, len(pixels))
                 rows = pd.DataFrame(images, columns=pixels)
+                rows["frame"] = frame
                 errors = found.error_px.round(ERROR_DECIMALS)
-                about = zip(OF_TRACKS, (found.views, errors, found.ambiguous), strict=True)
-                passed = {
-                    new: _of_images(by_frame[frame].get(name), column, images)
-                    for (name, column), new in further.items()
-                    for images in [found.images[:, rig.names.index(name)]]
-                }
-                writer.add(rows.assign(frame=frame, **{**dict(about), **passed}))
+                for name, values in zip(
+                    OF_TRACKS, (found.views, errors, found.ambiguous), strict=True
+                ):
+                    rows[name] = values
+                for (camera, column), name in further.items():
+                    at = found.images[:, rig.names.index(camera)]
+                    rows[name] = _of_images(by_frame[frame].get(camera), column, at)
+                writer.add(rows)
                 ambiguous += int(found.ambiguous.sum())
                 counts += np.bincount(found.views, minlength=len(counts))
                 if progress is not None:

@@ -74,6 +74,13 @@ class RigFile:
         return q
 
     @property
+    def object(self) -> RigidObject | None:
+        """The object that the rig was calibrated with; None if the file does not say."""
+        points = dict(self.about.get("object", {}))
+        points.pop("factor", None)
+        return RigidObject(tuple(points), np.array([*points.values()])) if points else None
+
+    @property
     def placed(self) -> dict[str, PlacedCamera]:
         """The cameras and their poses by name."""
         return {name: PlacedCamera(own, self.poses[name]) for name, own in self.cameras.items()}
@@ -89,9 +96,7 @@ class RigFile:
         own = Rig(self.cameras[first], self.cameras[second], pose)
         a, b = self.names.index(first), self.names.index(second)
         covariance = pair_covariance(own, a, b, self.q, self.R, self.covariance)
-        figures, points = self.about.get("figures", {}), dict(self.about.get("object", {}))
-        points.pop("factor", None)
-        stated = RigidObject(tuple(points), np.array([*points.values()])) if points else None
+        figures, stated = self.about.get("figures", {}), self.object
         late = self.time_offsets[second] - self.time_offsets[first]
         return RigParameters(
             own.primary,

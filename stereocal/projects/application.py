@@ -12,7 +12,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
-from stereocal.formats.inputs import images_in
+from stereocal.formats.inputs import images_in, recording_in
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
 from stereocal.formats.point_files import read_points
@@ -290,12 +290,26 @@ class ProjectApplication(ProjectPart):
 class ProjectCheck(ProjectPart):
     """The Check page's files of one project: new bars or matched points, and parameters."""
 
+    @property
+    def of_images(self) -> Project:
+        """What holds the new photographs: a project of its own in the same file."""
+        return Project(self.database.of_check())
+
     def keep_parameters(self, label: str, content: bytes) -> None:
-        RigParameters.loads(content, label)
+        """Store a parameter file, or rig.json."""
+        if is_rig(content):
+            RigFile.loads(content, label)
+        else:
+            RigParameters.loads(content, label)
         self.database.give(CHECK, PARAMETERS, label, content)
 
-    def keep_images(self, label: str, content: bytes, rig: RigParameters | None) -> None:
-        if rig is not None:
+    def keep_images(
+        self, label: str, content: bytes, rig: RigParameters | RigFile | None = None
+    ) -> None:
+        """Store new images, if those of the parameters can be checked with them."""
+        if isinstance(rig, RigFile):
+            recording_in(content, label, rig)
+        elif rig is not None:
             images_in(content, label, rig)
         self.database.give(CHECK, IMAGES, label, content)
 

@@ -157,7 +157,8 @@ class ProjectPhotographs(ProjectPart):
             self.database.replace_files(BAR, _dated(found))
             self.database.keep_values(BAR, {"pairs": None, "pairing": [], "found_by": ""})
             self.database.keep_result("frames", None)
-            db.execute("DELETE FROM edit")
+            if not self.database.scope:  # others have no edits
+                db.execute("DELETE FROM edit")
 
     def give(
         self,

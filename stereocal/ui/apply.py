@@ -22,7 +22,7 @@ from stereocal.ui.apply_threshold import ThresholdForm, ask_names, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
-from stereocal.ui.parameter_files import PURPOSES, Source, upload_set
+from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
 from stereocal.ui.refined import set_in_use
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
@@ -50,7 +50,7 @@ class Chosen(NamedTuple):
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     """Uploaders of points, and the inputs in two rows; None if something is missing."""
-    source = Source(project, "apply_sets")
+    source = Source(project, APPLY_SETS)
     lacking = _take_points(project, store)
     points_at, noise_at = st.columns([2, 1])
     matching_at, threshold_at, measuring_at = st.columns(3)

@@ -17,6 +17,7 @@ from stereocal.errors import StereocalError
 from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.space import views_of
+from stereocal.figures.style import Photograph
 from stereocal.matching import lengths
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
 from stereocal.matching.names import AUTO
@@ -248,7 +249,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     }
     own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
     found = photographs_of(store.project, frame) if own else (None, None)
-    photographs = dict(zip(CAMERAS, found, strict=True))
+    photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, found, strict=True))
     images, space = st.columns(2)
     with images:
         for side, pixels in seen.items():

@@ -1,7 +1,9 @@
 """The Check page: parameters and new images, the answer, and the repaired parameters."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import streamlit as st
@@ -16,29 +18,25 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
 from stereocal.figures.check_residuals import describe_check, plot_check
+from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.inputs import images_in
 from stereocal.matching.application import PAIRS, digest_of
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
-from stereocal.projects.application import IMAGES, PARAMETERS, ProjectApplication, ProjectCheck
+from stereocal.projects.application import PARAMETERS, USES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ask_noise, noise_field
+from stereocal.ui.check_images import Seen, new_images
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, Number, one_of, setting
+from stereocal.ui.fields import Number, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import show_refusal
-from stereocal.ui.parameter_files import Source
+from stereocal.ui.messages import callback, show_refusal
+from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.texts import escape_markdown
 
-MATCHED, FILE = "The pairs of Apply", "A file"
-TITLE = "New bars or matched points"
-KINDS = ["zip", "csv", "txt", "tsv", "parquet"]
-HELP = (
-    "A data set as a zip with dataset.json; or a table of bars like correspondences.csv; or "
-    "matched points alone, like pairs.csv of Apply. Five bars or 50 points are a good start."
-)
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
@@ -46,6 +44,7 @@ VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 class Chosen:
     """The inputs of a check, complete."""
 
+    project: Project
     rig: RigParameters
     parameters: bytes | None
     """The parameter file as given; None for a set of the project."""
@@ -56,25 +55,20 @@ class Chosen:
 
 
 def choose_inputs(project: Project) -> Chosen | None:
-    """The inputs in one row, with uploaders for files; None if something is missing."""
+    """The parameters, and the place for new images; None if something is missing."""
     store, source = ProjectCheck(project), Source(project, "check_parameters")
-    left, middle, *sizes = st.columns([3, 3, 2, 2])
+    left, *sizes = st.columns([3, 2, 2])
     with left:
         found = _choose_parameters(source, store)
-    with middle:
-        kind, given = _choose_images(project, store)
-        noise = st.container()
-    smallest = _smallest(project, *sizes)
+    smallest = ask_smallest(project, *sizes)
     rig = None if found is None else found[0]
-    with st.expander("Parameters and new images from files", expanded=rig is None or not given):
+    with st.expander("Parameters from a file", expanded=rig is None):
         if source.asks_for_files():
-            upload = st.file_uploader(
-                "Parameters: parameters_refined.json", type=["json"], key="upload_check_parameters"
-            )
-            take_one(upload, store.keep_parameters)
-        if kind.value() == FILE:
-            upload = st.file_uploader(TITLE, type=KINDS, key="upload_check_images", help=HELP)
-            take_one(upload, lambda name, content: store.keep_images(name, content, rig))
+            take_parameters(store)
+    result = ProjectApplication(project).result
+    pairs = result[1].get(PAIRS) if result is not None else None
+    matched = None if pairs is None else (f"{PAIRS} of Apply", pairs.read_bytes())
+    given = new_images(_seen(store, rig), matched)
     show_refusal()
     if found is None:
         source.tell_missing("the parameters of the rig")
@@ -94,30 +88,27 @@ def choose_inputs(project: Project) -> Chosen | None:
         otherwise = (
             "by the columns that Apply writes, else as exact as the targets of the calibration"
         )
-        with noise:
-            stated = ask_noise(noise_field(project, "check_sigma_px"), usual, otherwise)
+        stated = ask_noise(noise_field(project, "check_sigma_px"), usual, otherwise)
         images = images.stating(stated)
-    return Chosen(rig, parameters, images, digest, smallest)
+    return Chosen(project, rig, parameters, images, digest, smallest)
 
 
-def _choose_images(project: Project, store: ProjectCheck) -> tuple[Field, tuple[str, bytes] | None]:
-    """The choice, and name and content of the new images; None if there are none."""
-    result = ProjectApplication(project).result
-    kinds = [MATCHED, FILE] if result else [FILE]
-    usual = FILE if store.file(IMAGES) else kinds[0]
-    kind = setting(project, "check_images", usual, one_of(kinds))
-    if result is not None:
-        st.selectbox(TITLE, kinds, **kind.widget())
-    if result is not None and kind.value() == MATCHED:
-        return kind, (f"{PAIRS} of Apply", result[1][PAIRS].read_bytes())
-    return kind, _file_in_use("" if result else TITLE, store, IMAGES)
+def take_parameters(store: ProjectCheck) -> None:
+    """The uploader of a parameter file, or of a rig's."""
+    title = "Parameters: parameters_refined.json, or rig.json"
+    upload = st.file_uploader(title, type=["json"], key="upload_check_parameters")
+    take_one(upload, store.keep_parameters)
 
 
-def _file_in_use(title: str, store: ProjectCheck, name: str) -> tuple[str, bytes] | None:
-    given = store.file(name)
-    used = f"In use: {escape_markdown(given.label) if given else 'none yet'}"
-    st.caption(f"{title}  \n{used}" if title else used)
-    return None if given is None else (given.label, given.read_bytes())
+def _seen(store: ProjectCheck, rig: RigParameters | None) -> Seen:
+    """Who takes new images; before there are parameters, files only."""
+    cameras = {} if rig is None else dict(zip(CAMERAS, (rig.primary, rig.secondary), strict=True))
+    length = None if rig is None else rig.inputs.get("target_distance_m")
+
+    def keep(name: str, content: bytes) -> None:
+        store.keep_images(name, content, rig)
+
+    return Seen(store, cameras, length if isinstance(length, float) else None, keep, TABLE)
 
 
 def _choose_parameters(
@@ -125,8 +116,13 @@ def _choose_parameters(
 ) -> tuple[RigParameters, bytes | None] | None:
     """The parameters to check, and their file unless they are the project's."""
     if not source.is_project:
-        given = _file_in_use("Parameters", store, PARAMETERS)
-        return None if given is None else (RigParameters.loads(given[1], given[0]), given[1])
+        given = store.file(PARAMETERS)
+        used = escape_markdown(given.label) if given else "none yet"
+        st.caption(f"Parameters  \nIn use: {used}")
+        if given is None:
+            return None
+        content = given.read_bytes()
+        return RigParameters.loads(content, given.label), content
     answer = source.answer()
     if answer is None:
         return None
@@ -136,7 +132,8 @@ def _choose_parameters(
     return answer.sets[method], None
 
 
-def _smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
+def ask_smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
+    """The fields of the smallest movement that matters."""
     usual, told = Smallest(), "“Same” is reported only if such a {} would have been found."
     degrees = round(float(np.degrees(usual.turn_rad)), 6)
     turn = setting(project, "check_turn_deg", degrees, Number(0.001, 90.0)).number_input(
@@ -163,13 +160,31 @@ def show_check(chosen: Chosen) -> None:
             sha256 = None if given is None else hashlib.sha256(given).hexdigest()
             return repaired_parameters(found, sha256).dumps()
 
-        offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired", primary=True)
-        st.caption(
-            "To match and to measure, until the rig is calibrated again. On the Apply page, give "
-            "it as a parameter file."
-        )
+        with st.container(horizontal=True):
+            use = callback(partial(_use, chosen.project, repaired))
+            label = "Use the repaired parameters"
+            st.button(label, type="primary", key="use_repaired", on_click=use)
+            offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired")
+        st.caption(_in_use(chosen.project))
     for note in notes(found):
         st.caption(escape_markdown(note))
+
+
+def _use(project: Project, repaired: Callable[[], str]) -> None:
+    """Have Apply match and measure with the repaired parameters."""
+    store, content = ProjectApplication(project), repaired().encode()
+    for use in USES:
+        store.keep_set(use, REPAIRED, content)
+    Source(project, APPLY_SETS).use_files()
+
+
+def _in_use(project: Project) -> str:
+    given = [ProjectApplication(project).set_of(use) for use in USES]
+    if not Source(project, APPLY_SETS).is_project and {each and each[0] for each in given} == {
+        REPAIRED
+    }:
+        return "In use: Apply matches and measures with the repaired parameters."
+    return "To match and to measure on the page Apply, until the rig is calibrated again."
 
 
 @st.cache_resource(

@@ -47,6 +47,8 @@ FILES: dict[Method, tuple[str, str]] = {
 }
 """Name and purpose of each file, the paper's two first."""
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
+APPLY_SETS = "apply_sets"
+"""Where the page Apply keeps its choice of the two."""
 RESULTS, GIVEN = "This project's results", "Parameter files"
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
 
@@ -72,6 +74,10 @@ class Source:
     def is_project(self) -> bool:
         """Whether it is the project's results."""
         return bool(self._field.value() == RESULTS)
+
+    def use_files(self) -> None:
+        """Choose files."""
+        self._field.set(GIVEN)
 
     def answer(self) -> Answer | None:
         """The project's results; None if files are chosen, or while the results are computed."""

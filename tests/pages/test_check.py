@@ -8,11 +8,19 @@ import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.field.checking.repair import REPAIRED
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.pairs import PIXELS
-from stereocal.projects.application import IMAGES, PARAMETERS, ProjectCheck
+from stereocal.projects.application import (
+    IMAGES,
+    PARAMETERS,
+    USES,
+    ProjectApplication,
+    ProjectCheck,
+)
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.zip_files import pack_zip
@@ -62,33 +70,55 @@ def begun(app: AppTest) -> AppTest:
     return app
 
 
-def give(app: AppTest, what: str, name: str, content: bytes) -> AppTest:
-    app.file_uploader(key=f"upload_check_{what}").upload(name, content).run()
-    return app
+def give(app: AppTest, what: str, *files: tuple[str, bytes]) -> AppTest:
+    (uploader,) = (
+        one for one in app.file_uploader if str(one.key).startswith(f"upload_check_{what}")
+    )
+    for file in files:
+        uploader.upload(*file)
+    return uploader.run()
 
 
 def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
     assert "Still missing: the parameters" in told(begun, "info")
-    give(begun, "parameters", "p.json", files.parameters)
+    give(begun, "parameters", ("p.json", files.parameters))
     assert "Still missing: new bars" in told(begun, "info")
-    give(begun, "images", "moved.zip", files.moved)
+    give(begun, "images", ("moved.zip", files.moved))
     assert told(begun, "warning").startswith("Moved: ")
     assert begun.session_state["page_states"]["check"].mark == "done"
     # The next session shows the same.
     tab = again(begun, "check")
     assert told(tab, "warning") == told(begun, "warning")
-    give(begun, "images", "same.zip", files.same)
+    give(begun, "images", ("same.zip", files.same))
     assert "Cannot tell with 5 bars" in told(begun, "info")
     begun.number_input(key="check_turn_deg").set_value(1.0).run()
     begun.number_input(key="check_baseline_percent").set_value(5.0).run()
     assert told(begun, "success").startswith("Same: ")
 
 
+def test_the_repaired_parameters_are_used_by_one_press(
+    begun: AppTest, home: Path, files: Files
+) -> None:
+    give(begun, "parameters", ("p.json", files.parameters))
+    give(begun, "images", ("moved.zip", files.moved))
+    begun.button(key="use_repaired").click().run()
+    assert "In use: Apply matches and measures with the repaired" in told(begun, "caption")
+    store = ProjectApplication(project_of(begun, home))
+    old = RigParameters.loads(files.parameters, "p.json")
+    for use in USES:
+        found = store.set_of(use)
+        assert found is not None and found[0] == REPAIRED
+        turn = (found[1].pose @ old.pose.inverse()).R
+        angle = np.degrees(np.arccos((np.trace(turn) - 1) / 2))
+        assert angle == pytest.approx(0.5, abs=0.05)  # by which the camera was turned
+    assert f"In use: {REPAIRED}" in told(go(begun, "apply"), "caption")
+
+
 def test_a_table_of_bars_and_the_archive(
     begun: AppTest, home: Path, files: Files, tmp_path: Path
 ) -> None:
-    give(begun, "parameters", "p.json", files.parameters)
-    give(begun, "images", "bars.csv", files.table)
+    give(begun, "parameters", ("p.json", files.parameters))
+    give(begun, "images", ("bars.csv", files.table))
     assert told(begun, "warning").startswith("Moved: ")
     pack_project(project_of(begun, home), tmp_path / "packed.zip")
     store = ProjectCheck(unpack_project(tmp_path / "packed.zip", "packed.zip", home))
@@ -100,11 +130,10 @@ def test_a_table_of_bars_and_the_archive(
 def test_the_results_of_the_project_are_checked(pressed: AppTest, home: Path) -> None:
     app = go(go(pressed, "apply"), "check")
     assert "this project's refined set" in told(app, "caption")
-    app.selectbox(key="check_images").set_value("A file").run()
     dataset = project_of(app, home).dataset
     assert dataset is not None
     few = dataset.of_frames(dataset.correspondences.frames[:5])
-    give(app, "images", "few.csv", write_table(few.correspondences))
+    give(app, "images", ("few.csv", write_table(few.correspondences)))
     assert "Cannot tell with 5 bars" in told(app, "info")
     app.selectbox(key="check_images").set_value("The pairs of Apply").run()
     assert "matched points alone do not show" in told(app, "caption").lower()

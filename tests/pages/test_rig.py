@@ -1,6 +1,8 @@
 """Files and photographs of several cameras, the Rig page, and the pages of a pair of a rig."""
 
+import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,17 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.recording_files import pack_recording
+from stereocal.formats.recording_files import pack_recording, write_points
 from stereocal.matching.lengths import check_lengths
 from stereocal.matching.rig_application import points_by_camera
 from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile
-from stereocal.projects.application import ProjectApplication, slot_of
+from stereocal.projects.application import ProjectApplication, ProjectCheck, slot_of
 from stereocal.projects.home import find_projects
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
+from stereocal.projects.server_settings import default_home
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.several import simulated_rig
 from stereocal.ui.start import RIG, three_cameras
@@ -151,6 +155,26 @@ def test_a_rig_file_alone_is_applied(app: AppTest, home: Path) -> None:
     assert result is not None and result[0].cameras == ["1", "2"]
     app.button(key="forget_rig").click().run()
     assert not app.exception and "parameter file" in told(app)
+
+
+def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: Path) -> None:
+    recording = ProjectRecording(project).read()
+    assert recording is not None
+    moved = recording.points.copy()
+    moved[recording.camera == 1] += [4.0, 0.0]  # of camera 2, turned by 0.2 degrees
+    some = rows_where(replace(recording, points=moved), recording.frame % 12 == 0)
+    app = go(session(project), "check")
+    assert "this project's rig" in told(app, "caption")
+    app.file_uploader(key="upload_check_images_0").upload("new.csv", write_points(some)).run()
+    said = told(app, "warning")
+    assert "Moved or refocused: the camera 2." in said and not app.exception
+    assert "1-2: " in told(app, "caption")
+    # The same as the command says.
+    (tmp_path / "new.csv").write_bytes(write_points(some))
+    (tmp_path / "rig.json").write_text(rig_text())
+    files = [str(tmp_path / name) for name in ("rig.json", "new.csv")]
+    assert main(["check", *files, "--out", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out" / "check.json").read_text())["cameras_moved"] == ["2"]
 
 
 def test_a_pair_opens_by_its_address(project: Project) -> None:
@@ -291,10 +315,49 @@ def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
     wait_until(lambda: store.rig is not None)
     rig = store.rig
     assert rig is not None and rig.names == [*recording.cameras]
+    _check_with_photographs(app, store, rig)
     # The photographs are still there; without one camera's, what was found is out of date.
     assert "have changed" not in told(go(app, "data"), "warning")
     app.button(key="several_clear").click().run()
     assert not app.exception and "left-mid" in told(app, "caption")
+
+
+def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile) -> None:
+    """The photographs again: as new ones of the rig, then of a pair by its parameter file."""
+    files = photographed_bars()[0]
+    go(app, "check")
+    for number, camera in enumerate(CAMERAS):
+        app.segmented_control(key="check_camera").set_value(camera).run()
+        uploader = app.file_uploader(key=f"upload_check_images_{number}")
+        for name, content in files.items():
+            if name.startswith(f"{camera}/"):
+                uploader.upload(name.split("/")[1], content)
+        uploader.run()
+    assert "36 photographs, 12 frames" in told(app, "markdown")
+    _find_new(app, store.project)
+    assert "targets found in 12 frames" in told(app, "caption")
+    assert "no camera has moved" in told(app) or "no movement is seen" in told(app)
+    # Photographs of the data are left alone.
+    assert len(ProjectPhotographs(store.project).photographs) == 36
+    of_pair = dashboard("check")
+    of_pair.button(key="check_begin").click().run()
+    pair = rig.pair("left", "right").dumps().encode()
+    of_pair.file_uploader(key="upload_check_parameters").upload("p.json", pair).run()
+    uploader = of_pair.file_uploader(key="upload_check_images_0")
+    for name, content in files.items():
+        if not name.startswith("mid/"):
+            uploader.upload(name.replace("/", ""), content)
+    uploader.run()
+    _find_new(of_pair, Project.open(default_home(), of_pair.session_state["project_id"]))
+    assert "targets found in 12 frames" in told(of_pair, "caption")
+    assert not of_pair.warning and "Still missing" not in told(of_pair)
+
+
+def _find_new(app: AppTest, project: Project) -> None:
+    app.button(key="find_new").click().run()
+    assert ended(ProjectCheck(project).of_images, "photographs").state == "done"
+    app.run()
+    assert not app.exception and not app.error
 
 
 def seen_by_both(count: int) -> list[Pose]:

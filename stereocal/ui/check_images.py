@@ -1,0 +1,234 @@
+"""New images on the Check page: a data set, a table, photographs or videos of any cameras."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import streamlit as st
+
+from stereocal.detection.target import Target
+from stereocal.errors import StereocalError
+from stereocal.formats.recording_files import DESCRIPTION, pack_recording
+from stereocal.frames import several
+from stereocal.frames.pairing import Pair, pair_names
+from stereocal.frames.search import STAGES, pack_detection, unpack_detection
+from stereocal.intrinsics.files import pack_board, unpack_board
+from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
+from stereocal.projects.application import IMAGES, ProjectCheck
+from stereocal.projects.files import StoredFile
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.photograph_files import is_photograph, zipped_photographs
+from stereocal.system.records import plain
+from stereocal.system.zip_files import open_zip, pack_zip
+from stereocal.ui import intake, jobs
+from stereocal.ui.boards import held_board, press_search
+from stereocal.ui.fields import Number, choose, one_of, setting
+from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
+from stereocal.ui.messages import callback, readable
+from stereocal.ui.texts import escape_markdown
+
+MATCHED, FILE = "The pairs of Apply", "A file"
+TITLE = "New bars or matched points: photographs, a zip, or a table"
+KINDS = [*intake.PHOTOGRAPH_KINDS, "csv", "txt", "tsv", "parquet"]
+HELP = (
+    "Photographs of the bar or the board, or a zip of them; a data set as a zip with dataset.json; "
+    "or a table of bars like {}; or matched points of two cameras alone, like pairs.csv of Apply. "
+    "Five bars or 50 points are a good start."
+)
+BY_NAME = "as their names say"
+FOUND_BY = "check_found_by"
+OF_HELD = ("held", "board_")
+"""What the names of settings begin with that say what is held."""
+Given = tuple[str, bytes]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Who takes new images."""
+
+    check: ProjectCheck
+    cameras: Mapping[str, Camera]
+    length_m: float | None
+    """Of the bar that they were calibrated with, if it is known."""
+    keep: Callable[[str, bytes], object]
+    """Checks and stores a file."""
+    table: str
+    """Name of a table of bars."""
+
+    @property
+    def photographs(self) -> ProjectPhotographs:
+        """The new photographs."""
+        return ProjectPhotographs(self.check.of_images)
+
+
+def new_images(seen: Seen, matched: Given | None = None) -> Given | None:
+    """The place for new images, and the name and content of those in use; None if there are none.
+
+    Args:
+        matched: pairs of Apply, which serve too.
+    """
+    project, given = seen.check.project, seen.check.file(IMAGES)
+    kinds = [*([MATCHED] if matched else []), *([FILE] if given else [])]
+    usual = FILE if given else MATCHED
+    kind = setting(project, "check_images", usual, one_of(kinds or [FILE]))
+
+    def take(uploads: Sequence[intake.Upload], camera: str) -> None:
+        _take(seen, uploads, camera)
+        setting(project, "check_images", FILE, one_of([MATCHED, FILE])).set(FILE)
+
+    of = choose(project, "check_camera", "Photographs are of", [BY_NAME, *seen.cameras])
+    intake.emptied_uploader(
+        TITLE, KINDS, "upload_check_images", partial(take, camera=of), text=HELP.format(seen.table)
+    )
+    _search(seen)
+    if len(kinds) > 1:
+        kind.menu("Check")
+    if matched is not None and kind.value() == MATCHED:
+        st.caption(f"In use: {escape_markdown(matched[0])}")
+        return matched
+    if given is None:
+        return None
+    st.caption(f"In use: {escape_markdown(given.label)}")
+    return given.label, given.read_bytes()
+
+
+def _take(seen: Seen, uploads: Sequence[intake.Upload], camera: str) -> None:
+    """Store uploads: photographs to be searched, or a file that is used as it is."""
+    store, found = seen.photographs, dict[str, StoredFile]()
+    folder = "" if camera == BY_NAME else f"{camera}/"
+    for upload in uploads:
+        name, content = upload.name, upload.getvalue()
+        if is_photograph(name):
+            found[folder + name] = store.keep(folder + name, content)
+        elif _holds_photographs_only(name, content):
+            for member, own in zipped_photographs(content, name):
+                found[folder + member] = store.keep(folder + member, own)
+        else:
+            seen.keep(name, content)
+    if not found:
+        return
+    store.add(found)
+    _as_in_the_data(seen.check.project, store.project)
+    with suppress(StereocalError), st.spinner("Looking at the first photographs ..."):
+        moments = _moments([*store.photographs], seen.cameras)
+        propose_held(store, several.pairs_of(moments, *[*seen.cameras][:2]))
+
+
+def _holds_photographs_only(name: str, content: bytes) -> bool:
+    if content[:4] != b"PK\x03\x04":
+        return False
+    with open_zip(content, name) as opened:
+        names = [each.rsplit("/", 1)[-1] for each in opened.names]
+    return DESCRIPTION not in names and any(map(is_photograph, names))
+
+
+def _moments(names: Sequence[str], cameras: Mapping[str, Camera]) -> several.Moments:
+    """The photographs of each moment, by frame and camera."""
+    if tuple(cameras) != CAMERAS:
+        return several.match_names(several.by_folder(names, cameras))
+    pairing = pair_names(names)
+    if not pairing.pairs:
+        raise StereocalError(
+            f"{pairing.sentence} Say above which camera they are of, and give one camera after the "
+            "other."
+        )
+    return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairing.pairs}
+
+
+def _search(seen: Seen) -> None:
+    """What is held in the new photographs, and the press that looks for it."""
+    store = seen.photographs
+    project, files = store.project, readable(lambda: store.photographs) or {}
+    if not files:
+        return
+    if not seen.cameras:
+        st.info("The photographs are searched once there are parameters, which have the lenses.")
+        return
+    with st.container(border=True):
+        moments = readable(lambda: _moments([*files], seen.cameras))
+        with st.container(horizontal=True, vertical_alignment="center"):
+            st.markdown(f"{len(files)} photographs, {len(moments or ())} frames.")
+            clear = callback(store.clear)
+            st.button("Remove the photographs", key="check_clear", on_click=clear)
+        if moments is None:
+            return
+        pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
+        target, length_m = _held(seen, store, pairs)
+        about = {
+            "photographs": [
+                [k, {c: files[n].name for c, n in own.items()}] for k, own in moments.items()
+            ],
+            "cameras": {name: camera.to_json() for name, camera in seen.cameras.items()},
+            "target": None if target is None else [type(target).__name__, plain(target)],
+            "length_m": length_m,
+        }
+        stages = (BOARDS_STAGE,) if holds_board(project) else STAGES
+        work = jobs.Work(
+            project,
+            "photographs",
+            stages,
+            about,
+            lambda job: target is not None and _find(seen, moments, target, length_m, job),
+        )
+        found = project.settings.get(FOUND_BY)
+        if found is not None and found != work.digest:
+            st.warning("The photographs or what is held have changed. Find the targets again.")
+        ready = target is not None and length_m is not None
+        press_search(work, "targets", "find_new", found is not None, ready)
+
+
+def _as_in_the_data(whole: Project, project: Project) -> None:
+    """Until something else is said, what was held for the calibration is held again."""
+    if "held" in project.settings or "held" not in whole.settings:
+        return
+    same = {name: each for name, each in whole.settings.items() if name.startswith(OF_HELD)}
+    project.keep_settings(same)
+
+
+def _held(
+    seen: Seen, store: ProjectPhotographs, pairs: Sequence[Pair]
+) -> tuple[Target | BoardPattern | None, float | None]:
+    """What is held, and the distance of its targets (m); None until both are stated."""
+    project = store.project
+    target: Target | BoardPattern | None = ask_what_is_held(store, pairs[0], fold=True)
+    if holds_board(project):
+        pattern, entered = held_board(project)
+        return pattern, pattern.square_m if pattern is not None and entered else None
+    length = setting(project, "length_m", seen.length_m, Number(0.0, or_none=True))
+    stated = length.number_input("Distance between targets A and B (m)", format="%.10g")
+    return target, stated or None
+
+
+def _find(
+    seen: Seen,
+    moments: several.Moments,
+    target: Target | BoardPattern,
+    length_m: float | None,
+    job: jobs.Job,
+) -> bool:
+    """Find the targets, and use them as the new images."""
+    store = seen.photographs
+    how = job.executor, job.begin, job.progress, lambda: job.cancelled
+    given = moments, store.photographs, seen.cameras
+    if isinstance(target, BoardPattern):
+        boards = job.checkpoints("boards", pack_board, unpack_board)
+        found = boards_everywhere(*given, target, *how, boards)
+        own = None
+    else:
+        seen_before = job.checkpoints("detections", pack_detection, unpack_detection)
+        found = several.find_everywhere(*given, target, *how, seen_before)
+        own = RigidObject.bar(length_m or 1.0)
+    if found is None:
+        return False
+    recording = replace(found.recording, object=own or found.recording.object)
+    frames = len({*recording.frame.tolist()})
+    label = f"targets found in {frames} frames of {len(store.photographs)} photographs"
+    recording = replace(recording, name=label)
+    seen.keep(label, pack_zip(pack_recording(recording)))
+    store.project.keep_settings({FOUND_BY: job.digest})
+    return True
