@@ -70,9 +70,8 @@ class ProjectRecording(ProjectPart):
     @property
     def pair_names(self) -> list[str]:
         """The pairs of the rig that see bars together; before there is one, all pairs."""
-        if (rig := self.rig) is not None:
-            return list(rig.about["pairs"])
-        return [pair_name(pair) for pair in combinations(self.cameras, 2)]
+        every = [pair_name(pair) for pair in combinations(self.cameras, 2)]
+        return every if self.rig is None else [n for n in every if n in self.rig.about["pairs"]]
 
     def _contents(self, but: str = "") -> dict[str, bytes]:
         files = self.database.files(RECORDING).items()

@@ -31,6 +31,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
+from stereocal.rig.rig import camera_in_words
 from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
@@ -253,7 +254,8 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     images, space = st.columns(2)
     with images:
         for side, pixels in seen.items():
-            st.markdown(f"**{escape_markdown(side.capitalize())}**")
+            title = side if side in CAMERAS else camera_in_words(side)
+            st.markdown(f"**{escape_markdown(title[0].upper() + title[1:])}**")
             size, photograph = outcome.rig.placed[side].camera.image_size, photographs.get(side)
             fits = photograph is not None and photograph.shape[::-1] == size
             figure = plot_matches(of_frame, pixels, side, size, photograph if fits else None)

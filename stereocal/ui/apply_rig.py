@@ -5,7 +5,6 @@ from itertools import cycle
 import streamlit as st
 
 from stereocal.matching.application import Points
-from stereocal.matching.point_noise import PointNoise
 from stereocal.matching.rig_application import RigApplication, points_by_camera
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import Asked, ProjectApplication, slot_of
@@ -54,9 +53,8 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     with points_at:
         points = _choose_points(store, rig, found, kind)
     with noise_at:
-        usual = PointNoise(rig.noise_px, "calibration")
         otherwise = "estimated from their epipolar errors, else as exact as the targets"
-        sigma_px = ask_noise(noise_field(project, "apply_sigma_px"), usual, otherwise)
+        sigma_px = ask_noise(noise_field(project, "apply_sigma_px"), "by the points", otherwise)
     rig_at.caption(f"Match and measure with  \nIn use: {escape_markdown(label)}")
     world = choose_world(project, store, rig)
     show_refusal()

@@ -24,7 +24,6 @@ from stereocal.matching.application import PAIRS, digest_of
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.projects.application import PARAMETERS, USES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ask_noise, noise_field
@@ -37,6 +36,7 @@ from stereocal.ui.messages import callback, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.texts import escape_markdown
 
+TITLE = "New bars or matched points: photographs, a zip, or a table"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
@@ -102,13 +102,13 @@ def take_parameters(store: ProjectCheck) -> None:
 
 def _seen(store: ProjectCheck, rig: RigParameters | None) -> Seen:
     """Who takes new images; before there are parameters, files only."""
-    cameras = {} if rig is None else dict(zip(CAMERAS, (rig.primary, rig.secondary), strict=True))
+    cameras = {} if rig is None else {name: own.camera for name, own in rig.placed.items()}
     length = None if rig is None else rig.inputs.get("target_distance_m")
 
     def keep(name: str, content: bytes) -> None:
         store.keep_images(name, content, rig)
 
-    return Seen(store, cameras, length if isinstance(length, float) else None, keep, TABLE)
+    return Seen(store, cameras, length if isinstance(length, float) else None, keep, TABLE, TITLE)
 
 
 def _choose_parameters(

@@ -21,19 +21,19 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.rig import camera_in_words
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import is_photograph, zipped_photographs
 from stereocal.system.records import plain
 from stereocal.system.zip_files import open_zip, pack_zip
 from stereocal.ui import intake, jobs
 from stereocal.ui.boards import held_board, press_search
-from stereocal.ui.fields import Number, choose, one_of, setting
+from stereocal.ui.fields import Number, choose_from_menu, one_of, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
 
 MATCHED, FILE = "The pairs of Apply", "A file"
-TITLE = "New bars or matched points: photographs, a zip, or a table"
 KINDS = [*intake.PHOTOGRAPH_KINDS, "csv", "txt", "tsv", "parquet"]
 HELP = (
     "Photographs of the bar or the board, or a zip of them; a data set as a zip with dataset.json; "
@@ -59,6 +59,8 @@ class Seen:
     """Checks and stores a file."""
     table: str
     """Name of a table of bars."""
+    title: str
+    """What can be given."""
 
     @property
     def photographs(self) -> ProjectPhotographs:
@@ -81,10 +83,20 @@ def new_images(seen: Seen, matched: Given | None = None) -> Given | None:
         _take(seen, uploads, camera)
         setting(project, "check_images", FILE, one_of([MATCHED, FILE])).set(FILE)
 
-    of = choose(project, "check_camera", "Photographs are of", [BY_NAME, *seen.cameras])
-    intake.emptied_uploader(
-        TITLE, KINDS, "upload_check_images", partial(take, camera=of), text=HELP.format(seen.table)
-    )
+    zone, whose = st.columns([3, 2])
+    words = {BY_NAME: BY_NAME} | {name: camera_in_words(name) for name in seen.cameras}
+    with whose:
+        of = choose_from_menu(
+            project, "check_camera", "Photographs are of", words, format_func=words.__getitem__
+        )
+    with zone:
+        intake.emptied_uploader(
+            seen.title,
+            KINDS,
+            "upload_check_images",
+            partial(take, camera=of),
+            text=HELP.format(seen.table),
+        )
     _search(seen)
     if len(kinds) > 1:
         kind.menu("Check")
@@ -214,14 +226,14 @@ def _find(
     """Find the targets, and use them as the new images."""
     store = seen.photographs
     how = job.executor, job.begin, job.progress, lambda: job.cancelled
-    given = moments, store.photographs, seen.cameras
+    files, cameras = store.photographs, seen.cameras
     if isinstance(target, BoardPattern):
         boards = job.checkpoints("boards", pack_board, unpack_board)
-        found = boards_everywhere(*given, target, *how, boards)
+        found = boards_everywhere(moments, files, cameras, target, *how, boards)
         own = None
     else:
         seen_before = job.checkpoints("detections", pack_detection, unpack_detection)
-        found = several.find_everywhere(*given, target, *how, seen_before)
+        found = several.find_everywhere(moments, files, cameras, target, *how, seen_before)
         own = RigidObject.bar(length_m or 1.0)
     if found is None:
         return False

@@ -25,6 +25,8 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import show_refusal
 from stereocal.ui.texts import escape_markdown
 
+TITLE = "New bars: photographs of all cameras, a zip, or a table"
+
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
@@ -76,7 +78,7 @@ def _seen(store: ProjectCheck, rig: RigFile) -> Seen:
     def keep(name: str, content: bytes) -> None:
         store.keep_images(name, content, rig)
 
-    return Seen(store, rig.cameras, length, keep, POINTS)
+    return Seen(store, rig.cameras, length, keep, POINTS, TITLE)
 
 
 def show_check(chosen: Chosen) -> None:

@@ -70,13 +70,13 @@ def _of_several(recording: ProjectRecording) -> dict[str, PageState]:
     return {
         "cameras": PageState("done", f"The lenses of {count_of} are known"),
         "data": PageState("done", f"A recording of {count_of}"),
-        **_of_use(project),
+        **_of_use(project, of_rig=True),
     }
 
 
-def _of_use(project: Project) -> dict[str, PageState]:
+def _of_use(project: Project, of_rig: bool = False) -> dict[str, PageState]:
     applied = ProjectApplication(project).result
-    given = applied or ProjectCheck(project).file(IMAGES)
+    given = ProjectCheck(project).file(IMAGES) or (applied and not of_rig)
     return {
         "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
         "check": _done_if(given, "New images are given", "No new bars or points yet"),

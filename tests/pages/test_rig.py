@@ -327,7 +327,7 @@ def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile)
     files = photographed_bars()[0]
     go(app, "check")
     for number, camera in enumerate(CAMERAS):
-        app.segmented_control(key="check_camera").set_value(camera).run()
+        app.selectbox(key="check_camera").set_value(camera).run()
         uploader = app.file_uploader(key=f"upload_check_images_{number}")
         for name, content in files.items():
             if name.startswith(f"{camera}/"):
