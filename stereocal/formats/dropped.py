@@ -60,16 +60,21 @@ class Dropped(Generic[F]):
         return ", ".join(f"{n} {what}{'s' * (n > 1)}" for what, n in counts.items() if n)
 
 
-def sort_files(contents: Contents, keep: Callable[[str, bytes], F]) -> Dropped[F]:
+def sort_files(
+    contents: Contents, keep: Callable[[str, bytes], F], tables: tuple[str, ...] = ()
+) -> Dropped[F]:
     """Sort files by what they are.
 
     Args:
         keep: stores a photograph, of which one at a time is in memory.
+        tables: endings of further files that are tables.
     """
     found = Dropped[F]()
     for name, content in contents:
         found.source = "the files" if found.source else name
-        if not is_hidden(name):
+        if tables and name.lower().endswith(tables):
+            found.kinds[name], found.files[name] = "table", content
+        elif not is_hidden(name):
             _sort(found, name.replace("\\", "/"), content, keep, in_zip=False)
     found.problems += differing_sizes(found.sizes)
     return found

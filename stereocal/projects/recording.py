@@ -6,10 +6,10 @@ from itertools import combinations
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import cameras_in
-from stereocal.formats.archives.gather import TABLES
+from stereocal.formats.archives.gather import is_table
 from stereocal.formats.dataset_files import TABLE, pack_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import DESCRIPTION, POINTS, find_description, parse_recording
+from stereocal.formats.recording_files import POINTS, find_description, parse_recording
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
 from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
@@ -62,10 +62,8 @@ class ProjectRecording(ProjectPart):
         if contents:
             return dict(parse_recording(contents, SOURCE, with_points=False).cameras)
         files = {name: file.read_bytes() for name, file in self.parts.items()}
-        if DESCRIPTION in files:
-            return dict(parse_recording(files, SOURCE, with_points=False).cameras)
-        files = {n: each for n, each in files.items() if not n.lower().endswith(TABLES)}
-        return cameras_in(files, ExchangeOptions())
+        cameras = {name: each for name, each in files.items() if not is_table(name, each)}
+        return cameras_in(cameras, ExchangeOptions())
 
     @property
     def pair_names(self) -> list[str]:

@@ -36,7 +36,7 @@ from stereocal.ui.messages import callback, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.texts import escape_markdown
 
-TITLE = "New bars or matched points: photographs, a zip, or a table"
+TITLE = "New bars or matched points: photographs, videos, a zip, or a table"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 

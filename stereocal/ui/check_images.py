@@ -4,43 +4,50 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import PurePosixPath
 
 import streamlit as st
 
 from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
-from stereocal.formats.recording_files import DESCRIPTION, pack_recording
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.dropped import Dropped
+from stereocal.formats.recording_files import pack_recording
 from stereocal.frames import several
-from stereocal.frames.pairing import Pair, pair_names
+from stereocal.frames.pairing import Pair
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
+from stereocal.matching.point_table import PARQUET
 from stereocal.projects.application import IMAGES, ProjectCheck
 from stereocal.projects.files import StoredFile
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.rig import camera_in_words
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.photograph_files import is_photograph, zipped_photographs
 from stereocal.system.records import plain
-from stereocal.system.zip_files import open_zip, pack_zip
-from stereocal.ui import intake, jobs
+from stereocal.system.zip_files import pack_zip
+from stereocal.ui import jobs
 from stereocal.ui.boards import held_board, press_search
-from stereocal.ui.fields import Number, choose_from_menu, one_of, setting
+from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
+from stereocal.ui.drop_zone import drop_zone
+from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
 MATCHED, FILE = "The pairs of Apply", "A file"
-KINDS = [*intake.PHOTOGRAPH_KINDS, "csv", "txt", "tsv", "parquet"]
-HELP = (
-    "Photographs of the bar or the board, or a zip of them; a data set as a zip with dataset.json; "
-    "or a table of bars like {}; or matched points of two cameras alone, like pairs.csv of Apply. "
-    "Five bars or 50 points are a good start."
-)
-BY_NAME = "as their names say"
+CAN_BE_GIVEN = """
+- **Photographs** of the bar or the board by all cameras, or a **video** of each of two.
+- A **data set**: a zip or a folder with `dataset.json`.
+- A **table** of bars like `{}`, or of matched points of two cameras alone, like `pairs.csv` of
+  Apply.
+
+Five bars or 50 points are a good start.
+"""
 FOUND_BY = "check_found_by"
 OF_HELD = ("held", "board_")
 """What the names of settings begin with that say what is held."""
@@ -78,26 +85,19 @@ def new_images(seen: Seen, matched: Given | None = None) -> Given | None:
     kinds = [*([MATCHED] if matched else []), *([FILE] if given else [])]
     usual = FILE if given else MATCHED
     kind = setting(project, "check_images", usual, one_of(kinds or [FILE]))
-
-    def take(uploads: Sequence[intake.Upload], camera: str) -> None:
-        _take(seen, uploads, camera)
-        setting(project, "check_images", FILE, one_of([MATCHED, FILE])).set(FILE)
-
-    zone, whose = st.columns([3, 2])
-    words = {BY_NAME: BY_NAME} | {name: camera_in_words(name) for name in seen.cameras}
-    with whose:
-        of = choose_from_menu(
-            project, "check_camera", "Photographs are of", words, format_func=words.__getitem__
-        )
+    zone, whose = st.container(), st.container()
+    with st.expander("What can I give?"):
+        st.markdown(CAN_BE_GIVEN.format(seen.table))
+        own = seen.photographs.project
+        use_videos = partial(take_videos, settings=video_settings(own), project=own)
     with zone:
-        intake.emptied_uploader(
-            seen.title,
-            KINDS,
-            "upload_check_images",
-            partial(take, camera=of),
-            text=HELP.format(seen.table),
-        )
-    _search(seen)
+        take = partial(_take, seen, use_videos)
+        drop_zone(seen.title, "upload_check_images", seen.photographs.keep, take, tables=PARQUET)
+    with whose:
+        ask_whose(ProjectGiven(own))
+        ask_whose_video(use_videos)
+        show_frames_taken(own)
+        _search(seen)
     if len(kinds) > 1:
         kind.menu("Check")
     if matched is not None and kind.value() == MATCHED:
@@ -109,47 +109,53 @@ def new_images(seen: Seen, matched: Given | None = None) -> Given | None:
     return given.label, given.read_bytes()
 
 
-def _take(seen: Seen, uploads: Sequence[intake.Upload], camera: str) -> None:
-    """Store uploads: photographs to be searched, or a file that is used as it is."""
-    store, found = seen.photographs, dict[str, StoredFile]()
-    folder = "" if camera == BY_NAME else f"{camera}/"
-    for upload in uploads:
-        name, content = upload.name, upload.getvalue()
-        if is_photograph(name):
-            found[folder + name] = store.keep(folder + name, content)
-        elif _holds_photographs_only(name, content):
-            for member, own in zipped_photographs(content, name):
-                found[folder + member] = store.keep(folder + member, own)
+def _take(seen: Seen, use_videos: Callable[..., None], given: Dropped[StoredFile]) -> None:
+    """Use what was given: photographs and videos to be searched, or a file as it is."""
+    own = ProjectGiven(seen.photographs.project)
+    tables, data_set = given.of("table"), bool(given.of("data set"))
+    has_points = any(PurePosixPath(name).suffix.lower() == ".csv" for name in given.files)
+    try:
+        if data_set and (has_points or not given.photographs):
+            _use(seen, given.source, pack_zip(given.files))
+        elif given.photographs:
+            _give_cameras(own, seen.cameras)
+            own.add_photographs(given.photographs)
+            _as_in_the_data(seen.check.project, own.project)
+            with suppress(StereocalError):  # the search reports it
+                moments = _moments(seen)
+                propose_held(own.photographs, several.pairs_of(moments, *[*seen.cameras][:2]))
+        elif videos := given.of("video"):
+            place_videos(videos, use_videos)
+        elif tables:
+            name, content = next(iter(tables.items()))
+            _use(seen, name, content)
         else:
-            seen.keep(name, content)
-    if not found:
-        return
-    store.add(found)
-    _as_in_the_data(seen.check.project, store.project)
-    with suppress(StereocalError), st.spinner("Looking at the first photographs ..."):
-        moments = _moments([*store.photographs], seen.cameras)
-        propose_held(store, several.pairs_of(moments, *[*seen.cameras][:2]))
+            given.problems += [f"{name}: this is no new image." for name in given.files]
+    except StereocalError as error:
+        given.problems.append(str(error))
 
 
-def _holds_photographs_only(name: str, content: bytes) -> bool:
-    if content[:4] != b"PK\x03\x04":
-        return False
-    with open_zip(content, name) as opened:
-        names = [each.rsplit("/", 1)[-1] for each in opened.names]
-    return DESCRIPTION not in names and any(map(is_photograph, names))
+def _use(seen: Seen, name: str, content: bytes) -> None:
+    seen.keep(name, content)
+    setting(seen.check.project, "check_images", FILE, one_of([MATCHED, FILE])).set(FILE)
 
 
-def _moments(names: Sequence[str], cameras: Mapping[str, Camera]) -> several.Moments:
+def _give_cameras(own: ProjectGiven, cameras: Mapping[str, Camera]) -> None:
+    """Of a rig: which cameras there are, to tell whose photographs are given."""
+    if len(cameras) > len(CAMERAS):
+        lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
+        own.recording.add_parts(lenses)
+
+
+def _moments(seen: Seen) -> several.Moments:
     """The photographs of each moment, by frame and camera."""
-    if tuple(cameras) != CAMERAS:
-        return several.match_names(several.by_folder(names, cameras))
-    pairing = pair_names(names)
-    if not pairing.pairs:
-        raise StereocalError(
-            f"{pairing.sentence} Say above which camera they are of, and give one camera after the "
-            "other."
-        )
-    return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairing.pairs}
+    store = seen.photographs
+    if tuple(seen.cameras) != CAMERAS:
+        return several.match_names(several.by_folder(store.photographs, seen.cameras))
+    pairs = [row.pair for row in store.rows if row.use]
+    if not pairs:
+        raise StereocalError(store.proposal.sentence)
+    return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairs}
 
 
 def _search(seen: Seen) -> None:
@@ -162,7 +168,7 @@ def _search(seen: Seen) -> None:
         st.info("The photographs are searched once there are parameters, which have the lenses.")
         return
     with st.container(border=True):
-        moments = readable(lambda: _moments([*files], seen.cameras))
+        moments = readable(lambda: _moments(seen))
         with st.container(horizontal=True, vertical_alignment="center"):
             st.markdown(f"{len(files)} photographs, {len(moments or ())} frames.")
             clear = callback(store.clear)

@@ -76,10 +76,10 @@ def data_door(project: Project | None) -> None:
         show_refusal()
         if project is not None:
             _show_state(ProjectGiven(project))
-            _ask_whose(ProjectGiven(project))
+            ask_whose(ProjectGiven(project))
             ask_about_bars(ProjectApplication(project))
             ask_about_archive(project)
-        _ask_whose_video(use_videos)
+        ask_whose_video(use_videos)
 
 
 def _show_state(own: ProjectGiven) -> None:
@@ -122,7 +122,7 @@ def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
         partial(_take_photographs, own, given.photographs),
         partial(_take_cameras, own, given),
         partial(_take_tables, own, given.of("table")),
-        partial(_take_videos, given.of("video"), use_videos),
+        partial(place_videos, given.of("video"), use_videos),
     )
     for act in acts:
         try:
@@ -190,7 +190,7 @@ def _cameras_of(name: str, content: bytes) -> int:
     return len(layout_of(content, name).cameras) if holds_bars(content, name) else 0
 
 
-def _take_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> None:
+def place_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> None:
     """Begin to take frames of two videos; one waits for the other."""
     if not videos:
         return
@@ -225,7 +225,7 @@ def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> 
                 st.button(title, key=f"{key}_{number}", type=kind, on_click=act)
 
 
-def _ask_whose(own: ProjectGiven) -> None:
+def ask_whose(own: ProjectGiven) -> None:
     """Which camera took photographs, and whose a camera file is, one question at a time."""
     series = own.open_series
     cameras = own.rig_cameras if own.is_of_rig else CAMERAS
@@ -279,7 +279,7 @@ def _give_file(own: ProjectGiven, name: str, slot: Slot) -> None:
     intake.store_cameras(contents)
 
 
-def _ask_whose_video(use: Callable[..., None]) -> None:
+def ask_whose_video(use: Callable[..., None]) -> None:
     waiting = [*st.session_state.get(_VIDEOS, {})]
     if len(waiting) == 1:
         st.info(

@@ -24,6 +24,7 @@ def drop_zone(
     *,
     row: DeltaGenerator | None = None,
     below: DeltaGenerator | None = None,
+    tables: tuple[str, ...] = (),
 ) -> None:
     """The uploader of files of any kind, one of a folder, and what the last files were.
 
@@ -31,12 +32,13 @@ def drop_zone(
         keep: stores a photograph.
         take: uses what was given; it may add to its `problems`.
         row, below: where the uploader of a folder, and what the last files were, stand; None: here.
+        tables: as of `sort_files`.
     """
 
     def used(uploads: Sequence[Upload]) -> None:
         st.session_state.pop(_SAID, None)
         with st.spinner("Reading the files."):
-            given = sort_files(((each.name, each.getvalue()) for each in uploads), keep)
+            given = sort_files(((each.name, each.getvalue()) for each in uploads), keep, tables)
         take(given)
         st.session_state[_SAID] = key, given.in_words, given.problems
 

@@ -71,18 +71,21 @@ def video_settings(project: Project | None) -> VideoSettings:
     return VideoSettings(choice, n, later, coloured)
 
 
-def take_videos(videos: Sequence[tuple[str, bytes]], settings: VideoSettings) -> None:
+def take_videos(
+    videos: Sequence[tuple[str, bytes]], settings: VideoSettings, project: Project | None = None
+) -> None:
     """Begin the job; the videos are temporary files while it runs.
 
     Args:
         videos: name and content, the primary's first.
+        project: whose photographs the frames become; None: the current one, or a new one.
 
     Raises:
         StereocalError: they cannot be read on this server, or not be stored.
     """
     if find_spec("av") is None:
         raise StereocalError(MISSING)
-    project = project_to_write()
+    project = project or project_to_write()
     if jobs.is_running(project, "video"):
         raise StereocalError("The frames of other videos are being taken: wait, or cancel.")
     with ExitStack() as undo:
