@@ -41,7 +41,6 @@ from stereocal.system.tables import (
     is_missing,
     names_of,
     read_rows,
-    rows_below,
     text_of,
 )
 from stereocal.version import __version__
@@ -159,7 +158,8 @@ def kind_of_table(content: bytes, source: str) -> str:
 def pair_in_table(rig: RigFile, content: bytes, source: str) -> Pair:
     """The two cameras of a rig whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more
     than two, those that see most of its rows together."""
-    names, delimiter, above = names_of(text_of(content, source), source)
+    rows = read_rows(content, source, (), ()).raw
+    names = [*map(str, rows)]
     seen = [name for name in rig.names if {f"u_{name}".lower(), f"v_{name}".lower()} <= {*names}]
     if len(seen) < 2:
         if {*MEASURED} <= {*names}:
@@ -169,8 +169,6 @@ def pair_in_table(rig: RigFile, content: bytes, source: str) -> Pair:
             f"{', '.join(f'u_{name},v_{name}' for name in rig.names[:2])}; the table names "
             f"{', '.join(names)[:200]}."
         )
-    rows, _ = rows_below(text_of(content, source), above, len(names), delimiter, source)
-    rows.columns = pd.Index(names)
     given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
 
     def seen_by(pair: Pair) -> tuple[int, int]:

@@ -154,7 +154,7 @@ def _moments(seen: Seen) -> several.Moments:
         return several.match_names(several.by_folder(store.photographs, seen.cameras))
     pairs = [row.pair for row in store.rows if row.use]
     if not pairs:
-        raise StereocalError(store.proposal.sentence)
+        raise StereocalError(store.proposal.pairing.sentence)
     return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairs}
 
 

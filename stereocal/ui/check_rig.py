@@ -73,7 +73,7 @@ def choose_inputs(project: Project) -> Chosen | None:
 
 def _seen(store: ProjectCheck, rig: RigFile) -> Seen:
     own = rig.object
-    length = None if own is None else float(own.distances[own.longest])
+    length = None if own is None else own.longest_m
 
     def keep(name: str, content: bytes) -> None:
         store.keep_images(name, content, rig)
