@@ -10,6 +10,7 @@ from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
 from stereocal.network.rig_file import RigFile
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Pair
 
@@ -47,4 +48,14 @@ def find_world_of_rig(
     if isinstance(observed, Survey):
         observed = replace(observed, measured_m=to_first.apply(observed.measured_m))
     found = find_world(rig.pair(*pair), observed, settings)
-    return replace(found, pose=found.pose @ to_first)
+    said = [_naming(pair, text) for text in (found.sentence, *found.notes)]
+    return replace(found, pose=found.pose @ to_first, sentence=said[0], notes=tuple(said[1:]))
+
+
+def _naming(pair: Pair, text: str) -> str:
+    """A sentence with the names of the cameras in place of primary and secondary."""
+    for side, name in zip(CAMERAS, pair, strict=True):
+        text = text.replace(f"The {side}", f"Camera {name}").replace(
+            f"the {side}", f"camera {name}"
+        )
+    return text
