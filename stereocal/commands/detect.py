@@ -15,6 +15,7 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.search import compile_detection, detect_frames
+from stereocal.frames.slips import find_slip
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import of_the_bar, photographs_in
@@ -62,6 +63,8 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.doubtful:
         frames = [frame.used(frame.state != "refused") for frame in frames]
     say(describe_frames(frames))
+    if (slip := find_slip(frames, cameras)) is not None:
+        say(f"{slip.sentence} Take it out of the folder, and find the targets again.")
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
     report(written=[parsed.out])
 

@@ -162,14 +162,11 @@ def _compare(
     frames = len(primary)
     if frames < MINIMUM_FRAMES:
         return None
-    # (2, f, 2, 4): labelling, frame, target, x and y of both cameras.
-    rays = np.stack([np.concatenate([primary, s], axis=2) for s in (secondary, secondary[:, ::-1])])
+    rays = both_ways(primary, secondary)
     poses = []
-    for E in _samples(rays, rng):
-        pose = _refined(E, rays)
-        if pose is not None:
-            residual = focal_px * _distances(pose.essential, rays)
-            poses.append((float(np.median(residual.min(axis=0))), pose, residual))
+    for pose in fitting_poses(rays, rng):
+        residual = focal_px * distances(pose.essential, rays)
+        poses.append((float(np.median(residual.min(axis=0))), pose, residual))
     if not poses:
         return None
     poses.sort(key=lambda found: found[0])
@@ -185,6 +182,18 @@ def _compare(
     ends = [triangulate_rays(pose.R, pose.T, way.reshape(-1, 4).T.copy()) for way in rays]
     lengths = [np.linalg.norm(points[::2] - points[1::2], axis=1) for points in ends]
     return _Compared(residual.T, np.column_stack(lengths), unique)
+
+
+def both_ways(primary: FloatArray, secondary: FloatArray) -> FloatArray:
+    """(2, f, 2, 4): labelling, frame, target, x and y of both cameras, of points (f, 2, 2)."""
+    ways = secondary, secondary[:, ::-1]
+    return np.stack([np.concatenate([primary, own], axis=2) for own in ways])
+
+
+def fitting_poses(rays: FloatArray, rng: np.random.Generator) -> list[Pose]:
+    """Poses that fit most frames of `both_ways`, in either labelling of each."""
+    poses = (_refined(E, rays) for E in _samples(rays, rng))
+    return [pose for pose in poses if pose is not None]
 
 
 def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> FloatArray:
@@ -207,7 +216,7 @@ def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
         for way in ways:
             E = linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T))
             if np.isfinite(E).all():
-                found.append((float(np.median(_distances(E, scored).min(axis=0))), E))
+                found.append((float(np.median(distances(E, scored).min(axis=0))), E))
     found.sort(key=lambda sample: sample[0])
     return [E for _, E in found[:REFINED]]
 
@@ -220,7 +229,7 @@ def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
     pose: Pose | None = None
     before: tuple[bytes, bytes] | None = None
     for _ in range(10):
-        distance = _distances(E, rays)
+        distance = distances(E, rays)
         way = np.argmin(distance, axis=0)
         kept = np.sort(np.argsort(distance.min(axis=0), kind="stable")[:most])
         now = (way[kept].tobytes(), kept.tobytes())
@@ -236,7 +245,7 @@ def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
     return pose
 
 
-def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
+def distances(E: FloatArray, rays: FloatArray) -> FloatArray:
     """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units."""
     return np.asarray(np.sqrt((sampson(E, rays) ** 2).mean(axis=-1)))
 

@@ -206,8 +206,12 @@ def _in_order(sides: Sides) -> Pairing:
     rest = first[len(second) :], second[len(first) :]
     alone = tuple(Alone(name, camera) for camera in (0, 1) for name in rest[camera])
     longer = int(len(second) > len(first))
-    sentences = [f"{counted(len(twos))} in order, the first with the first."]
-    if not sides.equal:
+    if sides.equal:
+        sentences = [
+            f"{counted(len(twos))} in order: both cameras have as many. Look whether they agree."
+        ]
+    else:
+        sentences = [f"{counted(len(twos))} in order, the first with the first."]
         more = len(alone)
         sentences.append(
             f"The {CAMERAS[longer]} camera has {counted(more, 'photograph')} more than the "

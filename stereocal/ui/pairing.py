@@ -11,12 +11,14 @@ import streamlit as st
 
 from stereocal.frames.pairing import Alone, Pair, short_names
 from stereocal.frames.proposal import Choice, Proposal, Way
+from stereocal.frames.slips import Slip, find_slip
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import pair_thumbnail
 from stereocal.rig.camera import CAMERAS
+from stereocal.system.latest import Latest
 from stereocal.ui.contact_sheet import on_a_sheet
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.pairs import ROUND, edit_pairs, forget_table
 from stereocal.ui.texts import escape_markdown
 
@@ -24,6 +26,7 @@ TITLES: dict[Way, str] = {"name": "By name", "time": "By time", "order": "In ord
 FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
 UNDO = ":material/undo:"
+_SLIPS: Latest[tuple[Slip | None]] = Latest(16)
 
 
 def show_pairing(store: ProjectPhotographs) -> None:
@@ -35,6 +38,7 @@ def show_pairing(store: ProjectPhotographs) -> None:
     (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
     _show_ways(store, proposal)
     _show_slips(store, proposal)
+    _show_found_slip(store)
     _show_pictures(store, proposal)
     edit_pairs(store)
 
@@ -115,18 +119,40 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
                 )
 
 
+def _show_found_slip(store: ProjectPhotographs) -> None:
+    """A photograph without a partner by the targets found, to be left out by one press."""
+    frames, pairs = store.frames or [], [row.pair for row in store.rows if row.use]
+    first, second = readable(lambda: store.project.cameras, told=False) or (None, None)
+    if first is None or second is None or len(frames) != len(pairs):
+        return
+    if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
+        return  # paired again since
+    key = repr((frames, first.to_json(), second.to_json()))
+    slip = _SLIPS.once(key, lambda: (find_slip(frames, (first, second)),))[0]
+    if slip is None:
+        return
+    choice = store.choice
+    without = replace(choice, way="order", without=(*choice.without, slip.name))
+    text, button = st.columns([6, 2], vertical_alignment="center")
+    text.warning(escape_markdown(slip.sentence))
+    label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
+    press = callback(partial(_take, store, without))
+    button.button(label, on_click=press, key="pair_mend_found", type="primary")
+
+
 def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
     """The pairs as pictures: few, all, or none once the targets are found."""
     pairs = [row.pair for row in store.rows]
-    items: list[Pair | Alone] = [*proposal.pairing.alone, *pairs]
+    alone = proposal.pairing.alone
+    # In order, which photographs have no partner is not known: the last ones are left.
+    items = [*pairs, *alone] if proposal.way == "order" else [*alone, *pairs]
     if not items:
         return
-    open_question = proposal.pairing.ambiguous
-    usual = NONE if store.frames is not None else ALL if open_question else FEW
+    usual = NONE if store.frames is not None else ALL if proposal.pairing.ambiguous else FEW
     shown = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
     how = shown.value()
     show = partial(_show_item, store, proposal.way == "order")
-    some = _few(proposal.pairing.alone, pairs)
+    some = _few(alone, pairs)
     if how == FEW and len(some) < len(items):
         on_a_sheet(store.project, some, show, "pair_sheet")
         rest = f"Show more ({len(items) - len(some)})"
@@ -164,9 +190,9 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None
         names = (None, item.name) if item.camera else (item.name, None)
         alt = f"A photograph of the {CAMERAS[item.camera]} camera without a partner"
     st.image(pair_thumbnail(store, names), width="stretch", alt=alt)
-    short = [escape_markdown(short_names([name])[0]) if name else "no partner" for name in names]
+    short = [escape_markdown(short_names([name])[0]) for name in names if name]
     if isinstance(item, Alone):
-        st.markdown(f":orange-badge[:material/question_mark: no partner] {' · '.join(short)}")
+        st.markdown(f":orange-badge[:material/question_mark: no partner] {short[0]}")
         return
     st.markdown(f"**Frame {item.frame}** · {short[0]} · {short[1]}")
     if ask:
