@@ -40,7 +40,9 @@ def in_order(
 @pytest.mark.parametrize("at", [0, 4, 10, 15])
 def test_the_photograph_without_a_partner_is_named(camera: int, at: int) -> None:
     """Of 75 recordings of 14 to 30 photographs, with noise of 0.05, 0.3 or 1 px, 74 were
-    named right and one was left undecided; none of 75 sound ones was accused."""
+    named right and one was left undecided; none of 75 sound ones was accused.
+    Of 40 in which the bar moves on by 15 cm only from frame to frame, 16 were named right, none
+    wrong."""
     slip = find_slip(in_order((camera, at)), CAMERAS)
     assert slip is not None
     assert (slip.name, slip.camera) == (f"{('DSC', 'IMG')[camera]}_{at}", 1 - camera)

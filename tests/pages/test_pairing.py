@@ -1,0 +1,115 @@
+"""How photographs with ordinary names are paired on the Data page."""
+
+import io
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from stereocal.formats.camera_file import write_camera
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.system.photograph import GreyImage
+from stereocal.system.taken import EXIF
+from tests.bar_photographs import bar_set
+from tests.pages.stored_projects import ended, go, messages, session
+
+NAMES = ("primary/IMG_{}.png", "secondary/DSC_0{}.png")
+FIRST = (1001, 231)
+
+
+def png(image: GreyImage, seconds: float | None) -> bytes:
+    tags = Image.Exif()
+    tags[0x0110] = "One"  # Pillow writes no PNG without a tag of its own
+    if seconds is not None:
+        at = datetime.fromtimestamp(seconds, UTC)
+        tags.get_ifd(EXIF).update({0x9003: f"{at:%Y:%m:%d %H:%M:%S}", 0x9291: f"{at:%f}"})
+    packed = io.BytesIO()
+    Image.fromarray(image).save(packed, "PNG", exif=tags)
+    return packed.getvalue()
+
+
+def stored(home: Path, frames: int, lost: int, timed: bool) -> ProjectPhotographs:
+    """A project with photographs of the bar; the secondary camera did not take one."""
+    bars, store = bar_set(frames), ProjectPhotographs(Project.create(home))
+    moments = 1.7e9 + np.cumsum(np.random.default_rng(1).lognormal(2.5, 0.7, frames))
+    files = {}
+    for camera, (pattern, first) in enumerate(zip(NAMES, FIRST, strict=True)):
+        for i, pair in enumerate(bars.pairs):
+            if (camera, i) != (1, lost):
+                seconds = float(moments[i]) + 12.4 * camera if timed else None
+                name = pattern.format(first + i)
+                files[name] = store.keep(name, png((pair.primary, pair.secondary)[camera], seconds))
+    store.add(files)
+    rig = bars.rig
+    cameras = {
+        "primary": ("p.json", write_camera(rig.primary)),
+        "secondary": ("s.json", write_camera(rig.secondary)),
+    }
+    store.project.give({which: cameras[which] for which in ("primary", "secondary")})
+    return store
+
+
+def twos(store: ProjectPhotographs) -> list[tuple[int, int]]:
+    """The numbers of the moments of each pair; the primary's first."""
+    return [
+        (int(row.pair.primary[-8:-4]) - FIRST[0], int(row.pair.secondary[-8:-4]) - FIRST[1])
+        for row in store.rows
+    ]
+
+
+def without(frames: int, lost: int) -> Sequence[tuple[int, int]]:
+    return [(i, i) for i in range(frames) if i != lost]
+
+
+def test_by_time_and_a_slip_in_order_is_mended_by_one_press(home: Path) -> None:
+    store = stored(home, 7, 2, timed=True)
+    app = go(session(store.project), "data")
+    assert "6 pairs by the time taken; the clocks are 12.4 s apart" in messages(app)
+    slip = "IMG_1003 has no partner: one photograph is missing in the secondary after DSC_0232"
+    assert slip in messages(app)
+    assert twos(store) == without(7, 2)
+    app.segmented_control(key="pair_way").set_value("order").run()
+    assert "6 pairs in order" in messages(app)
+    assert f"The times say otherwise: {slip}" in messages(app)
+    assert twos(store)[2:] == [(2, 3), (3, 4), (4, 5), (5, 6)]
+    app.button(key="pair_mend").click().run()
+    assert twos(store) == without(7, 2)
+    assert "The times say otherwise" not in messages(app)
+    app.button(key="pair_back_primary/IMG_1003.png").click().run()
+    assert len(twos(store)) == 6 and twos(store) != without(7, 2)
+    for _ in range(3):
+        app.button(key="pair_undo").click().run()
+    assert store.proposal.way == "time" and not store.can_undo_choice
+    assert twos(store) == without(7, 2)
+    app.button(key="pair_exchange").click().run()
+    assert store.rows[0].pair.primary == "secondary/DSC_0231.png"
+    app.button(key="pair_undo").click().run()
+    assert twos(store) == without(7, 2)
+
+
+def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
+    store = stored(home, 16, 5, timed=False)
+    app = go(session(store.project), "data")
+    assert "15 pairs in order" in messages(app)
+    app.button(key="find_targets").click().run()
+    ended(store.project, "photographs")
+    app.run()
+    assert "IMG_1006 has no partner" in messages(app)
+    app.button(key="pair_mend_found").click().run()
+    assert twos(store) == without(16, 5)
+    assert "have changed since the targets were found" in messages(app)
+    assert "IMG_1006 has no partner" not in messages(app)
+
+
+def test_edited_pairs_return_with_the_way_before(home: Path) -> None:
+    store = stored(home, 4, 3, timed=False)
+    edited = [store.rows[1]]
+    store.keep_rows(edited)
+    app = go(session(store.project), "data")
+    app.button(key="pair_exchange").click().run()
+    assert len(store.rows) == 3
+    app.button(key="pair_undo").click().run()
+    assert store.rows == edited
