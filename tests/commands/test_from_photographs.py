@@ -2,7 +2,9 @@
 
 import io
 import json
+import os
 import re
+import shutil
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -109,10 +111,49 @@ def test_each_set_measures_and_matches(
     assert found.reprojection_errors(*pixels[0]).max() < reprojection_px
 
 
-pytest.importorskip("av")
-
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "photographs"
 FRAMES = (1, 2, 3, 4, 5, 6)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_ordinary_names_are_paired_by_the_times_of_the_files(
+    packed: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The secondary's clock is 100 s ahead, and it did not take the third photograph."""
+    given, names = tmp_path / "data", {}
+    for name in ("dataset.json", "primary.json", "secondary.json"):
+        names[name] = SAMPLE / name
+    moments = {}
+    for frame in (*FRAMES, 7):
+        for which, new, ahead in (("primary", "IMG_10", 0), ("secondary", "DSC_02", 100)):
+            if (which, frame) != ("secondary", 3):
+                name = f"{which}/{new}{frame:02}.jpg"
+                names[name] = SAMPLE / which / f"{frame:04}.jpg"
+                moments[name] = 1_700_000_000 + 10 * frame**2 + ahead
+    write({name: path.read_bytes() for name, path in names.items()}, given)
+    for name, at in moments.items():
+        os.utime(given / name, (at, at))
+    if packed:
+        packed_as = shutil.make_archive(str(tmp_path / "data"), "zip", given)
+        shutil.rmtree(given)
+        given = Path(packed_as)
+    out = tmp_path / "correspondences.csv"
+    detect = ["detect", str(given), "--doubtful", "--out", str(out)]
+    assert main(detect) == 0
+    said = capsys.readouterr().err
+    assert "6 pairs by the time of the files; the clocks are 100 s apart" in said
+    assert "IMG_1003 has no partner: one photograph is missing in the secondary after DSC_0202" in (
+        said
+    )
+    rows = read_table(out.read_bytes(), "table").correspondences
+    assert sorted({*rows.frame.tolist()}) == [1001, 1002, 1004, 1005, 1006, 1007]
+    # In order they would be wrong from the third on, and by name there are none.
+    assert main([*detect, "--pair-by", "name"]) == 2
+    assert main([*detect, "--pair-by", "order"]) == 0
+    assert "6 pairs in order" in capsys.readouterr().err
+
+
+pytest.importorskip("av")
 
 
 def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
