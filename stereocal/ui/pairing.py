@@ -196,13 +196,14 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None
         return
     st.markdown(f"**Frame {item.frame}** · {short[0]} · {short[1]}")
     if ask:
-        with st.container(horizontal=True):
-            for name in (item.primary, item.secondary):
-                choice = store.choice
-                without = replace(choice, without=(*choice.without, name))
-                st.button(
-                    f"{escape_markdown(short_names([name])[0])} has no partner",
-                    on_click=callback(partial(_take, store, without)),
-                    key=f"pair_without_{name}",
-                    type="tertiary",
-                )
+        choice = store.choice
+        both = (item.primary, item.secondary)
+        for name, shown, column in zip(both, short, st.columns(2), strict=True):
+            without = replace(choice, without=(*choice.without, name))
+            column.button(
+                "No partner",
+                help=f"{shown} has no partner: leave it out. Those after it move up by one.",
+                on_click=callback(partial(_take, store, without)),
+                key=f"pair_without_{name}",
+                type="tertiary",
+            )
