@@ -20,9 +20,9 @@ from stereocal.calibration.montecarlo import (
     reconstruction_problem,
     reprojection_problem,
 )
-from stereocal.calibration.wrong_inputs import check_inputs
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
+from stereocal.refined.best_reading import check_inputs
 from stereocal.refined.diagnosis import explain_failure, offer_time_offset, warnings_about_fit
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
@@ -149,7 +149,7 @@ def _essential(
                 return start
         except StereocalError as error:
             failure = failure or f"{error} "
-    raise StereocalError(failure + explain_failure(dataset, screening))
+    raise StereocalError(explain_failure(dataset, screening, failure))
 
 
 def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:

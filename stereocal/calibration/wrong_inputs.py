@@ -1,24 +1,32 @@
-"""Detect typical mistakes in the inputs: exchanged files, wrong signs, wrong image size.
+"""Which other readings of the inputs are worth a closer look, by the essential matrix of each.
 
-Each mistake is a hypothesis that changes the data set: camera files exchanged, distortion of the
-opposite sign, K for another image size. A hypothesis is accepted if the essential matrix of the
-changed data set fits much better. The fit is measured by two quantities that do not depend on the
-scale: the median reprojection error, and the spread of the bar lengths about their median. Frames
-that contradict the others are left out before.
+The fit of a reading is measured by two quantities that do not depend on the scale: the median
+reprojection error, and the spread of the bar lengths about their median. Both can be better by
+chance: of lenses of 9 degrees the essential matrix hardly fixes the lengths. So these readings only
+are suspects; `refined.best_reading` judges them, with all the images and lengths in one fit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.readings import (
+    ONE_OR_BOTH,
+    Reading,
+    changed,
+    fitting_px,
+    readings_of_cameras,
+    same_lens,
+    scaled,
+    whose,
+)
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera, CameraName, LensModel
+from stereocal.rig.camera import Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
@@ -27,16 +35,10 @@ from stereocal.system.numbers import rounded
 MINIMUM_BARS = 10
 """With five bars or five pairs, the five angles fit any cameras."""
 
-CERTAIN_GAIN = 1.5
-"""Geometric mean of the gains from which a mistake is certain. Measured on simulated rigs: files of
-cameras whose focal lengths differ by 1 % exchanged, 2 to 6; distortion of the wrong sign, 3 to 30;
-K of half the image size, 9 to 90."""
 POSSIBLE_GAIN = 1.15
-"""Gain from which a warning is given. Two real cameras that differ by 0.7 % gave 1.02 and 1.2."""
-
-COMPARABLE_GAIN = 4.0
-"""Explanations whose gains differ by less than this factor are both reported: for instance one
-camera's focal length is too long, or the other's too short."""
+"""Gain of a suspect in images or lengths. Two real cameras that differ by 0.7 % gave 1.02 and 1.2.
+Measured on simulated rigs: files of cameras whose focal lengths differ by 1 % exchanged, 2 to 6;
+distortion of the wrong sign, 3 to 30; K of half the image size, 9 to 90."""
 
 FOCAL_RANGE = np.geomspace(0.3, 12.0, 17)
 """Focal lengths to try, in image widths: from fisheye to long telephoto."""
@@ -49,17 +51,10 @@ SMALLEST_RESIZE = 0.05
 NO_FIT_COST = 1e3
 """Cost of an input with which nothing fits; larger than any other cost."""
 
-MOST_ALTERNATIVES = 3
-"""Comparable explanations in one message."""
-ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
-    ("primary",),
-    ("secondary",),
-    ("primary", "secondary"),
-)
-
-
 MAXIMUM_BEHIND = 0.2
 """Fraction of the points behind a camera above which a pose counts as no fit."""
+LARGEST_SCALE = 20.0
+"""By which wrong camera files change all lengths, at most."""
 LENGTH_TOLERANCE = 0.05
 """Relative difference up to which lengths count as equal."""
 
@@ -79,6 +74,11 @@ class Fit:
     def only_scale_is_wrong(self) -> bool:
         """Whether all bar lengths are wrong by the same factor."""
         return bool(self.spread < LENGTH_TOLERANCE < abs(np.log(self.scale)))
+
+    @property
+    def a_unit_is_wrong(self) -> bool:
+        """Whether they are by a factor that no camera file explains."""
+        return self.only_scale_is_wrong and bool(abs(np.log(self.scale)) > np.log(LARGEST_SCALE))
 
 
 NO_FIT = Fit(np.inf, np.inf, np.nan)
@@ -104,170 +104,53 @@ def pose_fit(dataset: Dataset, pose: Pose) -> Fit:
     return Fit(float(np.nanmedian(px)), spread, float(np.exp(median)))
 
 
-def check_inputs(dataset: Dataset) -> list[str]:
-    """Reject inputs that are certainly wrong; return warnings about those that may be."""
+def suspects(dataset: Dataset) -> list[Reading]:
+    """The readings of the camera files and of the labels that seem to fit better; all of them where
+    the points do not fit as they are given."""
+    found: list[Reading] = []
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
-        return []
-    tested = _test_hypotheses(dataset, essential_fit(dataset))
-    if message := _message(tested):
-        raise StereocalError(message)
-    possible = [
-        case for case in tested if min(case.gains) > 1.0 and max(case.gains) > POSSIBLE_GAIN
-    ]
-    if not possible:
-        return []
-    best = max(possible, key=lambda case: case.gain)
-    return [
-        f"{best.claim}: the points would then fit {rounded(max(best.gains))} times better, which "
-        "is not enough to be certain. Check it."
-    ]
-
-
-def find_wrong_input(dataset: Dataset, nominal: Fit | None = None) -> str:
-    """A message that names the wrong input if one explains the data; else empty.
-
-    For data that do not fit: wrong focal lengths and points measured in images of another size,
-    which take longer to test, are considered too.
-
-    Args:
-        nominal: the fit of the unchanged data set; computed if None.
-    """
-    if len(dataset.correspondences.bars) < MINIMUM_BARS:
-        return ""
-    nominal = nominal or essential_fit(dataset)
-    factors = [_test_factors(dataset, nominal, of_size) for of_size in (False, True)]
-    return _message([*_test_hypotheses(dataset, nominal), *factors[0], *factors[1]])
-
-
-@dataclass(frozen=True)
-class _Tested:
-    """A hypothesis about a wrong input, and how much better the data fit if it is true."""
-
-    claim: str
-    remedy: str
-    gains: tuple[float, float]
-    """In the images, and in the lengths."""
-
-    @property
-    def gain(self) -> float:
-        return self.gains[0] * self.gains[1]
-
-
-def _message(tested: Sequence[_Tested]) -> str:
-    """The certain hypothesis with the largest gain, and those with comparable gains; or empty."""
-    certain = [
-        case for case in tested if min(case.gains) > POSSIBLE_GAIN and case.gain > CERTAIN_GAIN**2
-    ]
-    if not certain:
-        return ""
-    best = max(certain, key=lambda case: case.gain)
-    others = sorted(
-        (case for case in certain if case is not best and case.gain * COMPARABLE_GAIN >= best.gain),
-        key=lambda case: -case.gain,
-    )[:MOST_ALTERNATIVES]
-    fits = (
-        f"the points would then fit {rounded(best.gains[0])} times better in the images and the "
-        f"bar lengths {rounded(best.gains[1])} times"
-        if np.isfinite(best.gain)
-        else "the points would then fit, and otherwise do not"
-    )
-    alternatives = f" Or: {'. Or: '.join(case.claim for case in others)}." if others else ""
-    return f"{best.claim}: {fits}. {best.remedy}{alternatives}"
-
-
-def _changed(
-    dataset: Dataset, cameras: Sequence[CameraName], change: Callable[[Camera], Camera]
-) -> Dataset:
-    """The data set with some of its cameras changed."""
-    changes: dict[str, Any] = {which: change(getattr(dataset, which)) for which in cameras}
-    return replace(dataset, **changes)
-
-
-def _whose(cameras: Sequence[CameraName]) -> str:
-    return f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
-
-
-def _tested(claim: str, remedy: str, nominal: Fit, found: Fit) -> _Tested:
-    if not np.isfinite(found.px):
-        return _Tested(claim, remedy, (0.0, 0.0))
-    gains = nominal.px / max(found.px, 1e-9), nominal.spread / max(found.spread, 1e-9)
-    return _Tested(claim, remedy, gains)
-
-
-def _test_hypotheses(dataset: Dataset, nominal: Fit) -> list[_Tested]:
-    tested = []
-    for claim, remedy, corrected in _hypotheses(dataset):
+        return found
+    nominal = essential_fit(dataset)
+    if not (nominal.px < fitting_px(dataset) and nominal.spread < LENGTH_TOLERANCE):
+        return [*readings_of_cameras(dataset)]
+    for reading in readings_of_cameras(dataset):
         with suppress(StereocalError):
-            tested.append(_tested(claim, remedy, nominal, essential_fit(corrected())))
-    return tested
+            gains = _gains(nominal, essential_fit(reading.corrected()))
+            if min(gains) > 1.0 and max(gains) > POSSIBLE_GAIN:
+                found.append(reading)
+    return found
 
 
-def _test_factors(dataset: Dataset, nominal: Fit, of_size: bool) -> list[_Tested]:
-    """Test another focal length, or size of the images, of one camera, of the other, and of both,
-    each at its best factor."""
-
-    def fit(log_factor: float) -> Fit:
-        factor = float(np.exp(log_factor))
-        change = partial(_scaled, factor=factor, with_centre=of_size)
-        return essential_fit(_changed(dataset, cameras, change))
-
-    tested = []
-    for cameras in ONE_OR_BOTH:
-        camera: Camera = getattr(dataset, cameras[0])
-        if of_size and camera.size_factor is not None:
-            continue  # K contradicts the image size: a hypothesis of its own
-        focal = FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0]
-        best = _best_factor(fit, SIZE_FACTORS if of_size else focal)
-        if best is None or (of_size and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
-            continue
-        message = _size_message if of_size else _focal_message
-        claim, remedy = message(dataset, cameras, float(np.exp(best)))
-        tested.append(_tested(claim, remedy, nominal, fit(best)))
-    return tested
+def _gains(nominal: Fit, found: Fit) -> tuple[float, float]:
+    """How many times better a reading fits in the images and in the lengths; 0 if not at all."""
+    if not np.isfinite(found.px):
+        return 0.0, 0.0
+    return nominal.px / max(found.px, 1e-9), nominal.spread / max(found.spread, 1e-9)
 
 
-def _hypotheses(dataset: Dataset) -> Iterator[tuple[str, str, Callable[[], Dataset]]]:
-    """What may be wrong, what to do about it, and the corrected data set."""
-    one, two = dataset.primary, dataset.secondary
-    if not _same_lens(one, two):
-        sizes = {"primary": one.image_size, "secondary": two.image_size}
-        exchanged = {"primary": two, "secondary": one}
-        own = {name: replace(exchanged[name], image_size=size) for name, size in sizes.items()}
-        yield (
-            "The two camera files seem to be exchanged",
-            "Exchange the files.",
-            partial(replace, dataset, **own),
-        )
-    yield (
-        "A and B seem to be exchanged in one of the cameras, in all frames",
-        "Exchange the two targets of one camera.",
-        partial(dataset.with_targets_exchanged, dataset.correspondences.frames),
-    )
-    for cameras in ONE_OR_BOTH:
-        yield (
-            f"The {_whose(cameras)} distortion coefficients seem to have the wrong sign",
-            "Some programs write the inverse (undistorting) coefficients: export the lens in "
-            "OpenCV's convention, or change the signs.",
-            partial(_changed, dataset, cameras, _negated),
-        )
-    for cameras in ONE_OR_BOTH:
-        if all(_has_other_model(getattr(dataset, which)) for which in cameras):
-            yield (
-                f"The {_whose(cameras)} four distortion coefficients seem to be of the other lens "
-                "model (k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
-                "Give the camera file again, and state which they are.",
-                partial(_changed, dataset, cameras, _of_other_model),
-            )
-    for cameras, camera in zip(ONE_OR_BOTH, (one, two), strict=False):
-        factor = camera.size_factor
-        if factor is not None:
-            width, height = camera.image_size
-            yield (
-                f"The {_whose(cameras)} matrix K seems to be that of an image {rounded(factor, 3)} "
-                f"times as large as {width}x{height} px",
-                "Provide K for the size of the images in which the points were measured.",
-                partial(_changed, dataset, cameras, partial(_scaled, factor=1.0 / factor)),
-            )
+def scaled_readings(dataset: Dataset) -> Iterator[Reading]:
+    """Another focal length, or size of the images, of one camera, of the other, and of both, each
+    at its best factor."""
+    for of_size in (False, True):
+        for cameras in ONE_OR_BOTH:
+            camera: Camera = getattr(dataset, cameras[0])
+            if of_size and camera.size_factor is not None:
+                continue  # K contradicts the image size: a reading of its own
+            focal = FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0]
+            corrected = partial(_rescaled, dataset, cameras, of_size)
+            best = _best_factor(corrected, SIZE_FACTORS if of_size else focal)
+            if best is None or (of_size and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
+                continue
+            message = _size_message if of_size else _focal_message
+            claim, remedy = message(dataset, cameras, float(np.exp(best)))
+            yield Reading(claim, remedy, partial(corrected, best))
+
+
+def _rescaled(
+    dataset: Dataset, cameras: Sequence[CameraName], of_size: bool, log_factor: float
+) -> Dataset:
+    change = partial(scaled, factor=float(np.exp(log_factor)), with_centre=of_size)
+    return changed(dataset, cameras, change)
 
 
 def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
@@ -282,7 +165,7 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
     if nominal.only_scale_is_wrong:
         return _lengths_message(dataset, nominal.scale)
     same = " Both cameras have the same lens: if they are of different models, one file is wrong."
-    if not _same_lens(dataset.primary, dataset.secondary):
+    if not same_lens(dataset.primary, dataset.secondary):
         same = ""
     return (
         "Baseline, bar and lenses cannot all be right, and these frames cannot tell which is "
@@ -296,7 +179,7 @@ def _size_message(
 ) -> tuple[str, str]:
     width, height = getattr(dataset, cameras[0]).image_size
     return (
-        f"The {_whose(cameras)} points seem to be measured in images of about {width * factor:.0f}x"
+        f"The {whose(cameras)} points seem to be measured in images of about {width * factor:.0f}x"
         f"{height * factor:.0f} px, {rounded(factor)} times the size in the camera file, "
         f"{width}x{height} px",
         "Give the points in pixels of the images that the lens was calibrated for, or the camera "
@@ -312,10 +195,10 @@ def _focal_message(
         for scale in (1.0, factor)
     )
     same = " Both cameras have the same lens: was one file used twice?"
-    if not _same_lens(dataset.primary, dataset.secondary):
+    if not same_lens(dataset.primary, dataset.secondary):
         same = ""
     return (
-        f"The {_whose(cameras)} lens cannot have the stated focal length of {stated} px; "
+        f"The {whose(cameras)} lens cannot have the stated focal length of {stated} px; "
         f"about {fitting} px would fit",
         "Calibrate it again, or check whether the file belongs to this camera, lens and image "
         f"size.{same}",
@@ -344,7 +227,7 @@ def _lengths_message(dataset: Dataset, scale: float) -> str:
     )
 
 
-def _best_factor(fit: Callable[[float], Fit], factors: FloatArray) -> float | None:
+def _best_factor(corrected: Callable[[float], Dataset], factors: FloatArray) -> float | None:
     """The logarithm of the factor with the best fit of images and lengths; None if none fits.
 
     A wrong scale counts like a spread of the lengths.
@@ -352,7 +235,7 @@ def _best_factor(fit: Callable[[float], Fit], factors: FloatArray) -> float | No
 
     def cost(log_factor: float) -> float:
         try:
-            found = fit(log_factor)
+            found = essential_fit(corrected(log_factor))
         except StereocalError:
             return NO_FIT_COST
         if not np.isfinite(found.px):
@@ -368,30 +251,3 @@ def _best_factor(fit: Callable[[float], Fit], factors: FloatArray) -> float | No
     bounds = tried[at] - step, tried[at] + step
     best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(best.x)
-
-
-def _same_lens(one: Camera, other: Camera) -> bool:
-    same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
-    return same and one.model == other.model
-
-
-def _has_other_model(camera: Camera) -> bool:
-    """Whether the lens has just the four coefficients that the other model has too."""
-    own = camera.distortion
-    return camera.is_fisheye or bool(own[:4].any() and not own[4:].any())
-
-
-def _of_other_model(camera: Camera) -> Camera:
-    model: LensModel = "brown" if camera.is_fisheye else "fisheye"
-    return Camera(camera.K, camera.distortion[:4], camera.image_size, model=model)
-
-
-def _negated(camera: Camera) -> Camera:
-    return replace(camera, distortion=-camera.distortion)
-
-
-def _scaled(camera: Camera, factor: float, with_centre: bool = True) -> Camera:
-    """The camera of images this many times as large, or with such a focal length."""
-    K = camera.K.copy()
-    K[:2, : 3 if with_centre else 2] *= factor
-    return replace(camera, K=K)

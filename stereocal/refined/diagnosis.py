@@ -6,13 +6,10 @@ pose. If none explains the data, the message says that the cause is unknown.
 
 import numpy as np
 
-from stereocal.calibration.wrong_inputs import (
-    essential_fit,
-    find_wrong_input,
-    inconsistency_message,
-    pose_fit,
-)
+from stereocal.calibration.checks import warnings_about_copies
+from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
+from stereocal.refined.best_reading import find_wrong_input, nothing_fits
 from stereocal.refined.local_pose import largest_turn_sigma
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
@@ -36,10 +33,15 @@ SMALLEST_CLAIM = 0.01
 """In frames. A smaller offset is not offered: with frames that do not follow each other, other
 errors gave offsets of 0.001 frames with far smaller standard errors."""
 OUT_OF_STEP = "The cameras seem to be out of step"
+WHOLE = 0.02
+"""Offsets this near to a whole number of frames are errors of counting."""
 LARGEST_SIGMA = np.radians(3.0)
 """An angle with a larger standard error counts as undetermined."""
 FLATNESS = 0.02
 """Points whose RMS distance from a plane is a smaller fraction of their depth count as coplanar."""
+THIN = 0.15
+"""So they do if it is also a smaller fraction of their extent along the plane: a lens of 9 degrees
+sees a volume that is thin against its depth, but 0.5 as high as wide."""
 MAXIMUM_NOISE_PX = 5.0
 """A fit with more noise explains nothing, and its 3D points are not used."""
 NARROW_FIELD = np.radians(6.0)
@@ -48,12 +50,13 @@ PARALLEL = np.radians(8.0)
 """Bars within this angle of a common direction count as parallel."""
 
 
-def explain_failure(dataset: Dataset, screening: Screening) -> str:
+def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -> str:
     """The message for data that no pose of the cameras explains: the likely cause and the remedy.
 
     Args:
         dataset: the frames to calibrate with.
         screening: of all frames.
+        failure: what was seen of it; repeated only where no cause is found.
     """
     if not screening.fit:
         screening = screen(dataset)
@@ -66,15 +69,15 @@ def explain_failure(dataset: Dataset, screening: Screening) -> str:
             named = ", ".join(str(frame) for frame in bad[:MAXIMUM_NAMED])
             return f"Some frames contradict the others ({named}): leave them out."
     nominal = essential_fit(dataset)
+    if nominal.a_unit_is_wrong:
+        return inconsistency_message(dataset, nominal)
+    if named := find_wrong_input(dataset) or " ".join(warnings_about_copies(dataset)):
+        return named
     if nominal.only_scale_is_wrong:
         return inconsistency_message(dataset, nominal)
-    if fit is not None and not np.isfinite(nominal.px):
-        nominal = pose_fit(fit.apply(dataset), fit.pose)
-    return (
-        find_wrong_input(dataset, nominal)
-        or (geometry_warning(fit) if fit is not None else "")
-        or inconsistency_message(dataset, nominal)
-    )
+    geometry = geometry_warning(fit) if fit is not None else ""
+    unknown = nothing_fits(dataset) or inconsistency_message(dataset, nominal)
+    return geometry or f"{failure}{unknown}"
 
 
 def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer: str) -> list[str]:
@@ -85,10 +88,11 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
         offer: the message of `offer_time_offset`; no input is blamed where it explains the fit.
     """
     failure = screening.failure and f"The frames could not be screened: {screening.failure}"
-    geometry = geometry_warning(screening.fit) if screening.fit is not None else ""
-    if poor and not offer and not geometry:
-        geometry = find_wrong_input(dataset) or inconsistency_message(dataset)
-    return [message for message in (failure, offer, screening.together, geometry) if message]
+    fit = screening.fit
+    cause = offer or (geometry_warning(fit) if fit is not None else "")
+    if poor and not cause:
+        cause = find_wrong_input(dataset) or nothing_fits(dataset) or inconsistency_message(dataset)
+    return [message for message in (failure, screening.together, cause) if message]
 
 
 def offer_time_offset(screening: Screening) -> str:
@@ -109,6 +113,14 @@ def offer_time_offset(screening: Screening) -> str:
             return ""
     if abs(found.frames) < SMALLEST_CLAIM:
         return ""
+    whole = round(found.frames)
+    if whole and abs(found.frames - whole) < WHOLE + CLAIMED * found.sigma:
+        frame = int(screening.full_dataset.correspondences.frames[max(whole, 0)])
+        return (
+            f"The frames of the two cameras seem to be counted {abs(whole)} apart: the secondary's "
+            f"frame {frame - whole} is of the same moment as the primary's frame {frame}. Correct "
+            "the numbers: one camera has an image less, or one more, at its start."
+        )
     return (
         f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "
         f"the secondary took its frames {found.frames:+.2f} ± {found.sigma:.2f} frame intervals "
@@ -139,9 +151,10 @@ def geometry_warning(fit: RefinedResult) -> str:
     largest = largest_turn_sigma(fit.q, fit.covariance)
     ends = fit.used_points_m
     points, flat = _finite(ends.reshape(-1, 3)), False
-    if len(points) > 3:  # the RMS distance from the best plane
-        smallest = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]
-        flat = smallest / np.sqrt(len(points)) < FLATNESS * np.median(points[:, 2])
+    if len(points) > 3:  # the RMS distances from the best plane, and along it the shorter way
+        sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        thickness = sizes[-1] / np.sqrt(len(points))
+        flat = thickness < FLATNESS * np.median(points[:, 2]) and sizes[-1] < THIN * sizes[-2]
     if not (largest > LARGEST_SIGMA or flat):
         return ""
     known = f"the largest standard error of an angle is {np.degrees(largest):.1f} degrees"

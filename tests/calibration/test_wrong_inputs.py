@@ -8,8 +8,8 @@ import pytest
 
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.errors import StereocalError
+from stereocal.refined.best_reading import check_inputs, find_wrong_input
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import simulate_nineteen

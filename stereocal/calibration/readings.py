@@ -1,0 +1,211 @@
+"""Other readings of what was given: files exchanged, images mirrored, frames in another order.
+
+A reading changes the data set, as one typical mistake would have changed it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.system.numbers import rounded
+
+ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
+    ("primary",),
+    ("secondary",),
+    ("primary", "secondary"),
+)
+
+
+FITTING = 0.003
+"""Largest noise of image points, as a fraction of the image diagonal: 2.4 px of 640x480. The best
+wrong readings of frames in no order leave 0.005 and more."""
+
+
+def fitting_px(dataset: Dataset) -> float:
+    """The largest noise with which points may be said to fit, in pixels."""
+    cameras = dataset.primary, dataset.secondary
+    return FITTING * min(float(np.hypot(*camera.image_size)) for camera in cameras)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What may be wrong, what to do about it, and the corrected data set."""
+
+    claim: str
+    remedy: str
+    corrected: Callable[[], Dataset]
+    """Raises a `StereocalError` where such a data set is impossible."""
+
+
+def changed(
+    dataset: Dataset, cameras: Sequence[CameraName], change: Callable[[Camera], Camera]
+) -> Dataset:
+    """The data set with some of its cameras changed."""
+    changes: dict[str, Any] = {which: change(getattr(dataset, which)) for which in cameras}
+    return replace(dataset, **changes)
+
+
+def whose(cameras: Sequence[CameraName]) -> str:
+    """Of one camera or of both, for messages."""
+    return f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
+
+
+def same_lens(one: Camera, other: Camera) -> bool:
+    """Whether two cameras have the same lens, as where one file was given twice."""
+    same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
+    return same and one.model == other.model
+
+
+def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
+    """Of the camera files, and of the labels of the targets: what is tried with every data set."""
+    one, two = dataset.primary, dataset.secondary
+    if not same_lens(one, two):
+        sizes = {"primary": one.image_size, "secondary": two.image_size}
+        exchanged = {"primary": two, "secondary": one}
+        own = {name: replace(exchanged[name], image_size=size) for name, size in sizes.items()}
+        yield Reading(
+            "The two camera files seem to be exchanged",
+            "Exchange the files.",
+            partial(replace, dataset, **own),
+        )
+    yield Reading(
+        "A and B seem to be exchanged in one of the cameras, in all frames",
+        "Exchange the two targets of one camera.",
+        partial(dataset.with_targets_exchanged, dataset.correspondences.frames),
+    )
+    for cameras in ONE_OR_BOTH:
+        yield Reading(
+            f"The {whose(cameras)} distortion coefficients seem to have the wrong sign",
+            "Some programs write the inverse (undistorting) coefficients: export the lens in "
+            "OpenCV's convention, or change the signs.",
+            partial(changed, dataset, cameras, _negated),
+        )
+    for cameras in ONE_OR_BOTH:
+        if all(_has_other_model(getattr(dataset, which)) for which in cameras):
+            yield Reading(
+                f"The {whose(cameras)} four distortion coefficients seem to be of the other lens "
+                "model (k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
+                "Give the camera file again, and state which they are.",
+                partial(changed, dataset, cameras, _of_other_model),
+            )
+    for cameras, camera in zip(ONE_OR_BOTH, (one, two), strict=False):
+        factor = camera.size_factor
+        if factor is not None:
+            width, height = camera.image_size
+            yield Reading(
+                f"The {whose(cameras)} matrix K seems to be that of an image {rounded(factor, 3)} "
+                f"times as large as {width}x{height} px",
+                "Provide K for the size of the images in which the points were measured.",
+                partial(changed, dataset, cameras, partial(scaled, factor=1.0 / factor)),
+            )
+
+
+def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
+    """Of the table of points: what is tried where the data do not fit."""
+    for axis, claim, remedy in (
+        (
+            0,
+            "The images of one camera seem to be mirrored: u is counted from the right",
+            "Mirror them back, or replace u by the width - 1 - u. Which camera it is, images of "
+            "writing show.",
+        ),
+        (
+            1,
+            "v of one camera seems to be counted from below",
+            "Replace it by the height - 1 - v. Which camera it is, a point near the ground shows.",
+        ),
+    ):
+        for which in CAMERAS:
+            yield Reading(claim, remedy, partial(_mirrored, dataset, which, axis))
+    if dataset.correspondences.rigid_object is None:
+        yield Reading(
+            "The columns of the table seem to stand camera by camera: A and B of one camera, then "
+            "those of the other",
+            "Put them in the order A of both cameras, B of both cameras, or name the columns.",
+            partial(_camera_by_camera, dataset),
+        )
+    frames = dataset.correspondences.frames
+    for order in _orders_of_words(frames):
+        yield Reading(
+            "The frames of one camera seem to be in the order of words (1, 10, 11, ... 2, 20)",
+            "Sort its files by their numbers, or write these with zeros before: 01, 02, ...",
+            partial(_reordered, dataset, dict(zip(frames.tolist(), order, strict=True))),
+        )
+
+
+def _orders_of_words(frames: Any) -> Iterator[list[int]]:
+    """Which frame's points stand in the place of each frame, if they were counted from 0, from 1 or
+    as they are, and the inverse of each order."""
+    count, seen = len(frames), set[tuple[int, ...]]()
+    for numbers in (frames.tolist(), range(count), range(1, count + 1)):
+        order = sorted(range(count), key=lambda place: str(numbers[place]))
+        for places in (order, np.argsort(order).tolist()):
+            if tuple(places) not in seen and places != list(range(count)):
+                seen.add(tuple(places))
+                yield frames[places].tolist()
+
+
+def _points(dataset: Dataset, rows: Correspondences, **points: FloatArray) -> Dataset:
+    return replace(dataset, correspondences=replace(rows, **points))
+
+
+def _mirrored(dataset: Dataset, which: CameraName, axis: int) -> Dataset:
+    points = getattr(dataset.correspondences, which).copy()
+    points[:, axis] = getattr(dataset, which).image_size[axis] - 1 - points[:, axis]
+    return _points(dataset, dataset.correspondences, **{which: points})
+
+
+def _camera_by_camera(dataset: Dataset) -> Dataset:
+    """The secondary's A exchanged for the primary's B."""
+    rows = dataset.correspondences
+    a, b = rows.bars.T
+    primary, secondary = rows.primary.copy(), rows.secondary.copy()
+    secondary[a], primary[b] = rows.primary[b], rows.secondary[a]
+    whole = np.isin(np.arange(len(rows)), rows.bars)
+    found = replace(rows, primary=primary, secondary=secondary).where(whole)
+    return replace(dataset, correspondences=found)
+
+
+def _reordered(dataset: Dataset, of_frame: dict[int, int]) -> Dataset:
+    """The secondary's points of another frame in the place of each, where that has them."""
+    rows = dataset.correspondences
+    at = {key: row for row, key in enumerate(zip(rows.frame, rows.target, strict=True))}
+    other = np.array(
+        [at.get((of_frame[f], t), -1) for f, t in zip(rows.frame, rows.target, strict=True)]
+    )
+    found = replace(rows, secondary=rows.secondary[other]).where(other >= 0)
+    return replace(dataset, correspondences=found)
+
+
+def _has_other_model(camera: Camera) -> bool:
+    """Whether the lens has just the four coefficients that the other model has too."""
+    return camera.is_fisheye or bool(camera.distortion.size == 4 and camera.distortion.any())
+
+
+def _of_other_model(camera: Camera) -> Camera:
+    model: LensModel = "brown" if camera.is_fisheye else "fisheye"
+    return Camera(camera.K, camera.distortion[:4], camera.image_size, model=model)
+
+
+def _negated(camera: Camera) -> Camera:
+    return replace(camera, distortion=-camera.distortion)
+
+
+def scaled(camera: Camera, factor: float, with_centre: bool = True) -> Camera:
+    """The camera of images this many times as large, or with such a focal length."""
+    K = camera.K.copy()
+    K[:2, : 3 if with_centre else 2] *= factor
+    return replace(camera, K=K)
+
+
+def centred(camera: Camera, centre_px: FloatArray) -> Camera:
+    """The camera with another principal point."""
+    K = camera.K.copy()
+    K[:2, 2] = centre_px
+    return replace(camera, K=K)

@@ -1,0 +1,228 @@
+"""Which other reading of the inputs explains the data, if they do not fit as they were given.
+
+Each reading is judged by one robust fit with the usual priors of the lenses, the baseline free and
+the lengths of the bars held: the noise in pixels that would be left. A wrong reading leaves many
+times the noise of the right one, and in sound data no reading leaves less. (Essential matrices are
+no judges: lenses of 9 degrees and cameras that face each other fit exchanged files as well.) A
+lens that the fit moves far from its prior counts as noise.
+
+Nothing is named where no reading fits.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtri
+
+from stereocal.calibration.readings import (
+    ONE_OR_BOTH,
+    Reading,
+    centred,
+    fitting_px,
+    readings_of_cameras,
+    readings_of_points,
+    whose,
+)
+from stereocal.calibration.wrong_inputs import (
+    MINIMUM_BARS,
+    essential_fit,
+    scaled_readings,
+    suspects,
+)
+from stereocal.errors import StereocalError
+from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.system.numbers import rounded
+
+HELD_LENGTHS = 1e-3
+"""Scatter of the bars, as a fraction: what is wrong must show in pixels."""
+MOST_FRAMES = 60
+"""Are enough to tell; of longer recordings so many, evenly spread."""
+MOST_STEPS = 30
+CERTAIN_GAIN, POSSIBLE_GAIN = 1.5, 1.15
+"""How many times the noise as given is that of a reading which is named as certain, or as possible.
+"""
+FAR = 4.0
+"""Times the largest noise that fits: an essential matrix that leaves more is not worth a fit. It is
+not robust: three frames of 25 that contradict the others may leave so much."""
+ALIKE = 1.3
+"""Readings whose noise differs by less explain the data equally well: one camera's focal length is
+too long, or the other's too short. So do u and v from the other side, but for a camera that would
+stand on its head; that counts as so many times the noise."""
+SMALLEST_SHIFT, LARGEST_SHIFT = 10.0, 300.0
+"""Of a centre, in units of `fitting_px`: 3 and 90 % of the diagonal. Smaller ones are named as an
+input that disagrees."""
+LARGEST_EXPONENT = 20.0
+MOST_ALTERNATIVES = 3
+"""Comparable explanations in one message."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A reading and the noise that it leaves."""
+
+    reading: Reading
+    noise_px: float
+    fits: bool
+    """Whether that is noise of image points."""
+    rank: float
+    """The reading with the least is the best."""
+
+
+def check_inputs(dataset: Dataset) -> list[str]:
+    """Reject inputs that are certainly wrong; return warnings about those that may be."""
+    suspected = suspects(dataset)
+    if not suspected:
+        return []
+    dataset = _fewer_frames(dataset)
+    nominal = noise_of(dataset)
+    if nominal < fitting_px(dataset) and not _named(nominal, _by_noise(suspected), POSSIBLE_GAIN):
+        return []
+    found = _every_reading(dataset)
+    if message := _message(nominal, found, CERTAIN_GAIN):
+        raise StereocalError(message)
+    possible = _named(nominal, found, POSSIBLE_GAIN)
+    return [
+        f"{best.reading.claim}: all points and lengths would then fit to "
+        f"{rounded(best.noise_px)} px instead of {rounded(nominal)} px, which is not enough to be "
+        "certain. Check it."
+        for best in possible[:1]
+    ]
+
+
+def find_wrong_input(dataset: Dataset) -> str:
+    """A message that names the wrong input if one explains the data; else empty."""
+    if len(dataset.correspondences.bars) < MINIMUM_BARS:
+        return ""
+    dataset = _fewer_frames(dataset)
+    nominal = noise_of(dataset)
+    return _message(nominal, _every_reading(dataset), CERTAIN_GAIN)
+
+
+def nothing_fits(dataset: Dataset) -> str:
+    """A message if no pose fits and `find_wrong_input` names nothing; else empty."""
+    nominal = noise_of(_fewer_frames(dataset))
+    if nominal < fitting_px(dataset) or len(dataset.correspondences.bars) < MINIMUM_BARS:
+        return ""
+    to = f" better than to {rounded(nominal)} px" if np.isfinite(nominal) else ""
+    return (
+        f"Nothing fits these points{to}, and they cannot tell what is wrong. Tried in vain: "
+        "camera files or targets exchanged, images mirrored or counted from below, frames and "
+        "columns in another order, other signs and models of the distortion, image sizes, focal "
+        "lengths and centres. Check that the points of a frame are of the same moment and of the "
+        "same target in both cameras, that the cameras stood still, and both camera files."
+    )
+
+
+def _fewer_frames(dataset: Dataset) -> Dataset:
+    frames = dataset.correspondences.frames
+    if len(frames) <= MOST_FRAMES:
+        return dataset
+    at = np.linspace(0, len(frames) - 1, MOST_FRAMES).round().astype(int)
+    return dataset.of_frames(frames[at])
+
+
+def _every_reading(dataset: Dataset) -> list[Judged]:
+    """All readings, the best first: those of estimated values must leave less noise than others."""
+    found = [
+        *_by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)]),
+        *_by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE),
+    ]
+    return sorted(found, key=lambda it: it.rank)
+
+
+def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged]:
+    found = []
+    for reading in readings:
+        with suppress(StereocalError):
+            data = reading.corrected()
+            noise = noise_of(data)
+            found.append(Judged(reading, noise, noise < fitting_px(data), handicap * noise))
+    return found
+
+
+def noise_of(dataset: Dataset) -> float:
+    """The noise in pixels with which half of the frames fit, infinite where no pose fits."""
+    essential = essential_fit(dataset)
+    if not essential.px < FAR * fitting_px(dataset):
+        return float("inf")
+    try:
+        # From its scale, so that a baseline that is wrong hinders no reading.
+        scaled = replace(dataset, baseline_m=essential.scale * dataset.baseline_m)
+        fit = _fit(scaled)
+    except StereocalError:
+        return float("inf")
+    degrees, p = fit.degrees_of_freedom, fit.p
+    half = float(np.median(fit.chi_squares / chdtri(np.maximum(degrees, 1), 0.5)))
+    of_prior = float(p @ fit.unknowns.precision @ p) / (2.0 * degrees.sum())
+    upside_down = ALIKE if fit.pose.R[1, 1] < 0.0 else 1.0
+    stretched = np.exp(min(of_prior, LARGEST_EXPONENT))
+    return float(fit.sigma_px.value * np.sqrt(half) * stretched * upside_down)
+
+
+def _fit(dataset: Dataset, **lenses: Any) -> RefinedResult:
+    settings = RefineSettings(
+        baseline_sigma_m=np.inf,
+        scatter_m=HELD_LENGTHS * dataset.target_distance_m,
+        maximum_steps=MOST_STEPS,
+        **lenses,
+    )
+    return refine(dataset, settings)
+
+
+def _centred_readings(dataset: Dataset) -> Iterator[Reading]:
+    """The principal point elsewhere, as of images that were cropped."""
+    for cameras in ONE_OR_BOTH:
+        free = {which: LensPrior(centre_px=np.inf) for which in cameras}
+        try:
+            fit = _fit(dataset, **free)
+        except StereocalError:
+            continue
+        stated, fitting = (
+            {which: getattr(of, which).K[:2, 2] for which in cameras} for of in (dataset, fit)
+        )
+        far = [float(np.linalg.norm(fitting[which] - stated[which])) for which in cameras]
+        unit = fitting_px(dataset)
+        if not all(SMALLEST_SHIFT * unit < shift < LARGEST_SHIFT * unit for shift in far):
+            continue
+        stated_words, fitting_words = (
+            " and ".join(f"({u:.0f}, {v:.0f})" for u, v in of.values()) for of in (stated, fitting)
+        )
+        lenses: dict[str, Any] = {
+            which: centred(getattr(dataset, which), fitting[which]) for which in cameras
+        }
+        yield Reading(
+            f"The {whose(cameras)} image centre seems to be at {fitting_words} px, where the file "
+            f"says {stated_words} px",
+            "Was the image cropped? Then subtract what was cut off on the left and above from cx "
+            "and cy, or give the points in pixels of the whole image.",
+            partial(replace, dataset, **lenses),
+        )
+
+
+def _named(nominal: float, found: list[Judged], gain: float) -> list[Judged]:
+    """The readings that fit, and so many times better than what was given; the best first."""
+    return [it for it in found if it.fits and gain * it.noise_px < nominal]
+
+
+def _message(nominal: float, found: list[Judged], gain: float) -> str:
+    """The reading with the least noise, and those that explain as much; or empty."""
+    named = _named(nominal, found, gain)
+    if not named:
+        return ""
+    best = named[0]
+    others = dict.fromkeys(
+        it.reading.claim for it in named[1:] if it.noise_px < ALIKE * best.noise_px
+    )
+    others.pop(best.reading.claim, None)
+    alternatives = "".join(f" Or: {claim}." for claim in [*others][:MOST_ALTERNATIVES])
+    now = f" instead of {rounded(nominal)} px" if np.isfinite(nominal) else ", and otherwise do not"
+    return (
+        f"{best.reading.claim}: all points and lengths would then fit to "
+        f"{rounded(best.noise_px)} px{now}. {best.reading.remedy}{alternatives}"
+    )
