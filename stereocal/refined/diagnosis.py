@@ -91,7 +91,10 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
     fit = screening.fit
     cause = offer or (geometry_warning(fit) if fit is not None else "")
     if poor and not cause:
-        cause = find_wrong_input(dataset) or nothing_fits(dataset) or inconsistency_message(dataset)
+        nominal = essential_fit(dataset)
+        cause = find_wrong_input(dataset) or nothing_fits(dataset)
+        if not cause and nominal.only_scale_is_wrong:
+            cause = inconsistency_message(dataset, nominal)
     return [message for message in (failure, screening.together, cause) if message]
 
 

@@ -1,6 +1,8 @@
 """What was evidently given wrongly is named, and sound data hear nothing."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -8,16 +10,20 @@ import pytest
 
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.best_reading import check_inputs, find_wrong_input
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.workflow import calibrate
 from tests.fisheye_rig import recording
+from tests.rigs.culprits import KINDS, MISTAKES, accusations_of, sound
 from tests.rigs.mistakes import flipped, scaled
 from tests.rigs.mistakes import rig as random_rig
 
+CASES = Path(__file__).parents[1] / "cases"
 FOUR = np.array([-0.25, 0.1, 0.001, -0.001])
 SOUND = random_rig(3)[1]
 
@@ -118,3 +124,48 @@ def test_a_lens_of_the_other_model_is_named(sides: tuple[str, ...]) -> None:
         whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
         said = find_wrong_input(replace(data, **wrong))
         assert f"{whose} four distortion coefficients seem to be of the other" in said
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_each_kind_of_mistake_is_named(name: str) -> None:
+    """Or, where nothing given otherwise fits, that it cannot be told.
+
+    Of 20 of each: `python -m benchmarks.ordinary_path culprits`, and docs/wrong_input.md.
+    """
+    assert MISTAKES[name].named(1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_sound_set_is_accused(kind: str) -> None:
+    """Lenses of 9 degrees, wide ones, crops that are stated, cameras that face each other: of 20 of
+    each none (`benchmarks.ordinary_path sound`); before, 3 of 10 and 2 of 10 of two kinds."""
+    for number in range(4):
+        assert accusations_of(sound(kind, number)[1]) == ()
+
+
+def test_large_noise_accuses_nobody() -> None:
+    """1 px, with which the 95 % length error of wide lenses is 5 % and more."""
+    for number in range(4):
+        for kind in ("unlike cameras", "wide, 90 degrees"):
+            assert accusations_of(sound(kind, number, noise_px=1.0)[1]) == ()
+
+
+def test_a_crop_is_no_fisheye() -> None:
+    """The true centre is 726.5: 729 is found, with lenses known to 1 %."""
+    with pytest.raises(StereocalError, match="secondary camera's image centre") as said:
+        calibrate(read_dataset(CASES / "crop_called_a_fisheye" / "set"))
+    found = re.search(r"at \((\d+), (\d+)\) px", str(said.value))
+    assert found and float(found[1]) == pytest.approx(726.5, abs=8.0)
+
+
+@pytest.mark.parametrize(("table", "says"), [("mirrored", "mirrored"), ("v_from_below", "below")])
+def test_a_mirrored_camera_is_named(
+    table: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [
+        str(CASES / "one_camera_mirrored" / name) for name in (f"{table}.csv", "l.yml", "r.yml")
+    ]
+    lengths = ["--baseline", "1.2176", "--distance", "0.5"]
+    assert main(["import", *files, *lengths, "--out", str(tmp_path / "set")]) == 0
+    assert main(["calibrate", str(tmp_path / "set"), "--out", str(tmp_path / "out")]) == 2
+    assert says in capsys.readouterr().err

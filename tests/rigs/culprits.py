@@ -83,12 +83,14 @@ KINDS: Mapping[str, Kind] = {
 }
 
 
-def sound(kind: str, number: int, frames: int = 25) -> tuple[Scene, Dataset, np.random.Generator]:
+def sound(
+    kind: str, number: int, frames: int = 25, noise_px: float = OFF.noise_px
+) -> tuple[Scene, Dataset, np.random.Generator]:
     """The truth of a rig, what is given of it, and more randomness."""
     it, rng = KINDS[kind], np.random.default_rng([number, SEED, [*KINDS].index(kind)])
     scene = place_bars(it.cameras(rng), rng, frames, it.bar_m, it.depths_m)
     nominal = misjudged(scene.rig, it.bar_m, rng, replace(OFF, baseline_m=1e-3))
-    return scene, observe(scene, rng, OFF.noise_px, f"{kind} {number}", nominal), rng
+    return scene, observe(scene, rng, noise_px, f"{kind} {number}", nominal), rng
 
 
 def _which(rng: np.random.Generator) -> CameraName:
@@ -182,47 +184,72 @@ def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
     return reordered(lambda count: rng.permutation(count).tolist())(data, rng)
 
 
-def late(kind: str, number: int, offset: float = 0.3) -> Dataset:
-    """A waved bar, with the secondary camera late by a part of a frame."""
+def waved(number: int, offset: float, every: int = 1) -> Dataset:
+    """A waved bar, seen by a secondary camera that is late by a part of a frame.
+
+    Args:
+        every: of so many frames one was kept, and numbered by itself.
+    """
+    kind = [*KINDS][number % 4]
     it, rng = KINDS[kind], np.random.default_rng([number, SEED, 1])
     between = int(rng.choice([12, 20, 30]))
-    bar = move_bar(it.cameras(rng), rng, 80, it.bar_m, it.depths_m, between)
+    bar = move_bar(it.cameras(rng), rng, 80 * every, it.bar_m, it.depths_m, between)
     nominal = misjudged(bar.rig, it.bar_m, rng, replace(OFF, baseline_m=1e-3))
-    return record(bar, rng, OFF.noise_px, f"late {number}", TimeOffset(offset), nominal)
+    data = record(bar, rng, OFF.noise_px, f"late {number}", TimeOffset(offset), nominal)
+    rows = data.correspondences
+    kept = rows.where(rows.time_frame % every == 0)
+    frame = np.searchsorted(kept.frames, kept.frame) + 1
+    return replace(data, correspondences=replace(kept, frame=frame, time_frame=frame))
 
 
 @dataclass(frozen=True)
 class Mistake:
     """What is wrong, and the words that name it; one of them must stand in what is said."""
 
-    change: Change
+    change: Change | None
     names: tuple[str, ...]
     frames: int = 25
     kinds: tuple[str, ...] = ("unlike cameras", "like cameras", "wide, 90 degrees")
+    every: int = 1
+    """Without a change: of a waved bar, 0.3 frames late."""
+
+    def data(self, number: int) -> Dataset:
+        """A recording with the mistake."""
+        if self.change is None:
+            return waved(number, 0.3, self.every)
+        _, data, rng = sound(self.kinds[number % len(self.kinds)], number, self.frames)
+        return self.change(data, rng)
+
+    def named(self, number: int) -> bool:
+        """Whether what is said of a recording with the mistake names it."""
+        said = " | ".join(accusations_of(self.data(number)))
+        return any(name in said for name in self.names)
 
 
+LIKE = "like cameras", "wide, 90 degrees"
+"""Images of one size: points of one camera are in those of the other."""
 MISTAKES: Mapping[str, Mistake] = {
     "one camera mirrored": Mistake(mirrored, ("mirrored",)),
     "one camera counted from below": Mistake(partial(mirrored, axis=1), ("from below",)),
     "a crop of an eighth on each side": Mistake(cropped, ("image centre",), 70),
-    "a wand table camera by camera": Mistake(
-        camera_by_camera, ("camera by camera",), kinds=("like cameras", "wide, 90 degrees")
-    ),
+    "a wand table camera by camera": Mistake(camera_by_camera, ("camera by camera",), kinds=LIKE),
     "frames in the order of words": Mistake(reordered(lexical), ("order of words",)),
     "one frame less": Mistake(reordered(slipped), ("counted 1 apart",)),
     "a fifth of the frames copied": Mistake(copied, ("copied",)),
     "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
     "camera files exchanged": Mistake(files_exchanged, ("exchanged",), kinds=("unlike cameras",)),
     "file of another zoom": Mistake(zoomed, ("focal length",)),
-    "no order at all": Mistake(unrelated, ("cannot tell",)),
+    "0.3 frames late": Mistake(None, ("out of step",)),
+    "0.3 frames late, every tenth frame kept": Mistake(None, ("cannot tell", "moment"), every=10),
+    "frames in no order": Mistake(unrelated, ("cannot tell",)),
 }
 
 
-def said_of(data: Dataset) -> tuple[str, tuple[str, ...]]:
-    """What `calibrate` says, errors and warnings, and which inputs *What disagrees* accuses."""
+def accusations_of(data: Dataset) -> tuple[str, ...]:
+    """What `calibrate` says, an error or warnings, and the inputs that *What disagrees* accuses."""
     try:
         found = calibrate(data)
     except StereocalError as error:
-        return f"ERROR {error}", ()
+        return (str(error),)
     inputs = what_disagrees(found.refined) if found.refined else []
-    return " | ".join(found.warnings), tuple(item.key for item in inputs if item.accused)
+    return (*found.warnings, *(item.key for item in inputs if item.accused))
