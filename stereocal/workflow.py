@@ -23,7 +23,12 @@ from stereocal.calibration.montecarlo import (
 from stereocal.errors import StereocalError
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.best_reading import check_inputs
-from stereocal.refined.diagnosis import explain_failure, offer_time_offset, warnings_about_fit
+from stereocal.refined.diagnosis import (
+    explain_failure,
+    frames_to_judge,
+    offer_time_offset,
+    warnings_about_fit,
+)
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.misplaced_target import misplaced_target
@@ -94,7 +99,7 @@ def calibrate(
     start = _essential(chosen, settings, reconstruction, screening)
     # Points of a moving bar that are out of step fit exchanged or otherwise wrong cameras better.
     offer = offer_time_offset(screening)
-    warnings += [] if offer else check_inputs(chosen)
+    warnings += [] if offer else check_inputs(frames_to_judge(chosen, screening))
     results: dict[Method, MethodResult] = {"essential": start}
     for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
         report(method)

@@ -32,6 +32,7 @@ EXPLAINED = 0.05
 SMALLEST_CLAIM = 0.01
 """In frames. A smaller offset is not offered: with frames that do not follow each other, other
 errors gave offsets of 0.001 frames with far smaller standard errors."""
+COUNTED = "The frames of the two cameras seem to be counted"
 OUT_OF_STEP = "The cameras seem to be out of step"
 WHOLE = 0.02
 """Offsets this near to a whole number of frames are errors of counting."""
@@ -60,18 +61,20 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     """
     if not screening.fit:
         screening = screen(dataset)
-    if offer := offer_time_offset(screening):
+    offer, frames = offer_time_offset(screening), dataset.correspondences.frames
+    if offer and not offer.startswith(COUNTED):
         return offer
-    fit = screening.fit
+    fit, dataset = screening.fit, frames_to_judge(dataset, screening)
     if fit is not None:
-        bad = fit.frames[fit.outlying & np.isin(fit.frames, dataset.correspondences.frames)]
-        if len(bad):
+        bad = fit.frames[fit.outlying & np.isin(fit.frames, frames)]
+        if 0 < len(bad) <= MAXIMUM_LEFT_OUT * len(frames):
             named = ", ".join(str(frame) for frame in bad[:MAXIMUM_NAMED])
             return f"Some frames contradict the others ({named}): leave them out."
     nominal = essential_fit(dataset)
     if nominal.a_unit_is_wrong:
         return inconsistency_message(dataset, nominal)
-    if named := find_wrong_input(dataset) or " ".join(warnings_about_copies(dataset)):
+    # Frames in another order have runs that are counted a whole number apart.
+    if named := find_wrong_input(dataset) or offer or " ".join(warnings_about_copies(dataset)):
         return named
     if nominal.only_scale_is_wrong:
         return inconsistency_message(dataset, nominal)
@@ -88,7 +91,7 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
         offer: the message of `offer_time_offset`; no input is blamed where it explains the fit.
     """
     failure = screening.failure and f"The frames could not be screened: {screening.failure}"
-    fit = screening.fit
+    fit, dataset = screening.fit, frames_to_judge(dataset, screening)
     cause = offer or (geometry_warning(fit) if fit is not None else "")
     if poor and not cause:
         nominal = essential_fit(dataset)
@@ -96,6 +99,12 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
         if not cause and nominal.only_scale_is_wrong:
             cause = inconsistency_message(dataset, nominal)
     return [message for message in (failure, screening.together, cause) if message]
+
+
+def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:
+    """The frames by which inputs are judged: all, where so many were left out that the others may
+    have been kept because of a wrong input."""
+    return screening.full_dataset if screening.share > MAXIMUM_LEFT_OUT else dataset
 
 
 def offer_time_offset(screening: Screening) -> str:
@@ -120,9 +129,9 @@ def offer_time_offset(screening: Screening) -> str:
     if whole and abs(found.frames - whole) < WHOLE + CLAIMED * found.sigma:
         frame = int(screening.full_dataset.correspondences.frames[max(whole, 0)])
         return (
-            f"The frames of the two cameras seem to be counted {abs(whole)} apart: the secondary's "
-            f"frame {frame - whole} is of the same moment as the primary's frame {frame}. Correct "
-            "the numbers: one camera has an image less, or one more, at its start."
+            f"{COUNTED} {abs(whole)} apart: the secondary's frame {frame - whole} is of the same "
+            f"moment as the primary's frame {frame}. Correct the numbers: one camera has an image "
+            "less, or one more, at its start."
         )
     return (
         f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "

@@ -240,7 +240,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "camera files exchanged": Mistake(files_exchanged, ("exchanged",), kinds=("unlike cameras",)),
     "file of another zoom": Mistake(zoomed, ("focal length",)),
     "0.3 frames late": Mistake(None, ("out of step",)),
-    "0.3 frames late, every tenth frame kept": Mistake(None, ("cannot tell", "moment"), every=10),
+    "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
     "frames in no order": Mistake(unrelated, ("cannot tell",)),
 }
 
