@@ -12,7 +12,7 @@ import numpy as np
 
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import rounded
 
 ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
@@ -151,14 +151,11 @@ def _orders_of_words(frames: Any) -> Iterator[list[int]]:
                 yield frames[places].tolist()
 
 
-def _points(dataset: Dataset, rows: Correspondences, **points: FloatArray) -> Dataset:
-    return replace(dataset, correspondences=replace(rows, **points))
-
-
 def _mirrored(dataset: Dataset, which: CameraName, axis: int) -> Dataset:
     points = getattr(dataset.correspondences, which).copy()
     points[:, axis] = getattr(dataset, which).image_size[axis] - 1 - points[:, axis]
-    return _points(dataset, dataset.correspondences, **{which: points})
+    changes: dict[str, Any] = {which: points}
+    return replace(dataset, correspondences=replace(dataset.correspondences, **changes))
 
 
 def _camera_by_camera(dataset: Dataset) -> Dataset:

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.refined.two_views import BASELINE, DELTA, PITCH, SHARED, views_of
 from stereocal.refined.views import EACH, LENS, TRANSLATION
-from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import angles_of, contiguous
+from stereocal.rig.compiled import FloatArray, contiguous
+from stereocal.rig.geometry import angles_of
 
 SMALLEST_COSINE = 0.5
 """Of delta and pitch: 60 degrees from the pole of an ordinary rig. Measured: 6 degrees from the
