@@ -98,7 +98,7 @@ class RefusedRowsError(StereocalError):
         more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
         rows = "1 row" if len(problems) == 1 else f"{len(problems)} rows"
         super().__init__(f"{source}{rows} {what}: {shown}{more}.")
-        self.problems = tuple(problems)
+        self.problems, self.what = tuple(problems), what
 
 
 def can_be_shown(text: object) -> bool:

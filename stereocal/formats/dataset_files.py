@@ -135,9 +135,7 @@ def parse_dataset(
     try:
         return with_baseline_found(replace(survey, correspondences=rows))
     except RefusedRowsError as error:
-        raise RefusedRowsError(
-            f"{source}: {TABLE}: ", error.problems, "with a point outside its image"
-        ) from error
+        raise RefusedRowsError(f"{source}: {TABLE}: ", error.problems, error.what) from error
     except StereocalError as error:
         raise StereocalError(str(error), source) from error
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
+from stereocal.errors import DAMAGED, StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_files import parse_zip
@@ -24,7 +24,7 @@ from stereocal.projects.files import PAIR, Store, StoredFile, new_database, stor
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Correspondences, Dataset, check_length, points_outside
+from stereocal.rig.dataset import Correspondences, Dataset, check_length, refuse_points_outside
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, unpack
 
@@ -135,8 +135,8 @@ class Project:
                 check_length(words.removeprefix("the "), metres)
         cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
         file = self._file(inputs, "correspondences")
-        if file and (outside := points_outside(_rows(file), *cameras)):
-            raise RefusedRowsError(f"{file.label}: ", outside, "with a point outside its image")
+        if file:
+            refuse_points_outside(f"{file.label}: ", _rows(file), *cameras)
         self.dataset_of(inputs)
 
     def exchange_targets(self, frame: int) -> None:

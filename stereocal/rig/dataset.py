@@ -295,9 +295,7 @@ class Dataset:
         if not self.baseline_is_free:
             check_uncertainty("baseline", self.baseline_sigma_m, self.baseline_m)
         check_uncertainty(bar, self.target_distance_sigma_m, self.target_distance_m)
-        problems = points_outside(self.correspondences, self.primary, self.secondary)
-        if problems:
-            raise RefusedRowsError("", problems, "with a point outside its image")
+        refuse_points_outside("", self.correspondences, self.primary, self.secondary)
         used = self.primary.uses(self.rays[:2].T), self.secondary.uses(self.rays[2:].T)
         lost = np.flatnonzero(~(used[0] & used[1]))
         if len(lost):
@@ -498,6 +496,22 @@ def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
             f"{stated} {sigma:g} m, for a length of {length:g} m: no such length is known to "
             f"better than {rounded(finest, 1)} m. State it in metres, as 0.002 for 2 mm.",
         ),
+    )
+
+
+def refuse_points_outside(
+    source: str, rows: Correspondences, primary: Camera | None, secondary: Camera | None
+) -> None:
+    """Raise an error if there are `points_outside`; it asks whether the camera files are exchanged
+    where all points lie in the images of the other camera."""
+    problems = points_outside(rows, primary, secondary)
+    if not problems:
+        return
+    both = primary is not None and secondary is not None
+    exchanged = both and not points_outside(rows, secondary, primary)
+    hint = ", and none outside those of the other camera (are the camera files exchanged?)"
+    raise RefusedRowsError(
+        source, problems, f"with a point outside its image{hint if exchanged else ''}"
     )
 
 

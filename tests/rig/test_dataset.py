@@ -130,6 +130,13 @@ class TestPointsOutside:
         with pytest.raises(RefusedRowsError, match=r"5 rows .*line 3.*line 4.*line 5.*2 more") as e:
             replace(EXACT, correspondences=rows)
         assert [problem.line for problem in e.value.problems] == [3, 4, 5, 6, 7]
+        assert "exchanged" not in str(e.value)
+
+    def test_exchanged_files_of_other_image_sizes_are_asked_for(self) -> None:
+        points, wide = np.tile([1250.0, 1010.0], (6, 1)), np.tile([1590.0, 1190.0], (6, 1))
+        rows = changed(primary=wide, secondary=points)
+        with pytest.raises(RefusedRowsError, match="are the camera files exchanged"):
+            replace(EXACT, primary=SECONDARY, secondary=PRIMARY, correspondences=rows)
 
 
 class TestDataset:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -98,7 +99,8 @@ def _which(rng: np.random.Generator) -> CameraName:
 
 
 def _points(data: Dataset, **changed: FloatArray) -> Dataset:
-    return replace(data, correspondences=replace(data.correspondences, **changed))
+    points: dict[str, Any] = {**changed}
+    return replace(data, correspondences=replace(data.correspondences, **points))
 
 
 def mirrored(data: Dataset, rng: np.random.Generator, axis: int = 0) -> Dataset:
@@ -176,7 +178,8 @@ def files_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
 def zoomed(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The file of one camera is of a focal length half as long again."""
     which = _which(rng)
-    return replace(data, **{which: lens_off_by(getattr(data, which), 0.5, (0.0, 0.0))})
+    lens: dict[str, Any] = {which: lens_off_by(getattr(data, which), 0.5, (0.0, 0.0))}
+    return replace(data, **lens)
 
 
 def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
