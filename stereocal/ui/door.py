@@ -92,7 +92,7 @@ def _show_state(own: ProjectGiven) -> None:
     if not used:
         return
     st.caption(f"In use: {escape_markdown(', '.join(used))}")
-    if own.is_of_rig or ProjectRecording(project).is_given:
+    if own.is_of_rig or own.is_undivided or ProjectRecording(project).is_given:
         return
     if missing := missing_of(project):
         st.warning(f"Still missing: {missing}.")
@@ -135,7 +135,7 @@ def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> Non
     if found:
         with st.spinner("Looking at the first photographs ..."):
             own.add_photographs(found)
-            if not own.is_of_rig:
+            if not (own.is_of_rig or own.is_undivided):
                 propose_held(own.photographs)
 
 

@@ -36,6 +36,7 @@ def tables(page: Page) -> Iterator[Step]:
         name = f"table_{number}.csv"
 
         def act(name: str = name) -> None:
+            expect(upload).to_have_count(1)  # the last file leaves an uploader of its own
             upload.set_input_files({"name": name, "mimeType": "text/csv", "buffer": content})
             expect(page.get_by_text(f"In use: {name}").first).to_be_visible()
 
@@ -50,6 +51,7 @@ def photographs(page: Page) -> Iterator[Step]:
         file = FilePayload(name=names[-1], mimeType="image/png", buffer=content)
 
         def act(file: FilePayload = file, there: int = len(names)) -> None:
+            expect(upload).to_have_count(1)
             upload.set_input_files(file)
             expect(page.get_by_text(f"{there} photograph").first).to_be_visible()
 

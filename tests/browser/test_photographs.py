@@ -43,7 +43,7 @@ def test_pairs_are_changed_by_hand(
     uploader.set_input_files([tmp_path / name for name in sorted(files)])
     expect(page.get_by_text("28 photographs. 14 pairs by name").first).to_be_visible()
     settled(page)  # a run that still draws the pairs closes them again
-    page.get_by_text("The pairs: look at them").click()
+    page.get_by_text("The pairs as a table").click()
     expect(page.locator("[data-testid=stDataFrame] canvas").first).to_be_attached()
     settled(page)
     for row, number in ((0, "101"), (1, "102"), (0, "103")):

@@ -54,9 +54,11 @@ def test_upload_real_recordings_and_compare_with_the_command_line(
         ("primary.json", "Still missing: the secondary camera's file"),
         ("secondary.json", "Still missing: the baseline"),
     ):
+        settled(page)  # the last file leaves an uploader of its own
         upload = page.locator("[class*=st-key-upload_data_] input[type=file]")
         upload.set_input_files(RECORDING / name)
         expect(missing).to_contain_text(lacking)
+    settled(page)
     box = page.locator(".st-key-baseline_m_value input")
     box.fill("4.976")
     box.press("Enter")

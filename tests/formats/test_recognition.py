@@ -20,7 +20,7 @@ SUFFIXES = (".png", ".JPG", ".tif", ".bmp", ".pgm")
 WAND = b"\n".join(b"1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for _ in range(4))
 
 
-def encoded(image: np.ndarray, suffix: str) -> bytes:  # type: ignore[type-arg]
+def encoded(image: np.ndarray, suffix: str) -> bytes:
     done, content = cv2.imencode(suffix, image)
     assert done
     return bytes(content)
