@@ -1,4 +1,4 @@
-"""Start: the story on a real recording, data to begin with, recent projects, what you need."""
+"""Start: two ways to begin, the story on a real recording, recent projects, what you need."""
 
 from stereocal.ui.menu import page_head
 
@@ -7,21 +7,17 @@ page_head("Two cameras, a bar, two lengths")
 import streamlit as st
 
 from stereocal.ui import start
-from stereocal.ui.project import forget_project
 from stereocal.ui.projects import show_projects, show_storage
 from stereocal.ui.texts import NEEDED, PURPOSE
 
 st.markdown(PURPOSE)
-start.show_story()
-
-with st.container(horizontal=True):
-    start.sample_buttons()
-    if st.button("Start with my own data", key="begin"):
-        forget_project()
-        st.switch_page("pages/data.py")
-    if st.button("Plan a field day", key="begin_plan"):
-        forget_project()
-        st.switch_page("pages/plan.py")
+start.begin_buttons()
+chart, others = st.columns([3, 2], gap="large")
+with chart:
+    start.show_story()
+with others:
+    st.markdown("**Or begin with**")
+    start.other_beginnings()
 
 project = show_projects()
 

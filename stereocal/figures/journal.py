@@ -124,7 +124,7 @@ def draw_validation(summaries: Mapping[Method, MethodSummary], width_mm: float) 
         "Correct pairs": Patch(facecolor=CORRECT_COLOUR, alpha=FILL),
         "Wrong pairs": hatched,
         "Threshold, or 1 %": Line2D([], [], **LINE),
-        "Framed: best; level: not apart": Line2D([], [], color=NEUTRAL, **frame),
+        "Framed: best; level: intervals overlap": Line2D([], [], color=NEUTRAL, **frame),
     }
     figure.legend(keys.values(), keys.keys(), loc="outside upper left", ncols=4 if wide else 2)
     return figure

@@ -155,5 +155,5 @@ def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
         lines = "Dashed: 1 %" if len(columns) == 1 else "Dashed: threshold, or 1 %"
     keys[lines] = {"line": style.DASHED}
     frame = {"symbol": "square-open", "size": 12, "color": style.NEUTRAL, "line": {"width": 3}}
-    keys["Framed: best; level: not apart"] = {"marker": frame}
+    keys["Framed: best; level: intervals overlap"] = {"marker": frame}
     return [scatter(style.NOWHERE, name=name, **key) for name, key in keys.items()]

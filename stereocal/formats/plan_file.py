@@ -37,6 +37,11 @@ class _Recording:
     noise_px: float
 
 
+@dataclass(frozen=True)
+class _Needed:
+    length_error: float
+
+
 def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
     """Read a plan; camera files are looked for beside it.
 
@@ -87,6 +92,9 @@ def parse_plan(
     volume = _part(data.get("volume"), _Volume, f"{source}: volume")
     uncertainty = _part(data.get("uncertainty"), Uncertainty, f"{source}: uncertainty")
     recording = _part(data, _Recording, source)
+    needed = None
+    if "needed" in data:
+        needed = _part(data["needed"], _Needed, f"{source}: needed").length_error
     with naming(source):
         return Plan(
             str(data.get("name") or Path(source).stem)[:LONGEST_NAME],
@@ -96,6 +104,7 @@ def parse_plan(
             **vars(volume),
             **vars(recording),
             uncertainty=uncertainty,
+            needed=needed,
         )
 
 
@@ -123,6 +132,7 @@ def write_plan(plan: Plan) -> bytes:
         "frames": plan.frames,
         "noise_px": plan.noise_px,
         "uncertainty": asdict(plan.uncertainty),
+        **({} if plan.needed is None else {"needed": {"length_error": plan.needed}}),
     }
     return (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode()
 

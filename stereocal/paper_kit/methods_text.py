@@ -283,7 +283,7 @@ def captions_md(answer: Answer) -> str:
             "**validation** Probability densities of the errors on held-out frames, by method"
             f"{shown}: residual and reprojection error of correct and of wrong pairs, with the "
             "matching threshold (dashed), and 3D error of the bars, with the line of 1 %. Framed: "
-            "best beyond the 95 % intervals (in brackets); level: not apart.",
+            "best beyond the 95 % intervals (in brackets); level: these overlap.",
         )
     return "## Captions\n\n" + "\n\n".join(lines) + "\n"
 

@@ -36,6 +36,7 @@ from stereocal.ui.fields import choose, setting, some_of
 from stereocal.ui.figure import show_figure
 from stereocal.ui.forms import ask, field_of
 from stereocal.ui.holding import board_form
+from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import ErrorsShown, callback, readable, refusing, show_stale
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
@@ -187,7 +188,7 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     if lens is not None and not current and not jobs.is_running(store.project, kind):
         show_stale("form or photographs")
-    jobs.start_button(work, label, f"calibrate_{store.which}", primary=not current)
+    jobs.start_button(work, label, f"calibrate_{store.which}", primary=lens is None)
     return work
 
 
@@ -274,6 +275,7 @@ def show_lens(store: ProjectLens) -> None:
 def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
     use, ours, opencv = st.columns(3)
     used = store.is_used
+    st.session_state[PRESS_FIRST] = not used
     use.button(
         "In use for this project" if used else "Use for this project",
         type="primary",

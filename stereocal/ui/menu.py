@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from stereocal.ui.page_states import PageState
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
-    "": {"start": "Start", "help": "Help"},
+    "stereocal": {"start": "Start", "help": "Help"},
     "Before": {"plan": "Plan", "cameras": "Lenses"},
     "Calibrate": {
         "data": "Data",
@@ -28,7 +28,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
     "Use": {"apply": "Apply", "check": "Check"},
 }
 """Titles of the pages by group and by the name of their file in `pages/`, in the order of the
-work. The name is the last part of the address too."""
+work. The name is the last part of the address too. The first group is headed by the program's."""
 RIG = "rig"
 """A page of projects with three cameras and more; other menus do not show it."""
 OF_PAIRS = ("calibrate", "validate", "one_set")
@@ -37,6 +37,8 @@ OTHER_ADDRESSES = {"one-set": "one_set", "start": "start", "lenses": "cameras"}
 """Of bookmarks, and what people type."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _DRAWN = "menu_drawn"
+PRESS_FIRST = "press_first"
+"""Of the session: the page that is drawn has a result that is lost unless a button keeps it."""
 STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
+from typing import Literal
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -22,7 +23,7 @@ from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
-from stereocal.ui.menu import OTHER_ADDRESSES, RIG, STATES, pages_shown, show_menu
+from stereocal.ui.menu import OTHER_ADDRESSES, PRESS_FIRST, RIG, STATES, pages_shown, show_menu
 from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
@@ -41,6 +42,13 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
   color: inherit !important;
 }
 .st-key-arrival { display: none; }
+[data-testid=stSidebarNavItems] > :first-child [data-testid=stNavSectionHeader] {
+  font-size: 1.5rem; color: inherit !important;
+}
+@media (hover: none) {
+  [data-testid=stPlotlyChart] .modebar:not(:has(.modebar-btn:only-child)) { display: none; }
+  [data-testid=stPlotlyChart] .modebar { background: none !important; }
+}
 @media (hover: hover) {
   [data-testid=stPlotlyChart]:not(:hover) .modebar,
   [data-testid=stHeadingWithActionElements]:not(:hover) [data-testid=stHeaderActionElements] a {
@@ -51,7 +59,9 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
 """Streamlit cuts off long lists of file types, and shows no focus on a chosen button. Its captions,
 figures, commands and chosen values have texts with a contrast of 2.3 to 4.2 with the page; 4.5 is
 the least that can be read well (WCAG 2.1, 1.4.3). What is shown only under the mouse is no stop of
-the Tab key: the toolbars of three figures were 18 stops before the first button of Start."""
+the Tab key: the toolbars of three figures were 18 stops before the first button of Start. Without a
+mouse they would lie over the figures for good; fingers move and zoom without them, and only the one
+button that saves a figure stays."""
 ARRIVAL = """<script>/* {} */
 (() => {
   const main = document.querySelector('[data-testid=stMain]')
@@ -132,14 +142,19 @@ def _take_focus(page: StreamlitPage) -> None:
 
 
 def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
-    """The button to the next page; none on Start, which has its own, and on the last page."""
+    """The button to the next page; none on Start, which has its own, and on the last page.
+
+    It stands out unless something on this page is to be pressed first.
+    """
+    first = st.session_state.pop(PRESS_FIRST, False)
     titles = {n: title for own in pages_shown(states).values() for n, title in own.items()}
     order = [name for name in titles if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     if following is not None:
         label, on = f"Next: {titles[following]}", partial(go_to, following)
         icon = ":material/arrow_forward:"
-        st.button(label, key="next", type="primary", icon=icon, on_click=on)
+        kind: Literal["primary", "secondary"] = "secondary" if first else "primary"
+        st.button(label, key="next", type=kind, icon=icon, on_click=on)
 
 
 def go_to(name: str) -> None:

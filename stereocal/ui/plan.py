@@ -96,7 +96,8 @@ def open_plan(project: Project | None) -> None:
 def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
     found = _forecast_of(plan)
-    st.success(f"**{escape_markdown(answer(found))}**")
+    shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[found.reached or "yes"]
+    shown(f"**{escape_markdown(answer(found))}**")
     if found.rigs.failed:
         st.warning(
             f"{found.rigs.failed} of {found.rigs.count} simulated recordings could not be "
@@ -224,7 +225,7 @@ def show_planned(project: Project) -> None:
         methods = [
             f"{title} {percent(own['value'])} % ({percent(own['low'])} to {percent(own['high'])})"
             for method, title in (("2d", "2D"), ("3d", "3D"), ("refined", "refined"))
-            for own in (kept["methods"][method]["median_error_3d"],)
+            for own in (kept["methods"][method]["p95_error_3d"],)
         ]
-        expected = f"The plan expected these median length errors: {', '.join(methods)}"
+        expected = f"The plan expected 95 % of lengths within: {', '.join(methods)}"
         st.caption(escape_markdown(f"{expected}; 95 % of field days are within the brackets."))

@@ -42,6 +42,7 @@ TOE_IN_DEG = (-10.0, 60.0)
 LONGEST_NAME = 200
 TOE_IN, HIGHER = "Each camera turned in by (°)", "Secondary higher by (m)"
 CENTRES = "Image centres, ± px"
+NEEDED = "Needed: 95 % of lengths within (%)"
 BAR, NOISE = "Bar: distance of the two targets (m)", "Noise of a target in the image (px)"
 NOISES = "0.1 to 0.3 px for detected targets; 1 px or more for clicked points."
 Stated = Camera | SensorLens
@@ -72,6 +73,7 @@ _NUMBERS = {
     "bar_m": _Control("bar_m", BAR, 0.9, Number(0.0, 1000.0), step=0.05),
     "frames": _Control("frames", "Frames of the bar", 25, Number(1), FRAMES),
     "noise_px": _Control("noise_px", NOISE, 0.2, Number(0.0, 20.0), step=0.05, help=NOISES),
+    "needed_percent": _Control("needed", NEEDED, 0.01, Number(0.0, 99.0), scale=100),
     "focal_percent": _Control("uncertainty.focal", "Focal lengths, ± %", USUAL.focal, scale=100),
     "centre_px": _Control("uncertainty.centre_px", CENTRES, USUAL.centre_px, step=1.0),
     "baseline_mm": _Control(
@@ -142,13 +144,14 @@ def plan_controls(project: Project | None) -> Plan:
         secondary = _camera(project, "secondary", "Secondary camera, on the right")
     pose = _pose(project)
     near_m, far_m = _ask(project, st.columns(2), "near_m", "far_m")
-    bar_m, frames, noise_px = _ask(project, st.columns(3), "bar_m", "frames", "noise_px")
+    asked = ("bar_m", "frames", "noise_px", "needed_percent")
+    bar_m, frames, noise_px, needed = _ask(project, st.columns(4), *asked)
     with st.expander("How well known, and heights"):
         names = ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m")
         *known, _ = _ask(project, st.columns(5), *names)
     name = str(plan_field(project, "name").value()) or "Plan"
     sizes = (near_m, far_m, bar_m, int(frames), noise_px)
-    return Plan(name, primary, secondary, pose, *sizes, Uncertainty(*known))
+    return Plan(name, primary, secondary, pose, *sizes, Uncertainty(*known), needed)
 
 
 def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str) -> list[Any]:
@@ -172,7 +175,8 @@ def show_plan(project: Project | None, plan: Plan) -> None:
     values = {"name": plan.name, "alike": cameras[0] == cameras[1], "stated_pose": stated}
     for name, asked in _NUMBERS.items():
         if stated is None or not asked.of.startswith("stated_pose."):
-            values[name] = asked.scale * attrgetter(asked.of)(plan)
+            stated_value = attrgetter(asked.of)(plan)
+            values[name] = asked.scale * (asked.usual if stated_value is None else stated_value)
     for name, value in values.items():
         plan_field(project, name).set(value)
     for which, camera in zip(CAMERAS, cameras, strict=True):

@@ -73,10 +73,16 @@ class Press:
         While a job runs, its progress is in the place of the button.
         """
         asked, work = asked_to_calibrate(), None
-        with ErrorsShown():
+        errors, place = st.container(), st.empty()
+        with ErrorsShown(errors.error):
             if asked is not None:
-                self.press(errors_first=asked == "errors first")
+                with place.container():  # the button that was pressed goes at once
+                    self.press(errors_first=asked == "errors first")
             work = self.work
+        with place.container():
+            self._show_button(work, only_if_stale)
+
+    def _show_button(self, work: jobs.Work | None, only_if_stale: bool) -> None:
         if not only_if_stale:
             show_progress(self.project, work)
         if jobs.is_running(self.project, KIND):

@@ -54,7 +54,7 @@ def several_in(project: Project) -> None:
         st.button("Use only two of these cameras", key="several_two", on_click=two)
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
     asked = Questions(project, "several_{}")
-    with st.expander("Say what the files do not, or have wrong"):
+    with st.expander("Correct or complete what the files say"):
         left, right = st.columns(2)
         lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
     options = ExchangeOptions(lens_model=lens_model, corner=corner)

@@ -2,35 +2,43 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import streamlit as st
 
-from stereocal.errors import disk_errors
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.figures import story as figures
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.recording_files import POINTS
 from stereocal.projects.application import ProjectApplication, slot_of
+from stereocal.projects.home import find_projects
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.projects.server_settings import default_home
+from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
 from stereocal.system.resources import ROOT
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import refusing
-from stereocal.ui.project import project_to_write, projects_in_creation
+from stereocal.ui.project import forget_project, project_to_write, projects_in_creation
 
 SAMPLES = ROOT / "sample_data"
 RECORDING, FIELD, PHOTOGRAPHS, RIG = (
     SAMPLES / name for name in ("recording", "field", "photographs", "rig")
 )
 DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
+SAMPLE = "sample"
+"""Setting of a project that was made of a sample: key of its button, and name."""
+LARGE = """<style>
+.st-key-begin button, .st-key-recording button { min-height: 4.5rem; }
+.st-key-begin button p, .st-key-recording button p { font-size: 1.2rem; }
+</style>"""
 
 
 def has_sample_photographs() -> bool:
@@ -44,22 +52,20 @@ def _story() -> figures.Story:
 
 
 def show_story() -> None:
-    """Three figures side by side, and what they say in words."""
+    """What one set and two do to the same real bars, and why, folded."""
     story = _story()
     bars = len(next(iter(story.sets.values())).length_errors)
-    lengths = f"Length errors of the same {bars} real bars"
-    shown = (
-        ("story_lengths", lengths, figures.plot_story_lengths),
-        ("two_rays", "Why: two rays miss each other", figures.plot_two_rays),
-        ("story_lines", "A point and its epipolar lines", figures.plot_story_lines),
-    )
-    for place, (key, title, plot) in zip(st.columns([5, 4, 4], gap="medium"), shown, strict=True):
-        place.markdown(f"**{title}**")
-        place.plotly_chart(plot(story), key=key)
-    with st.expander("In words"):
+    st.markdown(f"**Length errors of the same {bars} real bars**")
+    st.plotly_chart(figures.plot_story_lengths(story), key="story_lengths")
+    with st.expander("Why, and in words"):
         st.caption(figures.describe_story_lengths(story))
-        st.caption(figures.describe_two_rays(story))
-        st.caption(figures.describe_story_lines(story))
+        others = (
+            ("two_rays", figures.plot_two_rays, figures.describe_two_rays),
+            ("story_lines", figures.plot_story_lines, figures.describe_story_lines),
+        )
+        for place, (key, plot, describe) in zip(st.columns(2), others, strict=True):
+            place.plotly_chart(plot(story), key=key)
+            place.caption(describe(story))
 
 
 def _sample(folder: Path, names: Sequence[str], source: str) -> Project:
@@ -104,18 +110,58 @@ def sample_photographs() -> Project:
     return project
 
 
-def sample_buttons() -> None:
-    """Buttons that create a sample's project, which the next run of any page opens."""
-    samples = {"recording": ("Open the real recording", real_recording)}
-    if has_sample_photographs():
-        samples["demo_photographs"] = ("Sample photographs", sample_photographs)
-    samples["demo_rig"] = ("Three cameras", three_cameras)
-    samples["demo"] = ("Simulated rig", sample_points)
-    making = projects_in_creation()  # a click may end a callback at its next access to the session
-    for key, (label, make) in samples.items():
-        kind: Literal["primary", "secondary"] = "primary" if key == "recording" else "secondary"
-        begin = partial(_begin, making, make)
-        st.button(label, type=kind, key=key, on_click=begin)
+def begin_buttons() -> None:
+    """The two ways to begin, large: with one's own data, or with the real recording."""
+    st.html(LARGE)
+    own, sample = st.columns(2)
+    with own:
+        if st.button("Start with my own data", key="begin", type="primary", width="stretch"):
+            forget_project()
+            st.switch_page("pages/data.py")
+    with sample:
+        _sample_button("recording", "Try it: open the real recording", real_recording, True)
+
+
+def other_beginnings() -> None:
+    """The other samples and the plan, a line each; all samples open on any page."""
+    samples = [
+        ("demo_photographs", "Sample photographs", sample_photographs, "of a bar and of boards"),
+        ("demo_rig", "Three cameras", three_cameras, "a real recording by more than two"),
+        ("demo", "Simulated rig", sample_points, "25 bars, as in the paper"),
+    ]
+    for key, label, make, what in samples[0 if has_sample_photographs() else 1 :]:
+        with st.container(horizontal=True, vertical_alignment="center"):
+            _sample_button(key, label, make)
+            st.caption(what)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        if st.button("Plan a field day", key="begin_plan", type="tertiary"):
+            forget_project()
+            st.switch_page("pages/plan.py")
+        st.caption("before you record")
+
+
+def _sample_button(key: str, label: str, make: Callable[[], Project], large: bool = False) -> None:
+    """A button that opens a sample's project; a click may end the run of the page."""
+    begin = partial(_begin, projects_in_creation(), partial(_opened_or_made, key, make))
+    kind: Literal["secondary", "tertiary"] = "secondary" if large else "tertiary"
+    width: Literal["stretch", "content"] = "stretch" if large else "content"
+    st.button(label, type=kind, key=key, on_click=begin, width=width)
+
+
+def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
+    """The project of a sample that is there, if it still has its name; else a new one.
+
+    On a shared server it may be another person's, and is made again.
+    """
+    if not ServerSettings.from_environment().shared:
+        for project_id in find_projects(default_home()):
+            with suppress(StereocalError, OSError):
+                kept = Project.open(default_home(), project_id)
+                if kept.settings.get(SAMPLE) == [key, kept.inputs.name]:
+                    return kept
+    project = make()
+    project.keep_settings({SAMPLE: [key, project.inputs.name]})
+    return project
 
 
 def _begin(making: list[Future[Project]], make: Callable[[], Project]) -> None:

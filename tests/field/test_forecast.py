@@ -13,11 +13,12 @@ from stereocal.field.planning.advice import LIMITS, advise, with_baseline
 from stereocal.field.planning.common_cameras import COMMON
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.expected import expect
-from stereocal.field.planning.forecast import PlanForecast, forecast
+from stereocal.field.planning.forecast import PlanForecast, answer, forecast
 from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.plan_file import read_plan, write_plan
+from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
 from stereocal.rig.geometry import triangulate
+from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, LENS, contents, plan
 from tests.rigs.plans import observed
@@ -40,6 +41,24 @@ def test_the_forecast_comes_true_on_simulated_field_days() -> None:
         assert said.low <= true <= said.high
         true = np.mean([day[method, "fcp_reprojection"] for day in days])
         assert 0.5 < found.estimate(method, "fcp_reprojection").value / true < 2.0
+
+
+def test_an_accuracy_that_is_needed_is_reached_or_not() -> None:
+    """95 % of lengths: within 0.4 to 0.5 % on these field days. What is not asked is not said."""
+    found = whole()
+    within = found.estimate("refined", "p95_error_3d")
+    asked = {0.5 * within.low: "no", within.value: "not sure", 2 * within.high: "yes"}
+    for needed, reached in asked.items():
+        own = replace(found, plan=replace(FIELD, needed=needed))
+        assert own.reached == reached
+        entry = json.loads(own.dumps())["needed"]
+        assert (entry["length_error"], entry["reached"]) == (needed, reached)
+        assert f"(needed: {percent(needed)} %)" in answer(own)
+    assert "needed" not in json.loads(found.dumps()) and "need" not in answer(found)
+    stated = json.dumps(contents(needed={"length_error": 0.01})).encode()
+    assert parse_plan(stated, "plan", str.encode).needed == 0.01
+    with pytest.raises(StereocalError, match=r"0\.01 stands for 1 %"):
+        plan(needed=1.5)
 
 
 def test_two_sets_do_what_the_paper_says() -> None:

@@ -82,4 +82,4 @@ def test_the_figure_says_what_the_page_says() -> None:
     matching = found.evaluation.summaries["2d"].reprojection
     assert f"FCP {100 * matching.fcp.value:.2g} %" in panels
     assert "Correct pairs" in panels
-    assert "Framed: best; level: not apart" in panels
+    assert "Framed: best; level: intervals overlap" in panels

@@ -208,7 +208,7 @@ def states(app: AppTest) -> dict[str, str]:
 def test_every_file_of_pages_is_in_one_group() -> None:
     files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
     assert sorted([*TITLES, RIG]) == files
-    assert list(SECTIONS) == ["", "Before", "Calibrate", "Use"]
+    assert list(SECTIONS) == ["stereocal", "Before", "Calibrate", "Use"]
 
 
 def test_the_project_is_named_and_renamed(project: Project) -> None:

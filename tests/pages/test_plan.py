@@ -39,6 +39,10 @@ def test_it_answers_at_once_without_a_project_and_follows_the_controls(
     assert not app.error and messages(app) != before
     app.select_slider(key="plan_far_m").set_value(20.0).run()
     assert "at 20 m" in messages(app)
+    app.number_input(key="plan_needed_percent").set_value(0.01).run()
+    assert "No, it does not reach what you need" in messages(app)
+    app.number_input(key="plan_needed_percent").set_value(20.0).run()
+    assert "Yes, it reaches what you need" in messages(app)
     # Values stay when the page is left.
     go(go(app, "start"), "plan")
     assert app.number_input(key="plan_noise_px").value == 0.4
@@ -78,7 +82,7 @@ def test_three_plans_side_by_side(app: AppTest) -> None:
 
 
 def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
-    one = plan(name="two boats", stated_primary=known_rig.PRIMARY, near_m=9.0)
+    one = plan(name="two boats", stated_primary=known_rig.PRIMARY, near_m=9.0, needed=0.02)
     open_plan(app, {"plan.json": write_plan(one)})
     app.button(key="plan_start").click().run()
     assert not app.error and app.title[0].value == "Data"
@@ -105,8 +109,8 @@ def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
     project.keep_settings({"plan_forecast": found.to_json()})
     app = go(session(project), "calibrate")
     said = told(app, "caption")
-    assert "The plan expected these median length errors: 2D" in said
-    assert percent(found.estimate("refined", "median_error_3d").value) in said
+    assert "The plan expected 95 % of lengths within: 2D" in said
+    assert percent(found.estimate("refined", "p95_error_3d").value) in said
 
 
 def test_a_damaged_stored_pose_is_passed_over(home: Path) -> None:

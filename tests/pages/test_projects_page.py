@@ -9,7 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.calibration.methods import Method
 from stereocal.projects.archive import pack_project
-from stereocal.projects.home import DAY_S, recent_projects, remove
+from stereocal.projects.home import DAY_S, find_projects, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
 from tests.pages.stored_projects import dashboard, go, messages, project_of, session
@@ -53,6 +53,16 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
     assert "points, data incomplete" in card()
     project.give({}, drop=["correspondences"])
     assert "no points yet" in card()
+
+
+def test_a_sample_that_is_there_is_opened_again(app: AppTest, home: Path) -> None:
+    first = project_of(open_sample(app), home)
+    first.keep_settings({"delta": 2e-3})
+    start(app).button(key="demo").click().run()
+    assert project_of(app, home).id == first.id and find_projects(home) == [first.id]
+    first.rename("My meadow")
+    start(app).button(key="demo").click().run()
+    assert project_of(app, home).id != first.id and len(find_projects(home)) == 2
 
 
 def test_every_one_of_many_projects_is_reached_by_page_and_by_name(

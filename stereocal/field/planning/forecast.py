@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,6 +33,9 @@ CHUNK = 16
 LEVEL = (2.5, 97.5)
 TOLD_APART = 0.05
 """Share of the points that may have a wrong partner within the threshold."""
+SURE = 0.95
+"""Share of field days from which an accuracy is reached, or missed."""
+Reached = Literal["yes", "no", "not sure"]
 MOST_FAILED = 0.5
 """Share of drawn rigs that may fail before the plan is rejected."""
 STATED = (
@@ -94,6 +97,23 @@ class PlanForecast:
             value, low, high = 1.0 + TOLD_APART / np.array([wrong.value, wrong.high, wrong.low])
         return Estimate(float(value), float(low), float(high))
 
+    @cached_property
+    def field_days_that_reach(self) -> float | None:
+        """Share of field days on which 95 % of lengths are as good as needed; None if not asked."""
+        if self.plan.needed is None:
+            return None
+        at = FILES.index(self.measure_with), FIGURES.index("p95_error_3d")
+        within = self.rigs.figures[:, at[0], at[1]]
+        return float(np.mean(within[np.isfinite(within)] <= self.plan.needed))
+
+    @property
+    def reached(self) -> Reached | None:
+        """Whether the accuracy that is needed is reached; None if not asked."""
+        share = self.field_days_that_reach
+        if share is None:
+            return None
+        return "yes" if share >= SURE else "no" if share <= 1 - SURE else "not sure"
+
     def to_json(self) -> dict[str, Any]:
         """The content of `forecast.json`; errors are fractions, missing values null."""
         content = {
@@ -105,6 +125,7 @@ class PlanForecast:
             },
             "position_error_m": vars(self.position_error_m),
             "points_per_frame": vars(self.points_per_frame),
+            **self._needed_to_json(),
             "limited_by": self.advice.limited_by,
             "advice": list(self.advice.sentences),
             "by_depth": [
@@ -116,6 +137,12 @@ class PlanForecast:
             "seed": self.seed,
         }
         return {key: without_nan(value) for key, value in content.items()}
+
+    def _needed_to_json(self) -> dict[str, Any]:
+        if self.plan.needed is None:
+            return {}
+        about = {"reached": self.reached, "field_days": self.field_days_that_reach}
+        return {"needed": {"length_error": self.plan.needed, **about}}
 
     def dumps(self) -> bytes:
         """The file; equal plans and seeds give equal bytes."""
@@ -166,11 +193,29 @@ def answer(found: PlanForecast) -> str:
     known = np.flatnonzero(np.isfinite(length))
     middle, far = known[len(known) // 2], known[-1]
     return (
-        f"Lengths to {percent(length[middle])} % at {rounded(depths[middle], 3)} m and "
-        f"{percent(length[far])} % at {rounded(depths[far], 3)} m, positions to "
+        f"{_about_needed(found)}Lengths to {percent(length[middle])} % at "
+        f"{rounded(depths[middle], 3)} m and {percent(length[far])} % at "
+        f"{rounded(depths[far], 3)} m, positions to "
         f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
         f"the refined set). About {points_per_frame(found)} points of a frame can be matched. "
         f"Limited by {LIMITS[found.advice.limited_by]}."
+    )
+
+
+def _about_needed(found: PlanForecast) -> str:
+    """Whether the accuracy that is needed is reached; empty if none is stated."""
+    needed, days = found.plan.needed, found.field_days_that_reach
+    if needed is None or days is None:
+        return ""
+    within = percent(found.estimate(found.measure_with, "p95_error_3d").value)
+    reached = {
+        "yes": "Yes, it reaches what you need",
+        "no": "No, it does not reach what you need",
+        "not sure": f"It reaches what you need on {100 * days:.0f} % of field days",
+    }
+    return (
+        f"{reached[found.reached or 'no']}: 95 % of lengths within {within} % (needed: "
+        f"{percent(needed)} %). "
     )
 
 

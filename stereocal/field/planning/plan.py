@@ -164,6 +164,7 @@ class Plan:
         bar_m: distance of the two targets on the bar.
         frames: number of positions of the bar.
         noise_px: standard deviation of an image coordinate of a target.
+        needed: relative error that 95 % of lengths have to be within; None if it is not stated.
     """
 
     name: str
@@ -176,6 +177,7 @@ class Plan:
     frames: int = 25
     noise_px: float = 0.2
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    needed: float | None = None
 
     def __post_init__(self) -> None:
         self._check_numbers()
@@ -239,6 +241,11 @@ class Plan:
             raise StereocalError(
                 f"The noise is {self.noise_px:g} px: it must be above 0 and at most "
                 f"{LARGEST_NOISE_PX:g}; 0.2 px is usual for a detected target."
+            )
+        if self.needed is not None and not 0 < self.needed < 1:
+            raise StereocalError(
+                f"The length error that is needed is {self.needed:g}, a fraction: it must be above "
+                "0 and below 1; 0.01 stands for 1 %."
             )
         check_uncertainty("baseline", self.uncertainty.baseline_m or None, self.baseline_m)
         check_uncertainty("bar", self.uncertainty.bar_m or None, self.bar_m)
