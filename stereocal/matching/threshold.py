@@ -190,7 +190,7 @@ def _chosen_for(rig: RigParameters, points_per_frame: float) -> str:
     recording, with the same refined set.)"""
     in_file, density = rig.matching_threshold_px, rounded(points_per_frame)
     weighed = "for as many wrong pairs as correct ones"
-    other = "" if in_file is None else f" (in its file {rounded(in_file, 3)} px, {weighed})"
+    other = "" if in_file is None else f" (in its file {rounded(in_file)} px, {weighed})"
     points = f"{density} point{'s' * (density != '1')} a frame"
     return f", chosen for {points} and the {rig.set_name}{other}"
 

@@ -46,7 +46,7 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
   font-size: 1.5rem; color: inherit !important;
 }
 @media (hover: none) {
-  [data-testid=stPlotlyChart] .modebar:not(:has(.modebar-btn:only-child)) { display: none; }
+  [data-testid=stPlotlyChart] .modebar:has(.modebar-group ~ .modebar-group) { display: none; }
   [data-testid=stPlotlyChart] .modebar { background: none !important; }
 }
 @media (hover: hover) {

@@ -76,8 +76,8 @@ class Press:
         errors, place = st.container(), st.empty()
         with ErrorsShown(errors.error):
             if asked is not None:
-                with place.container():  # the button that was pressed goes at once
-                    self.press(errors_first=asked == "errors first")
+                with place:  # instead of the button
+                    self.press(errors_first=asked == "errors first", note=errors.info)
             work = self.work
         with place.container():
             self._show_button(work, only_if_stale)
@@ -97,11 +97,12 @@ class Press:
         label = "Calibrate again" if result else "Calibrate"
         st.button(label, type="primary", key="run", on_click=calibrate_next, args=("all",))
 
-    def press(self, errors_first: bool = False) -> None:
+    def press(self, errors_first: bool = False, note: Callable[[str], object] = st.info) -> None:
         """Calibrate and validate, at once or in a job.
 
         Args:
             errors_first: show the errors of the methods before forecast and validation are there.
+            note: shows why there is no validation.
 
         Raises:
             StereocalError: the data do not determine the pose; the last result stays.
@@ -116,7 +117,7 @@ class Press:
         elif errors_first or not is_short([self.dataset], self.protocol):
             jobs.start(self.work)
         else:
-            shown = ErrorsShown(lambda why: st.info(f"Not validated: {why}"))
+            shown = ErrorsShown(lambda why: note(f"Not validated: {why}"))
             with shown, st.spinner("Validating."):
                 self._validate(jobs.Job(STAGES, jobs.pool()))
 

@@ -134,7 +134,7 @@ def other_beginnings() -> None:
             _sample_button(key, label, make)
             st.caption(what)
     with st.container(horizontal=True, vertical_alignment="center"):
-        if st.button("Plan a field day", key="begin_plan", type="tertiary"):
+        if st.button("Plan a field day", key="begin_plan"):
             forget_project()
             st.switch_page("pages/plan.py")
         st.caption("before you record")
@@ -143,9 +143,8 @@ def other_beginnings() -> None:
 def _sample_button(key: str, label: str, make: Callable[[], Project], large: bool = False) -> None:
     """A button that opens a sample's project; a click may end the run of the page."""
     begin = partial(_begin, projects_in_creation(), partial(_opened_or_made, key, make))
-    kind: Literal["secondary", "tertiary"] = "secondary" if large else "tertiary"
     width: Literal["stretch", "content"] = "stretch" if large else "content"
-    st.button(label, type=kind, key=key, on_click=begin, width=width)
+    st.button(label, key=key, on_click=begin, width=width)
 
 
 def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
