@@ -7,6 +7,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.system.numbers import count
 
 SMALLEST_SPREAD = 0.01
 """Smallest extent of the points, as a fraction of the image diagonal; less fixes no angle."""
@@ -76,8 +77,8 @@ def warnings_about(dataset: Dataset) -> list[str]:
     pairs = len(dataset.correspondences)
     if pairs < FEW_PAIRS:
         found.append(
-            f"{pairs} pairs of points are very few: errors of tens of percent are possible. Do not "
-            "measure with this result; record 20 frames or more."
+            f"{count(pairs, 'pair')} of points: these are very few, and errors of tens of percent "
+            "are possible. Do not measure with this result; record 20 frames or more."
         )
     bars = len(dataset.correspondences.bars)
     if 0 < bars < FEW_BARS:

@@ -18,6 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray, clock, compiled, internal
 from stereocal.rig.decompositions import is_finite, solve_positive, triangle
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
+from stereocal.system.numbers import count
 
 Solver = Literal["constrained", "linear"]
 MINIMUM_PAIRS = 5
@@ -47,7 +48,8 @@ def calibrate_essential(
     pairs = rays.shape[1]
     if pairs < MINIMUM_PAIRS:
         raise StereocalError(
-            f"There are {pairs} pairs of points; at least {MINIMUM_PAIRS} are needed."
+            f"There {'is' if pairs == 1 else 'are'} {count(pairs, 'pair')} of points; at least "
+            f"{MINIMUM_PAIRS} are needed."
         )
     if start is not None:
         candidates = [start.essential]

@@ -29,6 +29,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
 from stereocal.system.executors import engine
+from stereocal.system.numbers import count
 from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import digits, listed
 from stereocal.verdict.predictive import Predictive
@@ -93,8 +94,9 @@ def _lines_of(found: Answer) -> list[str]:
     calibration = found.calibration
     dataset, rows = calibration.dataset, calibration.dataset.correspondences
     lines = [
-        f"{dataset.name}: {len(rows)} pairs, {len(rows.bars)} bars in {len(rows.frames)} frames; "
-        f"calibrated with {len(calibration.frames)} frames; errors are of all frames not left out.",
+        f"{dataset.name}: {count(len(rows), 'pair')}, {count(len(rows.bars), 'bar')} in "
+        f"{count(len(rows.frames), 'frame')}; calibrated with "
+        f"{count(len(calibration.frames), 'frame')}; errors are of all frames not left out.",
         rig_in_words(dataset, found.sets[found.recommendation.measure.method].pose),
         *_table_of(calibration),
     ]

@@ -37,6 +37,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.system.described import check_described, described, descriptions
 from stereocal.system.latest import Latest
+from stereocal.system.numbers import count
 from stereocal.system.records import settings_of
 from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
 
@@ -245,7 +246,7 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
     frames = len(dataset.correspondences.frames)
     if frames - calibration_frames < MINIMUM_VALIDATION_FRAMES:
         raise StereocalError(
-            f"{dataset.name} has {frames} frames; with {calibration_frames} to calibrate, "
+            f"{dataset.name} has {count(frames, 'frame')}; with {calibration_frames} to calibrate, "
             f"{max(0, frames - calibration_frames)} are left to test, and at least "
             f"{MINIMUM_VALIDATION_FRAMES} are needed. Calibrate with fewer frames."
         )

@@ -4,11 +4,12 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.figures import style
-from stereocal.figures.style import count, n_drawn
+from stereocal.figures.style import n_drawn
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.residual_field import cells_of
+from stereocal.system.numbers import count
 
 GRID_CELLS = 4
 """The description counts the covered cells of a grid with this many rows and columns."""

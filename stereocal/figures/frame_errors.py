@@ -11,11 +11,11 @@ import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures import style
-from stereocal.figures.style import MOST_DRAWN, add, count
+from stereocal.figures.style import MOST_DRAWN, add
 from stereocal.refined import outliers
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 
 LOG_BEYOND = 30.0
 """Ratio of the largest error to the smallest median of a method above which the axis is

@@ -7,13 +7,13 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.figures import style
-from stereocal.figures.style import NOWHERE, add, blank, count, line_of
+from stereocal.figures.style import NOWHERE, add, blank, line_of
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
 from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px, with_error
 from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.residual_field import ResidualField
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.verdict.in_words import percent
 
 BLUE, ORANGE = style.METHOD_COLOURS["2d"], style.METHOD_COLOURS["3d"]

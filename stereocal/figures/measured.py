@@ -10,12 +10,12 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, set_scene
-from stereocal.figures.style import DASHED, add, blank, count, marker_of, sentence_only, thinned
+from stereocal.figures.style import DASHED, add, blank, marker_of, sentence_only, thinned
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCameras
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 
 MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""

@@ -12,12 +12,13 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import Errors, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import space, style
-from stereocal.figures.style import METHOD_NAMES, add, count
+from stereocal.figures.style import METHOD_NAMES, add
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import count
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import TARGETS, Correspondences
+from stereocal.system.numbers import count as count
 
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",
@@ -188,11 +189,6 @@ def note(text: str, number: str, font: Mapping[str, Any]) -> dict[str, Any]:
     """A text in or beside the panel whose axes have this number."""
     refs = {"xref": f"x{number} domain", "yref": f"y{number} domain"}
     return {"text": text, "showarrow": False, "font": font, **refs}
-
-
-def count(n: int, what: str) -> str:
-    """`1 frame`, `25 frames`."""
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def evenly_drawn(n: int) -> BoolArray:

@@ -13,6 +13,7 @@ import numpy as np
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import SOURCES, TARGETS, Correspondences
+from stereocal.system.numbers import count
 from stereocal.system.records import of_plain
 
 LARGEST_PX = 1_000_000
@@ -130,9 +131,9 @@ def describe_frames(frames: Sequence[Frame]) -> str:
     )
     used = [frame for frame in frames if frame.use]
     bars = sum(len(frame.targets_in_both) == 2 for frame in used)
-    return (
-        f"{len(frames)} frames: {counts}. {len(used)} are used, {bars} of them with both targets."
-    )
+    both = f"{bars} of them with both targets"
+    are = "is" if len(used) == 1 else "are"
+    return f"{count(len(frames), 'frame')}: {counts}. {len(used)} {are} used, {both}."
 
 
 def report_line(frame: Frame) -> str:

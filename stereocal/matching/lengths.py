@@ -16,7 +16,7 @@ from stereocal.matching.reconstruction_files import (
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import check_length
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 
 MAXIMUM_LABELS = 500
 """A column with more distinct values is a measurement, not a name."""
@@ -54,14 +54,14 @@ class LengthCheck:
 
     def sentence(self) -> str:
         left_out = (
-            f" {self.left_out} frames were left out because they have one of the points twice."
+            f" {count(self.left_out, 'frame', 'were')} left out for having one of the points twice."
         )
         more, bias = left_out * bool(self.left_out), float(self.errors.mean())
         return (
-            f"The mean distance in {len(self.frames)} frames is {self.lengths_m.mean():.4f} m; the "
-            f"known length is {rounded(self.known_m, 4)} m. The mean error is "
-            f"{100 * self.mean_error:.2f} %, the mean is {100 * abs(bias):.2f} % too "
-            f"{'long' if bias > 0 else 'short'}.{more}"
+            f"The mean distance in {count(len(self.frames), 'frame')} is "
+            f"{self.lengths_m.mean():.4f} m; the known length is {rounded(self.known_m, 4)} m. "
+            f"The mean error is {100 * self.mean_error:.2f} %, the mean is "
+            f"{100 * abs(bias):.2f} % too {'long' if bias > 0 else 'short'}.{more}"
         )
 
 

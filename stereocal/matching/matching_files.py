@@ -31,7 +31,7 @@ from stereocal.matching.point_table import Contents, PointTable, open_table, tog
 from stereocal.matching.threshold import ThresholdChoice, sample_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
@@ -63,11 +63,11 @@ class MatchReport:
         if self.names.columns:
             by = f", of points of one name ({self.names.in_words}),"
         return (
-            f"{self.pairs} pairs in {self.frames} frames{by} at a threshold of "
+            f"{count(self.pairs, 'pair')} in {count(self.frames, 'frame')}{by} at a threshold of "
             f"{rounded(self.chosen.threshold_px, 3)} px; {self.ambiguous} of them ambiguous "
             "(another partner is within the threshold as well); without partner: "
-            f"{self.unmatched_primary} points of the primary, {self.unmatched_secondary} of the "
-            "secondary."
+            f"{count(self.unmatched_primary, 'point')} of the primary, "
+            f"{self.unmatched_secondary} of the secondary."
         )
 
 
@@ -280,11 +280,11 @@ def _notes(
         if len(alone):
             shown = ", ".join(str(frame) for frame in alone[:3])
             notes.append(
-                f"{len(alone)} frames are in {table.label} only ({shown}"
-                f"{', ...' if len(alone) > 3 else ''}): their points have no partner."
+                f"{count(len(alone), 'frame', 'are')} in {table.label} only ({shown}"
+                f"{', ...' if len(alone) > 3 else ''}): points there have no partner."
             )
         if own.left_out:
-            notes.append(f"{table.label}: {own.left_out} rows without a point were left out.")
+            notes.append(f"{table.label}: {count(own.left_out, 'row')} without a point left out.")
         width, height = getattr(rig, which).image_size
         if own.rows >= MANY_POINTS and own.largest[0] < width / 2 and own.largest[1] < height / 2:
             notes.append(

@@ -29,7 +29,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
@@ -82,9 +82,11 @@ class ReconstructionReport:
         )
 
     def sentence(self) -> str:
-        lost = f"; {self.behind} pairs do not meet in front of both cameras" if self.behind else ""
+        lost = f"; {count(self.behind, 'pair', 'do')} not meet in front of both cameras" * bool(
+            self.behind
+        )
         found, error = self.points - self.behind, rounded(self.median_error_px, 3)
-        text = f"{found} points, median reprojection error {error} px{lost}."
+        text = f"{count(found, 'point')}, median reprojection error {error} px{lost}."
         if self.volume is None:
             return text
         filled = f"outside the volume that the bars filled ({self.volume.depths})"

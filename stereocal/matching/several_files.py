@@ -26,7 +26,7 @@ from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.atomic_files import read_whole
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.system.tables import EMPTY, Column, read_rows
 from stereocal.system.tasks import Progress, StoppedError
 
@@ -50,14 +50,15 @@ class TracksReport:
     notes: Sequence[str] = ()
 
     def sentences(self) -> list[str]:
-        counts = ", ".join(f"{count} by {views}" for views, count in self.by_views.items())
+        counts = ", ".join(f"{seen} by {views}" for views, seen in self.by_views.items())
         wrong = ", ".join(
             f"{rounded(100 * share)} % of those seen by {views}"
             for views, share in self.wrong.items()
         )
         return [
             f"Your points scatter by {self.noise.in_words}.",
-            f"{sum(self.by_views.values())} points in {self.frames} frames: {counts} cameras; "
+            f"{count(sum(self.by_views.values()), 'point')} in {count(self.frames, 'frame')}: "
+            f"{counts} cameras; "
             f"{self.ambiguous} ambiguous (another partner fits as well).",
             f"At most about {wrong} are wrong."
             if wrong
@@ -148,7 +149,7 @@ def match_rig(
         if late
     ]
     notes += [
-        f"{tables[name].label}: {own.left_out} rows without a point were left out."
+        f"{tables[name].label}: {count(own.left_out, 'row')} without a point left out."
         for name, own in contents.items()
         if own.left_out
     ]

@@ -31,6 +31,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Pair, Recording
 from stereocal.rig.tracks import interpolate
+from stereocal.system.numbers import count
 
 WIDE_LENS = LensPrior(0.05, 50.0)
 MOST_ROUNDS = 8
@@ -205,8 +206,8 @@ def _why_unreached(name: str, pairs: Pairs) -> str:
     most = max(shared.values())
     if most < FEWEST_BARS:
         return (
-            f"The camera {name} shares {most} bars at most with another one, {FEWEST_BARS} are "
-            "needed: record more bars that both see."
+            f"The camera {name} shares {count(most, 'bar')} at most with another one, "
+            f"{FEWEST_BARS} are needed: record more bars that both see."
         )
     why = [f"{'-'.join(pair)}: {text}" for pair, text in pairs.failed.items() if name in pair]
     return (

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from stereocal.network.rig_file import RigFile
+from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
 
 SHOWN = 8
@@ -24,8 +25,8 @@ def rig_sentence(rig: RigFile) -> str:
     partner, bars = _best_partner(rig.about["pairs"], weakest)
     return (
         f"One rig of {count} cameras: {_accuracy(figures)}. "
-        f"The weakest camera is {weakest}{known}; it shares {bars} bars with {partner}. More "
-        "bars that both see, at other places and in other directions, would help most."
+        f"The weakest camera is {weakest}{known}; it shares {counted(bars, 'bar')} with {partner}. "
+        "More bars that both see, at other places and in other directions, would help most."
     )
 
 

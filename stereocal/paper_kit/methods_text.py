@@ -8,7 +8,6 @@ import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS
 from stereocal.evaluation.summary import BOOTSTRAPS
-from stereocal.figures.style import count
 from stereocal.matching.application import Outcome, digest_of
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
@@ -17,10 +16,10 @@ from stereocal.refined.unknowns import (
     DEFAULT_FOCAL,
 )
 from stereocal.rig.dataset import SOURCES, Dataset
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, percent
-from stereocal.verdict.recommendation import NAMES
+from stereocal.verdict.recommendation import NAMES, in_percent
 from stereocal.version import __version__
 from stereocal.workflow import Answer
 
@@ -250,8 +249,9 @@ def _recommended(answer: Answer) -> Iterator[str]:
     yield f"To match points, {NAMES[match.method]}{match.below} is recommended{let_in}."
     within = ""
     # Else the held-out figures have said it.
-    if measure.length_p95.held_out is None and found.forecast_holds:
-        within = measure.length_p95.percents(found.forecast_holds)
+    ahead = measure.length_p95.forecast
+    if measure.length_p95.held_out is None and found.forecast_holds and ahead is not None:
+        within = in_percent(ahead)
     words = f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended"
     yield f"{words}{f'; by the forecast, 95 % of lengths are within {within}' if within else ''}."
 

@@ -39,7 +39,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import figures_of
 
@@ -225,7 +225,7 @@ def card_of(project: Project) -> Card:
         return Card(f"{recording.camera_count} cameras", _rig_of(recording))
     dataset = project.dataset
     if dataset is not None:
-        data = f"{len(dataset.correspondences.frames)} frames"
+        data = count(len(dataset.correspondences.frames), "frame")
     else:
         given = "correspondences" in project.inputs.files
         data = _photographs_of(project) or ("points, data incomplete" if given else "no points yet")
@@ -263,7 +263,7 @@ def title_of(project: Project) -> str:
 def _photographs_of(project: Project) -> str:
     photographs = len(ProjectPhotographs(project).photographs)
     held = "of a board" if BOARDS_LABEL in project.inputs.labels.values() else ""
-    return f"{photographs} photographs {held}".rstrip() if photographs else ""
+    return f"{count(photographs, 'photograph')} {held}".rstrip() if photographs else ""
 
 
 def _result_of(project: Project) -> str:

@@ -23,6 +23,15 @@ def rounded(value: float, significant: int = 2) -> str:
     return mantissa + exponent + power
 
 
+SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does", "lie": "lies"}
+
+
+def count(n: int, what: str, verb: str = "") -> str:
+    """`1 frame`, `25 frames`; with a verb in the plural `1 frame is`, `25 frames are`."""
+    counted = f"{n} {what}" if n == 1 else f"{n} {what}s"
+    return f"{counted} {SINGULAR[verb] if n == 1 else verb}" if verb else counted
+
+
 def without_nan(value: Any) -> Any:
     """The value with NaN and infinity replaced by None, since JSON has neither."""
     if isinstance(value, Mapping):

@@ -10,7 +10,6 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import lens as figures
 from stereocal.figures.rig_report import lens_table
-from stereocal.figures.style import count
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import sort_files
 from stereocal.intrinsics import files, quality
@@ -28,7 +27,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.described import descriptions
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.system.records import pack
 from stereocal.ui import intake, jobs
 from stereocal.ui.downloads import offer

@@ -9,7 +9,6 @@ from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.figures import accuracy, lens, one_set, tables
-from stereocal.figures.style import count
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult
@@ -19,6 +18,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.system.latest import Latest
+from stereocal.system.numbers import count
 from stereocal.ui import jobs, refined
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting

@@ -4,7 +4,6 @@ import logging
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from stereocal.figures.style import count
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
@@ -12,6 +11,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import RIG_FILES, ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
+from stereocal.system.numbers import count
 from stereocal.ui.forms import search_values, settings_of
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.stale import since_calibration

@@ -7,8 +7,8 @@ from stereocal.calibration.methods import POOR_LENGTH, Method, errors_of
 from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
+from stereocal.system.numbers import count, rounded
 from stereocal.system.numbers import digits as digits
-from stereocal.system.numbers import rounded
 
 
 def left_out_line(screening: Screening) -> str:
@@ -29,7 +29,7 @@ def left_out_line(screening: Screening) -> str:
         )
     if alone := screening.without_neighbours:
         found.append(
-            f"{len(alone)} frames have no neighbours in time to shift their points by, and were "
+            f"{count(len(alone), 'frame', 'have')} no neighbours in time to shift the points by: "
             "left out too."
         )
     return " ".join(found)

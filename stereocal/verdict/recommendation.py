@@ -259,11 +259,11 @@ def _how_sure(found: Verdict, outlook: Outlook, validation: Mapping[Any, Validat
         )
     if found.kind == "one":
         lengths = figures_of("3d", outlook, validation).length_p95.forecast
-        within = f", 95 % of lengths within {in_percent(lengths)} by the forecast"
+        within = lengths and f", 95 % of lengths within {in_percent(lengths)} by the forecast"
         return (
             f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
             f"match with the 2D set{figures_of('2d', outlook, validation).below}, measure with the "
-            f"3D set{within if lengths else ''}."
+            f"3D set{within or ''}."
         )
     more = (
         f"About {found.frames_to_add} more frames would decide it."

@@ -45,7 +45,7 @@ def test_a_name_twice_in_a_frame_is_left_out_and_said() -> None:
     twice = pd.concat([BIRDS, points((2, 9.0, "a"))], ignore_index=True)
     check = check_lengths(twice, 1.0, "bird", ("a", "b"))
     assert check.frames.tolist() == [1]
-    assert "1 frames were left out" in check.sentence()
+    assert "1 frame was left out" in check.sentence()
 
 
 @pytest.mark.parametrize(

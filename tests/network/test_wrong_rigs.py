@@ -50,8 +50,8 @@ def test_a_measured_baseline_that_the_rig_leaves_is_said() -> None:
     """2 % too long, stated to 1 %; the objects fix the scale better."""
     truth = simulated(1)
     true = (truth.poses["c2"] @ truth.poses["c1"].inverse()).baseline
-    of = {"baselines_m": {("c1", "c2"): 1.02 * true}, "baseline_sigma_m": 0.01 * true}
-    (warning,) = calibrate_rig(replace(truth.recording, **of)).warnings
+    long = replace(truth.recording, baselines_m={("c1", "c2"): 1.02 * true})
+    (warning,) = calibrate_rig(replace(long, baseline_sigma_m=0.01 * true)).warnings
     assert warning.startswith("The baseline c1-c2 is ") and "its stated uncertainty" in warning
 
 

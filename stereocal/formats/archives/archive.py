@@ -10,7 +10,7 @@ from stereocal.formats.point_files import BarPoints
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences, Dataset
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 
 NOMINAL_SIGMA = 0.02
 """Standard error of a baseline that is another program's result and not measured, relative."""
@@ -126,7 +126,8 @@ def baseline_taken(baseline_m: float, origin: str) -> Taken:
 
 def points_taken(rows: Correspondences, origin: str) -> Taken:
     """The line of the report on the bars."""
-    words = f"{len(rows)} pairs of points, {len(rows.bars)} bars in {len(rows.frames)} frames"
+    bars, frames = count(len(rows.bars), "bar"), count(len(rows.frames), "frame")
+    words = f"{count(len(rows), 'pair')} of points, {bars} in {frames}"
     return Taken("bars", words, origin)
 
 
