@@ -65,9 +65,6 @@ def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> 
     smaller = min(len(first), len(second))
     if smaller < LEAST_PAIRS:
         return None
-    first, second = (
-        spread_ties(own, step) for own, step in zip((first, second), steps, strict=True)
-    )
     least = float(np.hypot(LEAST_SCATTER_S, np.hypot(*steps) / np.sqrt(12)))
     scatter = float(np.hypot(TRIGGER_S, least))
     clocks = _candidates(first, second, REACH * scatter)
@@ -86,16 +83,6 @@ def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> 
     enough = len(best.pairs) >= LEAST_SHARE * smaller
     alone = min(others, default=np.inf) - best.cost >= MARGIN
     return Alignment(best.pairs, best.clocks, _rms(first, second, best), enough and alone)
-
-
-def spread_ties(times: FloatArray, step: float) -> FloatArray:
-    """Equal times of photographs in order, (n,), spread evenly over the step of the clock."""
-    found = times.astype(np.float64)
-    for same in np.unique(times):
-        own = np.flatnonzero(times == same)
-        if len(own) > 1:
-            found[own] += step * np.arange(len(own)) / len(own)
-    return found
 
 
 def _candidates(first: FloatArray, second: FloatArray, reach: float) -> list[float]:
@@ -149,7 +136,8 @@ def _solve(apart: FloatArray, rows: IntArray, columns: IntArray) -> IntArray:
         i = np.flatnonzero(np.argmin(cost, axis=0)[j] == np.arange(len(rows)))
         j = j[i]
     near = cost[i, j] < 2 * ALONE
-    return np.column_stack([rows[i[near]], columns[j[near]]])
+    # Sorted, because equal times are in the order of the photographs; it costs no more.
+    return np.column_stack([rows[i[near]], columns[np.sort(j[near])]])
 
 
 def _rms(first: FloatArray, second: FloatArray, one: _Tried) -> float:
