@@ -8,9 +8,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from stereocal.frames.by_time import Alignment, align
+from stereocal.frames.by_time import Alignment
+from stereocal.frames.clocks import Times, aligned_clocks, times_of
 from stereocal.frames.conventions import FOLDERS, Reading, divisions_in, words_in
 from stereocal.frames.pairing import (
     Alone,
@@ -26,7 +25,6 @@ from stereocal.frames.pairing import (
 )
 from stereocal.frames.sides import Sides, sides_of
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.system.taken import Source, Taken
 
 Way = Literal["name", "time", "order"]
@@ -35,8 +33,6 @@ LEAST_BY_NAME = 0.5
 """Share of the camera with fewer photographs that names must pair, to be gone by."""
 CONTRADICTED = 2
 """Pairs of complete names that the times must contradict."""
-LEAST_PAUSE_S = 2.0
-"""Files that were written faster than this tell when they were copied."""
 SOURCES: dict[Source, str] = {
     "camera": "the time taken",
     "name": "the time in their names",
@@ -95,8 +91,8 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
     ways: dict[Way, Pairing] = {"name": named} if named.pairs else {}
     sure = False
     if sides is not None:
-        times = tuple(_times(own, used) for own in sides.cameras)
-        aligned = _aligned(times)
+        times = tuple(times_of(own, used) for own in sides.cameras)
+        aligned = aligned_clocks(*times)
         if aligned is not None:
             ways["time"], sure = _by_time(sides, times, aligned), aligned.sure
         ways["order"] = _in_order(sides)
@@ -145,48 +141,7 @@ def _best(ways: Mapping[Way, Pairing], sure: bool, by_cameras: bool) -> Way:
     return "name" if "order" not in ways or (named is not None and _mostly(named)) else "order"
 
 
-@dataclass(frozen=True, eq=False)
-class _Times:
-    """The times of one camera."""
-
-    names: list[str]
-    """Photographs with a time, in order."""
-    seconds: FloatArray
-    step: float
-    source: Source
-    zones: list[float | None]
-
-
-def _times(names: Sequence[str], taken: Mapping[str, Taken]) -> _Times:
-    """Of most of the photographs of a camera, by one source."""
-    sources = [taken[name].source for name in names if taken[name].seconds is not None]
-    source: Source = max(sources, key=sources.count, default="")
-    own = {name: taken[name] for name in names if source and taken[name].source == source}
-    seconds = np.array([one.seconds for one in own.values()], np.float64)
-    step = max((one.step for one in own.values()), default=1.0)
-    return _Times([*own], seconds, step, source, [one.zone for one in own.values()])
-
-
-def _aligned(times: Sequence[_Times]) -> Alignment | None:
-    zones = [zone for own in times for zone in own.zones]
-    clocks = []
-    for own in times:
-        if own.source == "file" and _pause(own.seconds) < LEAST_PAUSE_S:
-            return None
-        ahead = np.zeros(len(own.names))
-        if None not in own.zones and own.zones:
-            # Of one camera only, no more than what its zone has changed.
-            first = own.zones[0] if None in zones else 0.0
-            ahead = np.array(own.zones, np.float64) - (first or 0.0)
-        clocks.append(own.seconds - ahead)
-    return align(clocks[0], clocks[1], (times[0].step, times[1].step))
-
-
-def _pause(seconds: FloatArray) -> float:
-    return float(np.median(np.diff(np.sort(seconds)))) if len(seconds) > 1 else 0.0
-
-
-def _by_time(sides: Sides, times: Sequence[_Times], aligned: Alignment) -> Pairing:
+def _by_time(sides: Sides, times: Sequence[Times], aligned: Alignment) -> Pairing:
     twos = [(times[0].names[i], times[1].names[j]) for i, j in aligned.pairs.tolist()]
     alone = tuple(_alone(sides, twos, {*times[0].names, *times[1].names}))
     what = SOURCES[max((own.source for own in times), key=[*SOURCES].index)]

@@ -10,21 +10,26 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import PurePosixPath
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
+from stereocal.frames.clocks import aligned_clocks, times_of
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
-from stereocal.frames.pairing import Pair, number_pairs
+from stereocal.frames.pairing import Pair, number_pairs, short_names
+from stereocal.frames.proposal import CONTRADICTED
 from stereocal.frames.search import search_photographs
+from stereocal.frames.sides import in_order
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import Photographs
+from stereocal.system.taken import Taken
 from stereocal.system.tasks import Pieces, Progress
 
 Moments = Mapping[int, Mapping[str, str]]
@@ -56,9 +61,29 @@ def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[st
     return found
 
 
-def match_names(folders: Mapping[str, Sequence[str]]) -> Moments:
+def match_names(
+    folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken] = MappingProxyType({})
+) -> Moments:
     """The photographs of one moment, from those by camera: of the same name, else of the same
-    number in it."""
+    number in it; by the time taken, where names tell nothing or the cameras' clocks contradict.
+
+    Args:
+        taken: what the files say, by name.
+    """
+    named, timed = _by_name(folders), _by_time(folders, taken)
+    moment_of = {name: frame for frame, own in timed.items() for name in own.values()}
+    at = [{moment_of[name] for name in own.values() if name in moment_of} for own in named.values()]
+    if timed and (not named or sum(len(moments) > 1 for moments in at) >= CONTRADICTED):
+        return timed
+    if not named:
+        raise StereocalError(
+            "No two cameras have photographs of the same name: name those of one moment alike, "
+            "apart from the camera, such as left07 and right07, or 07 in the folder of each."
+        )
+    return named
+
+
+def _by_name(folders: Mapping[str, Sequence[str]]) -> Moments:
     by_stem: dict[str, dict[str, str]] = {}
     by_number: dict[int, dict[str, str]] = {}
     for camera, names in folders.items():
@@ -75,13 +100,31 @@ def match_names(folders: Mapping[str, Sequence[str]]) -> Moments:
             pair.frame: alike[pair.primary]
             for pair in number_pairs({stem: (stem, "") for stem in alike})
         }
-    found = {frame: own for frame, own in sorted(by_number.items()) if len(own) > 1}
-    if not found:
-        raise StereocalError(
-            "No two cameras have photographs of the same name: name those of one moment alike, "
-            "apart from the camera, such as left07 and right07, or 07 in the folder of each."
-        )
-    return found
+    return {frame: own for frame, own in sorted(by_number.items()) if len(own) > 1}
+
+
+def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -> Moments:
+    """By the clocks of the cameras, each compared with that of most photographs; empty if one of
+    them is not sure."""
+    known = {
+        camera: times_of(in_order([n for n in names if n in taken], taken), taken)
+        for camera, names in folders.items()
+    }
+    most = max(known, key=lambda camera: len(known[camera].names), default="")
+    moments: dict[str, dict[str, str]] = {}
+    for camera, times in known.items():
+        aligned = aligned_clocks(known[most], times) if camera != most else None
+        if camera != most and (aligned is None or not aligned.sure or times.source != "camera"):
+            return {}
+        for i, j in [] if aligned is None else aligned.pairs.tolist():
+            name = known[most].names[i]
+            moments.setdefault(name, {most: name})[camera] = times.names[j]
+    stems = dict(zip(short_names([*moments]), moments, strict=True))
+    return {
+        pair.frame: {camera: own[camera] for camera in folders if camera in own}
+        for pair in number_pairs({stem: (name, "") for stem, name in stems.items()})
+        if (own := moments[pair.primary])
+    }
 
 
 def find_everywhere(

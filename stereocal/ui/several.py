@@ -176,7 +176,8 @@ def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool
     left, right = st.columns([3, 1], vertical_alignment="center")
     left.markdown(f"Photographs: {escape_markdown(counts)}.")
     right.button("Remove all photographs", on_click=callback(store.clear), key="several_clear")
-    moments = readable(lambda: several.match_names(folders), told=all(folders.values()))
+    match = partial(several.match_names, folders, store.taken)
+    moments = readable(match, told=all(folders.values()))
     if moments is not None:
         _search(store, cameras, moments)
     return True

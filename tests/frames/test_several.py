@@ -25,6 +25,7 @@ from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
 from tests.bar_photographs import write
+from tests.frames.test_pairing import shots, walk
 from tests.photographed_rig import BAR_M, png
 from tests.three_cameras import CAMERAS, POSES, TAGS, photographed_bars
 
@@ -128,3 +129,23 @@ def test_photographs_of_one_moment_have_one_name() -> None:
         matched(a="x y z", b="p q r")  # never by their order
     with pytest.raises(StereocalError, match="same name"):
         match_names({"a": ["a/7.png", "a/7.jpg"], "b": ["b/7.png"]})
+
+
+def test_photographs_with_counters_of_their_own_are_matched_by_time() -> None:
+    moments = walk(15)
+    patterns = {"a": ("a/IMG_{n}.jpg", 1001), "b": ("b/DSC_{n}.jpg", 231), "c": ("c/P{n}.jpg", 9)}
+    shot = {
+        camera: shots(pattern, moments + 50.0 * k, first)
+        for k, (camera, (pattern, first)) in enumerate(patterns.items())
+    }
+    del shot["c"]["c/P12.jpg"]
+    taken = {name: one for own in shot.values() for name, one in own.items()}
+    found = match_names({camera: [*own] for camera, own in shot.items()}, taken)
+    assert [*found] == list(range(1001, 1016))
+    assert found[1003] == {"a": "a/IMG_1003.jpg", "b": "b/DSC_233.jpg", "c": "c/P11.jpg"}
+    assert found[1004] == {"a": "a/IMG_1004.jpg", "b": "b/DSC_234.jpg"}
+    # Cameras of one kind count from different numbers: equal names are not one moment.
+    alike = {c: shots(f"{c}/IMG_{{n}}.jpg", moments, k) for c, k in (("a", 1), ("b", 5), ("c", 3))}
+    taken = {name: one for own in alike.values() for name, one in own.items()}
+    found = match_names({camera: [*own] for camera, own in alike.items()}, taken)
+    assert found[1] == {"a": "a/IMG_1.jpg", "b": "b/IMG_5.jpg", "c": "c/IMG_3.jpg"}
