@@ -151,7 +151,7 @@ def test_tab_goes_through_a_page_and_out(
     page.goto(f"{app_url}/{path}?project={finished}")
     settled(page)
     if path == "data":
-        page.get_by_text("The pairs: look at them").click()
+        page.get_by_text("The pairs as a table").click()
         page.get_by_role("radio", name="One frame").or_(
             page.get_by_role("button", name="One frame", exact=True)
         ).first.click()
@@ -177,7 +177,7 @@ def test_tab_goes_through_a_page_and_out(
     if path == "data":
         pickers = [now for now in through if now["text"].startswith("Photograph of the")]
         assert len(pickers) == 2 and any(now["tag"] == "CANVAS" for now in through)
-        assert {"Pair by name again", "Zoom in", "Go to target A"} <= words
+        assert {"As they were found", "Zoom in", "Go to target A"} <= words
 
 
 def test_a_narrow_screen_shows_all_of_the_validation(
