@@ -16,7 +16,6 @@ from stereocal.formats.exchange.exchange import (
     names_in_files,
 )
 from stereocal.formats.exchange.options import (
-    ORIGIN,
     USUAL_ORIGIN,
     ExchangeOptions,
     OriginError,
@@ -222,15 +221,15 @@ def _options(asked: Questions, name: str, names: tuple[str, ...]) -> ExchangeOpt
     unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
     options = ExchangeOptions(unit=unit, lens_model=lens_model)
     if name == "dlt":
-        corner, first_pixel, flip = st.columns(len(ORIGIN))
-        said = asked.ask(corner, "corner"), asked.ask(first_pixel, "first_pixel", 0.0)
-        how = asked.ask(flip, "flip", USUAL_ORIGIN.flip) if said[0] == "lower-left" else None
+        said = asked.ask(left, "corner"), asked.ask(right, "first_pixel", 0.0)
+        lower = said[0] == "lower-left"
+        how = asked.ask(left, "flip", USUAL_ORIGIN.flip) if lower else None
         options = replace(options, corner=said[0], first_pixel=said[1], flip=how)
     if name == "ros" and len(names) == 2:
         words: dict[int | None, str] = {None: f"{STATED}: that without a baseline"}
         words |= enumerate(names)
         primary = asked.field("primary", None, one_of(words)).menu(
-            "The primary camera is", format_func=words.__getitem__
+            "The primary camera is", format_func=words.__getitem__, placeholder=words[None]
         )
         return options if primary is None else replace(options, cameras=(primary, 1 - primary))
     if len(names) < 3:

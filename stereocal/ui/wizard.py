@@ -72,7 +72,7 @@ class Questions:
         stated = {None: STATED} if usual is None else {}
         words: dict[Any, str] = {**stated, **asked.choices}
         return self.field(name, usual, one_of(words)).menu(
-            asked.title, place, format_func=words.__getitem__
+            asked.title, place, format_func=words.__getitem__, placeholder=STATED
         )
 
     def origin(self, usual: PixelOrigin) -> PixelOrigin:

@@ -162,12 +162,13 @@ class OriginError(StereocalError):
     """DLT coefficients whose pixel origin seems to be another than is usual."""
 
     def __init__(self, source: str) -> None:
-        self.question = (
+        found = (
             f"{source}: the coefficients seem to be counted from the lower left, as those of "
             "easyWand, Argus and DLTdv5 to 7; or else the world's origin lies behind the cameras."
         )
+        self.question = f"{found} Where are they counted from?"
         super().__init__(
-            f"{self.question} Give --image-origin lower-left; or, if it lies there, upper-left."
+            f"{found} Give --image-origin lower-left; or, if it lies there, upper-left."
         )
 
 
