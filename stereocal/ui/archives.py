@@ -74,6 +74,8 @@ def _show(found: Archive, baseline_known: bool) -> None:
     rows = [(each.what, each.taken, each.origin) for each in found.taken]
     table = pd.DataFrame(rows, columns=["What", "Found", "From"])
     st.table(escaped_table(table).set_index("What"))
+    for remark in found.remarks:
+        st.caption(escape_markdown(remark))
     if found.baseline_m is not None:
         st.caption(
             "The baseline is the other program's result, not a measurement: replace it and its "

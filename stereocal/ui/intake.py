@@ -12,7 +12,7 @@ from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileMan
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from stereocal.errors import RefusedRowsError
-from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, pack_pair, parse_dataset, parse_survey
 from stereocal.formats.exchange.options import ImageSize
@@ -89,10 +89,14 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     def take(model: LensModel | None, size: ImageSize | None) -> None:
         stored, read = dict(files), dict[Slot, Camera | Table]()
         for slot, (name, content) in files.items():
-            read[slot] = camera = read_camera(content, name, model, size)
+            try:
+                read[slot] = camera = read_camera(content, name, model)
+                asked = model == "fisheye"
+            except ImageSizeError:
+                read[slot] = camera = read_camera(content, name, model, size)
+                asked = True
             # The stored file must state what was asked.
-            own = write_camera(camera) if size or model == "fisheye" else content
-            stored[slot] = name, own
+            stored[slot] = name, write_camera(camera) if asked else content
         _try_files(stored, read)
 
     ask_about_lens(take)

@@ -205,6 +205,25 @@ def states(app: AppTest) -> dict[str, str]:
     return {name: state.mark for name, state in found.items()}
 
 
+def test_camera_files_of_other_programs_are_asked_what_they_do_not_say(
+    app: AppTest, home: Path
+) -> None:
+    """A message of ROS, and a file of OpenCV whose image size is asked."""
+    cases = Path(__file__).parent.parent / "cases"
+    right = (cases / "ros_topic_echo" / "r2.yaml").read_bytes()
+    left = (cases / "image_size_option_ignored" / "l.yml").read_bytes()
+    drop(go(app, "data"), {"left.yml": left, "right.yaml": right})
+    assert "left.yml: the file does not state the size of the images" in messages(app)
+    for side, pixels in (("width", 1600), ("height", 1200)):
+        app.number_input(key=f"refused_{side}").set_value(pixels)
+    app.button(key="use_rest").click().run()
+    assert not app.error and not app.exception
+    primary, secondary = project_of(app, home).cameras
+    assert primary is not None and secondary is not None
+    assert (primary.image_size, secondary.image_size) == ((1600, 1200), (1920, 1080))
+    assert (primary.K[0, 0], secondary.K[0, 0]) == (1500, 1510)
+
+
 def test_every_file_of_pages_is_in_one_group() -> None:
     files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
     assert sorted([*TITLES, RIG]) == files
