@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks.studies import run_studies
 from stereocal.intrinsics.held_object import HeldObject, held_object
+from tools.photographs.balls import ColourPhotograph
 from tools.photographs.objects import HELD_BOARD, KINDS, TAG_IDS, Kind, photographs_of
 
 
@@ -30,7 +31,7 @@ def outcome(kind: Kind, held: HeldObject | None) -> str:
     return "right" if right else held.words
 
 
-def encoded(image: np.ndarray) -> bytes:
+def encoded(image: ColourPhotograph) -> bytes:
     """The photograph as a PNG."""
     return cv2.imencode(".png", image)[1].tobytes()
 

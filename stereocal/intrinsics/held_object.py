@@ -6,9 +6,10 @@ Evidence for an object is that both cameras see it, and see it at different plac
 in the scene does not move.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -37,8 +38,12 @@ ELSEWHERE = 0.02
 """Least distance of two places over the diagonal of the image."""
 LEAST_PART = 0.6
 """Of the photographs of each camera, in which the object must be, each time elsewhere."""
+STRAY_TAGS = 2
+"""Patterns that are taken for a tag now and then; of a board with small markers, two may be read in
+most photographs and a dozen in some."""
 SQUARE_M = 0.01
 """Any side of a square: where a board is in a photograph does not depend on it."""
+T = TypeVar("T")
 Held = Target | ProposedBoard
 Seen = tuple[Mapping[str, FloatArray], ...]
 """For each camera, by photograph: points (n, 2) px on the object."""
@@ -124,10 +129,14 @@ def held_object(cameras: Sequence[Mapping[str, PhotographFile]]) -> HeldObject |
     return HeldObject(what, seen, tuple(map(len, looks)))
 
 
+def spread(every: Sequence[T]) -> list[T]:
+    """`LOOKED_AT` of them, from the first to the last."""
+    places = np.linspace(0, len(every) - 1, min(LOOKED_AT, len(every))).round().astype(int)
+    return [every[at] for at in places]
+
+
 def _looks(photographs: Mapping[str, PhotographFile]) -> Iterator[_Look]:
-    names = [*photographs]
-    places = np.linspace(0, len(names) - 1, min(LOOKED_AT, len(names))).round().astype(int)
-    for name in (names[at] for at in places):
+    for name in spread([*photographs]):
         file = photographs[name]
         try:
             grey, small = read_photograph(file, name), reduced(read_colours(file, name))
@@ -212,16 +221,19 @@ def _bar(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
 
 
 def _tags(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
-    """Two tags of one dictionary that move; more are no bar."""
+    """Two tags of one dictionary that move; with more of them it is a board."""
     by_dictionary: dict[str, dict[int, Seen]] = {}
+    others: Counter[str] = Counter()
     for tag in sorted({tag for own in looks for look in own for tag in look.tags}):
         seen = tuple(
             {look.name: look.tags[tag] for look in own if tag in look.tags} for own in looks
         )
         if _moves(seen, looks):
             by_dictionary.setdefault(tag[0], {})[tag[1]] = seen
+        elif not any(len(own) > _places(own, of) for own, of in zip(seen, looks, strict=True)):
+            others[tag[0]] += 1  # and it does not stand still
     for dictionary, moving in by_dictionary.items():
-        if len(moving) == 2:
+        if len(moving) == 2 and others[dictionary] <= STRAY_TAGS:
             (a, first), (b, second) = moving.items()
             both = tuple(
                 {name: np.vstack([own[name], other[name]]) for name in own if name in other}

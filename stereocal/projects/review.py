@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.frames.frame import CentrePair, Frame, frame_from_json
+from stereocal.frames.frame import Centre, CentrePair, Frame, frame_from_json
 from stereocal.frames.pairing import Pair
 from stereocal.frames.review import Edit, Review
 from stereocal.frames.thumbnails import board_tile, side_by_side, tile
@@ -83,6 +83,17 @@ def board_thumbnail(
     return _drawn(_files(store, (pair.primary, pair.secondary)), marks)
 
 
+def held_thumbnail(
+    store: ProjectPhotographs, pair: Pair, points: tuple[FloatArray, FloatArray]
+) -> bytes:
+    """A JPEG of both photographs, with the two targets, the corners or the markers (n, 2) px that
+    were found in each."""
+    if all(len(own) in (0, 2) for own in points):
+        marks = tuple(_centres(own) for own in points)
+        return _drawn(_files(store, (pair.primary, pair.secondary)), marks)
+    return board_thumbnail(store, pair, points)
+
+
 @lru_cache(maxsize=200)
 def board_corners(file: StoredFile, pattern: BoardPattern) -> FloatArray:
     """(n, 2): the corners of the board in a photograph; none if it shows none."""
@@ -101,6 +112,13 @@ def _drawn(files: tuple[StoredFile | None, ...], marks: Sequence[CentrePair | by
         for file, own in zip(files, marks, strict=True)
     )
     return side_by_side(first, second)
+
+
+def _centres(points: FloatArray) -> CentrePair:
+    if not len(points):
+        return None, None
+    a, b = points.tolist()
+    return Centre(*a), Centre(*b)
 
 
 def _files(store: ProjectPhotographs, names: Sequence[str | None]) -> tuple[StoredFile | None, ...]:

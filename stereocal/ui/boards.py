@@ -19,12 +19,14 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
-from stereocal.ui.holding import board_form, first_pairs
+from stereocal.ui.holding import ask_if_bar, board_form, first_pairs, settle
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.texts import escape_markdown
 
 OF_BOARDS = "lens from the boards"
 """Label of a lens that was made from the same photographs."""
+MOST_REFUSED = 0.5
+"""Of the frames without a usable board; with more, it may be no board that is held."""
 
 
 def press_search(work: jobs.Work, what: str, key: str, found: bool, ready: bool) -> None:
@@ -68,6 +70,9 @@ def boards_in(store: ProjectPhotographs) -> None:
     run = partial(_find, store, pairing, pattern, given)
     work = jobs.Work(project, "photographs", stereo_boards.STAGES, about, run)
     press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
+    refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
+    if refused if found else jobs.has_failed(project, "photographs"):
+        ask_if_bar(project)
     if not found:
         return
     if store.found_by != work.digest:
@@ -158,4 +163,5 @@ def _find(
     data = stereo_boards.recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
     label = None if given else OF_BOARDS
     store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.digest)
+    settle(store.project)
     return True

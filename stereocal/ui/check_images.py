@@ -1,7 +1,6 @@
 """New images on the Check page: a data set, a table, photographs or videos of any cameras."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import PurePosixPath
@@ -34,7 +33,7 @@ from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, one_of, setting
-from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
+from stereocal.ui.holding import ask_what_is_held, holds_board
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
@@ -121,9 +120,6 @@ def _take(seen: Seen, use_videos: Callable[..., None], given: Dropped[StoredFile
             _give_cameras(own, seen.cameras)
             own.add_photographs(given.photographs)
             _as_in_the_data(seen.check.project, own.project)
-            with suppress(StereocalError):  # the search reports it
-                moments = _moments(seen)
-                propose_held(own.photographs, several.pairs_of(moments, *[*seen.cameras][:2]))
         elif videos := given.of("video"):
             place_videos(videos, use_videos)
         elif tables:
@@ -213,7 +209,7 @@ def _held(
 ) -> tuple[Target | BoardPattern | None, float | None]:
     """What is held, and the distance of its targets (m); None until both are stated."""
     project = store.project
-    target: Target | BoardPattern | None = ask_what_is_held(store, pairs[0], fold=True)
+    target: Target | BoardPattern | None = ask_what_is_held(store, pairs, fold=True)
     if holds_board(project):
         pattern, entered = held_board(project)
         return pattern, pattern.square_m if pattern is not None and entered else None

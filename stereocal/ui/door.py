@@ -27,7 +27,7 @@ from stereocal.ui import intake
 from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.downloads import offer
 from stereocal.ui.drop_zone import drop_zone
-from stereocal.ui.holding import holds_board, propose_held
+from stereocal.ui.holding import holds_board
 from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.navigation import go_to
 from stereocal.ui.prerequisites import missing_of
@@ -133,10 +133,7 @@ def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
 
 def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
     if found:
-        with st.spinner("Looking at the first photographs ..."):
-            own.add_photographs(found)
-            if not (own.is_of_rig or own.is_undivided):
-                propose_held(own.photographs)
+        own.add_photographs(found)
 
 
 def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> None:
@@ -263,7 +260,6 @@ def _answer(own: ProjectGiven, series: Series, camera: str) -> None:
     own.answer(series, camera)
     if own.is_of_rig:
         return
-    propose_held(own.photographs)
     if own.open_files:  # the photographs may tell now
         _place(own, {})
 

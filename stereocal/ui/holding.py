@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,7 +10,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.detection.ball_colours import colour_at
-from stereocal.detection.balls import find_balls, proposed_colours
+from stereocal.detection.balls import find_balls
 from stereocal.detection.target import (
     BAR,
     BRIGHT,
@@ -25,7 +24,6 @@ from stereocal.detection.target import (
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.pairing import Pair
-from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -35,21 +33,30 @@ from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.picker import Mark, Pick, pick, shown_image
+from stereocal.ui.proposal import (
+    CHARUCO,
+    CHESSBOARD,
+    HELD,
+    MARKER_PART,
+    ask_whether_bar,
+    proposed_kind,
+    show_proposal,
+)
 from stereocal.ui.texts import escape_markdown
 
 KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "Tags"}
 BOARD = "board"
-CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
 SQUARE_MM = 30.0
 """Until the user enters the side of a square."""
-FOUND, MARKER_PART = "held_found", "board_marker_part"
+FOUND = "held_found"
 USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
 CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 """What a click moves a centre to."""
 
 
 def _kind(project: Project | None) -> Field:
-    return setting(project, "held", "bar2x2", one_of(KINDS))
+    usual = proposed_kind(project, "bar2x2")
+    return setting(project, HELD, usual, one_of(KINDS))
 
 
 def _colours(project: Project) -> Field:
@@ -80,6 +87,16 @@ def held_text(project: Project) -> str:
     return kind if rest is None else f"{kind}:{rest(project).value()}"
 
 
+def settle(project: Project) -> None:
+    """Take what was looked for as the user's answer."""
+    project.keep_settings({HELD: held_kind(project)})
+
+
+def ask_if_bar(project: Project) -> None:
+    """The question after a search that found the board in few photographs."""
+    ask_whether_bar(_kind(project))
+
+
 def holds_board(project: Project) -> bool:
     """Whether a board is held."""
     return held_kind(project) == BOARD
@@ -90,34 +107,6 @@ def first_pairs(pairs: Sequence[Pair]) -> list[Pair]:
     return [pairs[at] for at in sorted({0, len(pairs) // 2, len(pairs) - 1})] if pairs else []
 
 
-def propose_held(store: ProjectPhotographs, pairs: Sequence[Pair] | None = None) -> None:
-    """Store what the first photographs show, unless the user has said what is held."""
-    project = store.project
-    if "held" in project.settings:
-        return
-    pairs = [row.pair for row in store.rows] if pairs is None else pairs
-    first, files = first_pairs(pairs), store.photographs
-    with suppress(StereocalError):  # a photograph is missing or damaged: the search reports it
-        names = [name for pair in first for name in (pair.primary, pair.secondary)]
-        board = proposed_board({name: files[name] for name in names}, least=0.5)
-        if board is not None:
-            marked = {"board_dictionary": board.dictionary, MARKER_PART: board.marker}
-            project.keep_settings(
-                {
-                    "held": BOARD,
-                    "board_kind": CHARUCO if board.dictionary else CHESSBOARD,
-                    "board_columns": board.columns,
-                    "board_rows": board.rows,
-                    **(marked if board.dictionary else {}),
-                }
-            )
-            return
-        images = [read_colours(files[name], name) for name in names]
-        balls = proposed_colours([images[::2], images[1::2]])
-        if balls is not None:
-            project.keep_settings({"held": "balls", "held_balls": ",".join(balls.colours)})
-
-
 def held_target(project: Project) -> Target:
     """The target of the project; 2x2 targets if what was stated is incomplete."""
     try:
@@ -126,17 +115,19 @@ def held_target(project: Project) -> Target:
         return BAR
 
 
-def ask_what_is_held(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> Target | None:
-    """The controls.
+def ask_what_is_held(store: ProjectPhotographs, pairs: Sequence[Pair], fold: bool) -> Target | None:
+    """The proposal, and the controls.
 
     Args:
-        pair: whose first photograph the balls are picked in.
+        pairs: the balls are picked in the first photograph.
         fold: the photograph is folded away, since the targets have been found.
 
     Returns:
         The target; None until it is stated, and for a board.
     """
     project = store.project
+    if FOUND not in project.settings:
+        show_proposal(store, pairs, _kind(project))
     kind = _kind(project).buttons("What do you hold?", format_func=KINDS.__getitem__)
     if kind == BOARD:
         return None
@@ -149,7 +140,7 @@ def ask_what_is_held(store: ProjectPhotographs, pair: Pair | None, fold: bool) -
             **held_tags(project).widget(),
         )
     else:
-        _ask_colours(store, pair, fold)
+        _ask_colours(store, pairs[0] if pairs else None, fold)
         if _unfinished(project):
             return None
     try:

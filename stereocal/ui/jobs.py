@@ -151,6 +151,14 @@ def is_running(project: Project, kind: Kind) -> bool:
     return found is not None and found[0] == "running"
 
 
+def has_failed(project: Project, kind: Kind) -> bool:
+    """Whether the last job of this kind ended in an error."""
+    job, found = job_of(project, kind), stored_jobs.find(project.database, kind)
+    if found is not None:
+        return found[0] == "failed"
+    return job is not None and job.state == "failed"
+
+
 def can_go_on(work: Work) -> bool:
     """Whether this work was interrupted."""
     found = stored_jobs.find(work.project.database, work.kind)

@@ -61,8 +61,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
     running = jobs.is_running(project, "photographs")
     frames = readable(lambda: store.frames)
     lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
-    first = rows[0].pair if rows else None
-    target = holding.ask_what_is_held(store, first, frames is not None)
+    pairs = [row.pair for row in rows]
+    target = holding.ask_what_is_held(store, pairs, frames is not None)
     if holding.holds_board(project):
         boards_in(store)
         return
@@ -71,7 +71,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
             f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
             " to tell A from B."
         )
-    work = _work(store, [row.pair for row in rows], target or BAR)
+    work = _work(store, pairs, target or BAR)
     # The cheap test first: the digest of thousands of pairs is slow.
     if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
         jobs.discard(project, "photographs")
@@ -120,5 +120,6 @@ def _find(
     if found is None:
         return False
     store.project.keep_settings({holding.FOUND: held})
+    holding.settle(store.project)
     store.keep_found(found, searched, job.digest)
     return True

@@ -31,7 +31,7 @@ from stereocal.system.records import plain
 from stereocal.ui import jobs
 from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
-from stereocal.ui.holding import ask_what_is_held, holds_board, propose_held
+from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.messages import callback, readable, show_stale
 from stereocal.ui.navigation import go_to
@@ -40,7 +40,6 @@ from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.wizard import Questions
 
 FOUND_BY, UNUSED = "several_found_by", "several_unused"
-_LOOKED = "several_photographs_looked"
 GATHERED: Latest[EveryCamera] = Latest(8)
 
 
@@ -191,12 +190,7 @@ def _search(
     pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
     found_by = project.settings.get(FOUND_BY)
     files = {name: path.name for name, path in store.photographs.items()}
-    complete = {name for own in moments.values() for name in own} == {*cameras}
-    if complete and st.session_state.get(_LOOKED) != files:
-        with st.spinner("Looking at the first photographs ..."):
-            propose_held(store, pairs)
-        st.session_state[_LOOKED] = files
-    target: Target | BoardPattern | None = ask_what_is_held(store, pairs[0], found_by is not None)
+    target: Target | BoardPattern | None = ask_what_is_held(store, pairs, found_by is not None)
     entered = True
     if holds_board(project):
         pattern, entered = held_board(project)
@@ -254,4 +248,5 @@ def _find(
     if found is None:
         return False
     project.keep_settings({FOUND_BY: job.digest, UNUSED: [*found.unused]})
+    settle(project)
     return True

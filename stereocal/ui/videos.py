@@ -19,7 +19,6 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
-from stereocal.ui.holding import propose_held
 from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
@@ -133,6 +132,5 @@ def _take(
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     store.add(found)
-    propose_held(store)
     project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})
     return True

@@ -15,14 +15,18 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
+from stereocal.system.photograph import read_photograph
 from stereocal.ui.holding import held_target
 from stereocal.workflow import calibrate
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
+from tests.bar_photographs import bar_set
 from tests.lens import SMALL, png
-from tests.pages.stored_projects import drop, ended, go, messages, project_of, session
+from tests.pages.stored_projects import drop, ended, go, messages, project_of, session, told
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, WAND, recorded
+
+BARS = bar_set(7)
 
 
 def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
@@ -33,7 +37,8 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     app.switch_page("pages/data.py").run()
     drop(app, files)
     project = project_of(app, home)
-    # As the first photographs show, without a click.
+    # As the first photographs show, without a click, and said with their picture.
+    assert "a chessboard with 8x6 inner corners" in told(app, "markdown")
     assert app.segmented_control(key="held").value == "board"
     sizes = [app.number_input(key=f"board_{way}").value for way in ("columns", "rows")]
     assert sizes == [8, 6]
@@ -44,6 +49,8 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     ended(project, "photographs")
     app.run()
     assert "9 boards of 8x6 inner corners are in photographs of both" in messages(app)
+    assert project.settings["held"] == "board"
+    assert not [each for each in app.button if each.key in ("held_yes", "held_bar")]
     assert not app.exception
     badges = [item.value for item in app.markdown if "badge" in item.value]
     assert len(badges) == 10 and "refused" in badges[0] and "Frame 99" in badges[0]
@@ -124,8 +131,12 @@ def balls(home: Path) -> Project:
 
 def test_balls_are_stated_and_found(balls: Project) -> None:
     app = go(session(balls), "data")
-    assert held_target(balls) == BAR
-    app.segmented_control(key="held").set_value("balls").run()
+    # Proposed with its picture; the user has not answered yet.
+    assert "bar with balls" in told(app, "markdown")
+    assert isinstance(held_target(balls), Balls) and "held" not in balls.settings
+    app.button(key="held_yes").click().run()
+    assert balls.settings["held"] == "balls" and "bar with balls" not in told(app, "markdown")
+    app.text_input(key="held_balls").set_value("").run()
     assert "Click ball A" in messages(app) and app.button(key="find_targets").disabled
     app.text_input(key="held_balls").set_value("red,blurple").run()
     assert "blurple" in messages(app) and app.button(key="find_targets").disabled
@@ -140,6 +151,35 @@ def test_balls_are_stated_and_found(balls: Project) -> None:
     assert "Changed since" not in messages(app.run())
     app.segmented_control(key="held").set_value("tags").run()
     assert "Changed since this result: what you hold" in messages(app) and not app.exception
+
+
+def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
+    """A chessboard lies before the primary; its photographs come first, the others later."""
+    files = BARS.files()
+    lying = np.kron(np.indices((5, 7)).sum(axis=0) % 2, np.ones((14, 14))) * 170 + 30
+    for name in files:
+        if "primary" in name:
+            image = read_photograph(files[name], name).copy()
+            image[350:432, 10:124] = 200
+            image[356:426, 18:116] = lying
+            files[name] = png(image)
+    app.switch_page("pages/data.py").run()
+    drop(app, {name: files[name] for name in files if "primary" in name})
+    project = project_of(app, home)
+    assert not [each for each in app.button if each.key == "held_yes"]
+    drop(app, {name: files[name] for name in files if "secondary" in name})
+    assert "bar with two 2x2 targets" in told(app, "markdown")
+    assert app.segmented_control(key="held").value == "bar2x2"
+    assert app.number_input(key="target_distance_m_value")
+    # Whoever says that it is a board is asked once it is not found.
+    app.segmented_control(key="held").set_value("board").run()
+    assert not [each for each in app.button if each.key == "held_yes"]
+    app.number_input(key="board_square_mm").set_value(30.0).run()
+    app.button(key="find_boards").click().run()
+    ended(project, "photographs")
+    app.run()
+    app.button(key="held_bar").click().run()
+    assert held_target(project) == BAR and project.settings["held"] == "bar2x2"
 
 
 def test_tags_are_stated(balls: Project) -> None:

@@ -126,7 +126,7 @@ def _backgrounds(kind: Kind, rng: np.random.Generator) -> list[ColourPicture]:
         picture = clutter(SIZE, rng, 25, grain=0.1)
         lying: list[Board] = []
         if kind not in ("board", "charuco") and rng.random() < LYING:
-            lying.append(chessboard((rng.integers(4, 9), rng.integers(4, 7)), 0.06))
+            lying.append(chessboard((int(rng.integers(4, 9)), int(rng.integers(4, 7))), 0.06))
         if kind != "bar2x2" and rng.random() < LYING:
             lying += [x_corner_board(float(rng.uniform(0.12, 0.25))) for _ in range(2)]
         if kind not in ("tags", "charuco") and rng.random() < LYING:
