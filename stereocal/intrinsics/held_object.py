@@ -93,8 +93,8 @@ class HeldObject:
                 return f"a chessboard with {self.what} inner corners"
             case ProposedBoard():
                 return f"a ChArUco board with {self.what} inner corners"
-            case Balls(colours=colours):
-                return f"a bar with balls of the colours {' and '.join(colours)}"
+            case Balls():
+                return "a bar with two coloured balls"
             case Tags(dictionary=dictionary, ids=(a, b)):
                 return f"a bar with the tags {a} and {b} of {dictionary}"
             case _:
@@ -107,8 +107,8 @@ class HeldObject:
             f"{len(own)} of {of}" for own, of in zip(self.seen, self.looked_at, strict=True)
         )
         return (
-            f"This looks like {self.words}: it was found, each time elsewhere, in {first} "
-            f"photographs of the primary and {second} of the secondary that were looked at."
+            f"This looks like {self.words}: {first} photographs of the primary that were looked at "
+            f"show it, and {second} of the secondary, each at another place."
         )
 
 

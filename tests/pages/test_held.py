@@ -132,10 +132,12 @@ def balls(home: Path) -> Project:
 def test_balls_are_stated_and_found(balls: Project) -> None:
     app = go(session(balls), "data")
     # Proposed with its picture; the user has not answered yet.
-    assert "bar with balls" in told(app, "markdown")
+    assert "bar with two coloured balls" in told(app, "markdown")
     assert isinstance(held_target(balls), Balls) and "held" not in balls.settings
     app.button(key="held_yes").click().run()
-    assert balls.settings["held"] == "balls" and "bar with balls" not in told(app, "markdown")
+    assert balls.settings["held"] == "balls" and "bar with two coloured balls" not in told(
+        app, "markdown"
+    )
     app.text_input(key="held_balls").set_value("").run()
     assert "Click ball A" in messages(app) and app.button(key="find_targets").disabled
     app.text_input(key="held_balls").set_value("red,blurple").run()
