@@ -9,14 +9,13 @@ from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.intrinsics import detect_board
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
 from stereocal.commands.pairing import PAIR_BY, pairing_of
+from stereocal.commands.videos import take_frames
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
-from stereocal.errors import StereocalError
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.frames.slips import find_slip
-from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import of_the_bar, photographs_in
 
@@ -48,7 +47,7 @@ def run(parsed: argparse.Namespace) -> None:
     target = parse_target(parsed.target)
     survey = read_survey(parsed.dataset, parsed.lens_model)
     if parsed.videos is not None:
-        _take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
+        take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         unpack = partial(photographs_in, parsed.dataset, Path(store))
         photographs = of_the_bar(with_bar("photographs unpacked", unpack))
@@ -67,20 +66,3 @@ def run(parsed: argparse.Namespace) -> None:
         say(f"{slip.sentence} Take it out of the folder, and find the targets again.")
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
     report(written=[parsed.out])
-
-
-def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
-    """Write frames of two videos into the folder of the data set."""
-    if not parsed.dataset.is_dir():
-        raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
-    every, ahead = parsed.every, parsed.clock_ahead
-    if every is not None and every < 1:
-        raise StereocalError(f"--every is {every}: it must be 1 or more.")
-    settings = VideoSettings("every" if every else "still", every or 1, ahead, coloured)
-    first, second = parsed.videos
-
-    def write(name: str, content: bytes) -> None:
-        write_atomically(parsed.dataset / name, content)
-
-    for sentence in in_stages(partial(extract, (first, second), settings, write)).sentences:
-        say(sentence)

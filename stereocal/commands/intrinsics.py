@@ -10,6 +10,7 @@ from pathlib import Path
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
 from stereocal.commands.pairing import pairing_of, taken_of
+from stereocal.commands.videos import take_frames
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
@@ -20,7 +21,8 @@ from stereocal.frames.proposal import propose
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.intrinsics.files import about
-from stereocal.intrinsics.proposed_board import proposed_board
+from stereocal.intrinsics.held_object import held_object
+from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import (
     LENS_COLUMNS,
     advice,
@@ -94,14 +96,16 @@ def detect_board(parsed: argparse.Namespace, target: Board) -> None:
 
     The lenses are those of the data set; without one, they come from the same photographs.
     """
-    if parsed.videos is not None or parsed.doubtful:
-        raise StereocalError("--videos and --doubtful are for a bar, not for a board.")
+    if parsed.doubtful:
+        raise StereocalError("--doubtful is for a bar, not for a board.")
     known = _described(parsed)
+    if parsed.videos is not None:
+        take_frames(parsed, coloured=False)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
         photographs = of_the_bar(photographs_in(parsed.dataset, Path(store)))
-        pattern = target.pattern(target.size or _size_found(photographs))
+        pairing = pairing_of(photographs, parsed.dataset, parsed.pair_by)
+        pattern = target.pattern(target.size or _size_found(photographs, pairing))
         with workers_from(parsed) as executor:
-            pairing = pairing_of(photographs, parsed.dataset, parsed.pair_by)
             boards = _search(photographs, pattern, pairing, executor)
             if known is None:
                 cameras = _lenses_of(boards, LensSettings(), executor)
@@ -158,8 +162,13 @@ def _described(parsed: argparse.Namespace) -> Recording | None:
     return known
 
 
-def _size_found(photographs: Photographs) -> str:
-    board = proposed_board(photographs)
+def _size_found(photographs: Photographs, pairing: Pairing) -> str:
+    """The size of the board that moves before both cameras, or else of the one that most show."""
+    names = [[getattr(pair, which) for pair in pairing.pairs] for which in CAMERAS]
+    held = held_object([{name: photographs[name] for name in own} for own in names])
+    board = held.what if held is not None else None
+    if not isinstance(board, ProposedBoard):
+        board = proposed_board(photographs)
     if board is None:
         raise StereocalError(
             "The size of the board cannot be found in the first photographs: count the inner "

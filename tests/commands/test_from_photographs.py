@@ -16,14 +16,16 @@ import pytest
 from stereocal.cli import main
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.dataset_files import read_recording
 from stereocal.refined.unknowns import lens_prior
-from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import read_photograph
 from tests import known_rig as rig
 from tests.bar_photographs import write
-from tests.lens import TRUE, write_boards
+from tests.lens import SMALL, TRUE, write_boards
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
+from tests.rigs.boards import photographs, stereo
 from tests.videos import write_video
 
 WITHIN = 3.5
@@ -182,6 +184,26 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         errors = [np.abs(found - [end[name] for end in ends]).max() for name in "AB"]
         assert min(errors) < 0.1, (frame, target)
     assert len(rows.bars) == 6
+
+
+def test_a_board_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Held still at nine places for half a second each; the size of the board is found."""
+    files, paths = photographs(stereo(0.3), 9, 6), []
+    for side in ("left", "right"):
+        images = [read_photograph(files[name], name) for name in sorted(files) if side in name]
+        times = [k / 10 for k in range(5 * len(images))]
+        path, shown = tmp_path / f"{side}.mp4", [images[k // 5] for k in range(len(times))]
+        paths.append(write_video(path, times, draw=shown.__getitem__, preset="ultrafast"))
+    out, data = tmp_path / "out", tmp_path / "frames"
+    given = [str(data), "--videos", *map(str, paths), "--target", "board:0.03", "--out", str(out)]
+    assert main(["detect", *given]) == 0
+    said = capsys.readouterr().err
+    assert "The board has 8x6 inner corners" in said
+    found = read_recording(out).pair(*CAMERAS)
+    assert len(found.correspondences.frames) == 9
+    for own in (found.primary, found.secondary):
+        # From nine boards, of compressed frames; measured: 0.005 %.
+        assert own.K[0, 0] == pytest.approx(SMALL.K[0, 0], rel=0.002)
 
 
 KNOWN = Camera(
