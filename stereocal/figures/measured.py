@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, set_scene
+from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, frusta, set_scene
 from stereocal.figures.style import DASHED, add, blank, marker_of, sentence_only, thinned
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -17,6 +17,8 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.numbers import count, rounded
 
+LEAST_PART = 0.2
+"""Of the size of a scene with its cameras: smaller points are seen without them."""
 MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
 MAXIMUM_TRACKS = 500
@@ -145,9 +147,15 @@ def plot_points(
         add(figure, marked, "name", marker=marker, name=f"Frame {frame}")
     # Depth from the primary camera, exceeded by 2 % of the points in view.
     in_primary = cloud.scene.from_primary.inverse().apply(xyz[seen])
-    add_cameras(figure, rig, float(np.percentile(in_primary[:, 2], 98)), cloud.scene)
-    # Else tracks far from the cameras are a dot in a corner.
-    eye = eye_of(view, rig, np.median(xyz[seen], axis=0), cloud.scene, xyz[seen])
+    depth = float(np.percentile(in_primary[:, 2], 98))
+    every = np.vstack([xyz[seen], *(path for _, _, path in frusta(rig, depth, cloud.scene))])
+    every = every[np.isfinite(every).all(axis=1)]
+    # Tracks far from the cameras would be a dot in a corner: they alone are then seen whole, and
+    # names of cameras at the edge would be cut.
+    near = np.ptp(xyz[seen], axis=0).max() > LEAST_PART * np.ptp(every, axis=0).max()
+    add_cameras(figure, rig, depth, cloud.scene, named=bool(near))
+    whole = every if near else xyz[seen]
+    eye = eye_of(view, rig, np.median(xyz[seen], axis=0), cloud.scene, whole)
     set_scene(figure, eye, cloud.scene)
     return figure
 

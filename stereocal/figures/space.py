@@ -125,10 +125,14 @@ def eye_of(
 
 
 def add_cameras(
-    figure: go.Figure, rig: PlacedCameras, depth: float, scene: Scene = IN_CAMERA
+    figure: go.Figure,
+    rig: PlacedCameras,
+    depth: float,
+    scene: Scene = IN_CAMERA,
+    named: bool = True,
 ) -> None:
-    """Draw all frusta in proportion to a depth in metres, with labelled optical centres, and the
-    baseline of two cameras."""
+    """Draw all frusta in proportion to a depth in metres, with optical centres, which have their
+    names if they are in view, and the baseline of two cameras."""
     # Names above and below in turn, each inwards: apart with a short baseline, and not cut.
     across = np.array([own.pose.inverse().T[0] for own in rig.placed.values()])
     inwards = np.where(across < across.mean(), "right", "left")
@@ -144,7 +148,7 @@ def add_cameras(
             path[:1],
             f"{name} camera, {width} × {height} px<br>{scene.place(path[0])}",
             marker={"color": NEUTRAL, "size": 5},
-            text=[name],
+            text=[name if named else ""],
             textposition=f"{over} {side}",
             textfont={"size": 14},
             showlegend=False,

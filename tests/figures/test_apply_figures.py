@@ -7,7 +7,7 @@ import pytest
 
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.measured import describe_points, plot_points
-from stereocal.figures.space import VIEWS
+from stereocal.figures.space import HALF_VIEW, NARROW, VIEWS
 from stereocal.matching.lengths import tracks_by
 from stereocal.matching.matching import nearest_errors
 from stereocal.matching.pairs import match, pixels_of
@@ -129,3 +129,32 @@ def test_tracks_are_one_trace_with_gaps_and_the_frame_is_marked() -> None:
     assert f"lines connect them to {len(tracks)} tracks" in describe_points(POINTS, tracks)
     eyes = {str(plot_points(POINTS, "error", SET, v).layout.scene.camera) for v in VIEWS}
     assert len(eyes) == len(VIEWS)
+
+
+def test_cameras_near_their_points_are_in_view_with_their_names_and_far_ones_have_none() -> None:
+    figure = plot_points(POINTS, "frame", SET)
+    for camera in CAMERAS:
+        (centre,) = traces(figure, f"optical centre, {camera}")
+        assert centre.text[0] == camera
+        # A third of the half view is left beside it, for the name.
+        across, above = place_in_view(figure, np.array([centre.x[0], centre.y[0], centre.z[0]]))
+        assert abs(across) < 0.7 * NARROW and abs(above) < 0.7
+    far = POINTS.assign(x=0.01 * POINTS["x"], y=0.01 * POINTS["y"], z=50 + 0.01 * POINTS["z"])
+    figure = plot_points(far, "frame", SET)
+    assert [trace.text[0] for trace in traces(figure, "optical centre")] == ["", ""]
+
+
+def place_in_view(figure: go.Figure, point: np.ndarray) -> tuple[float, float]:
+    """Where a point is drawn: right and up of the middle, in halves of the view's height."""
+    scene = figure.layout.scene
+    ends = np.array([scene[f"{axis}axis"].range for axis in "xyz"])
+    middle, unit = ends.mean(axis=1), np.cbrt(np.prod(np.ptp(ends, axis=1)))
+    eye, centre, up = (
+        np.array([part.x, part.y, part.z])
+        for part in (scene.camera.eye, scene.camera.center, scene.camera.up)
+    )
+    away = (eye - centre) / np.linalg.norm(eye - centre)
+    across = np.cross(up, away) / np.linalg.norm(np.cross(up, away))
+    seen = (point - middle) / unit - eye
+    reach = -(seen @ away) * HALF_VIEW
+    return float(seen @ across / reach), float(seen @ np.cross(away, across) / reach)
