@@ -16,7 +16,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
-from stereocal.figures.space import views_of
+from stereocal.figures.space import VIEWS, views_of
 from stereocal.figures.style import Photograph
 from stereocal.matching import lengths
 from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
@@ -321,7 +321,9 @@ def _pause() -> None:
 def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int | None) -> None:
     points, usual = result.points, result.usual_tracks
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        view = choose(project, "apply_seen_from", "Seen from", views_of(outcome.rig))
+        views = views_of(outcome.rig)
+        many = len(views) > len(VIEWS)  # as buttons they would be cut off on a narrow screen
+        view = choose(project, "apply_seen_from", "Seen from", views, as_menu=many)
         with st.popover("Colour, lines"):
             titles, named = measured.TITLES, measured.TITLES.__getitem__
             colour: measured.Colour = choose(

@@ -143,9 +143,9 @@ def test_a_world_frame_by_two_of_the_cameras(
     files = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path / "world.json")]
     assert main(["world", str(tmp_path / "survey.csv"), *files]) == 0
     assert f"Camera {both[0]} stands at" in capsys.readouterr().out
-    # Measured: 1.5 mm root mean square; 13 m in the frame of another camera.
+    # Root mean square of points 5 m away, seen with 0.3 px. Measured: 0.7 mm.
     off = read_world(tmp_path / "world.json").apply(xyz) - world.apply(xyz)
-    assert np.sqrt(np.mean(np.square(off))) < 0.005
+    assert np.sqrt(np.mean(np.square(off))) < 0.002
     seen.drop(columns=[f"u_{name}" for name in both]).to_csv(tmp_path / "one.csv", index=False)
     assert main(["world", str(tmp_path / "one.csv"), *files]) == 2
     assert "the pixels of two cameras of the rig are needed" in capsys.readouterr().err

@@ -139,7 +139,7 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
     assert check.mean_error < 0.003 and check.sentence() in told(app, "success")
     assert app.session_state["page_states"]["apply"].mark == "done"
     for view in ("Camera 1", "Camera 3", "Above"):
-        app.segmented_control(key="apply_seen_from").set_value(view).run()
+        app.selectbox(key="apply_seen_from").set_value(view).run()
         assert not app.exception
 
 
