@@ -93,8 +93,8 @@ def _wanted(
         return (wanted, wanted), ()
     if wanted is None:
         if len(of_table) > len(of_files):
-            if named and (own := namesakes(of_files, of_table)):
-                return ((own[0], own[1]), None), ()
+            if named and (there := namesakes(of_files, of_table)):
+                return ((there[0], there[1]), None), ()
             raise StereocalError(
                 f"The table is read as the points of {len(of_table)} cameras, and the camera files "
                 f"are of {len(of_files)}. Say which cameras they are, as --cameras 1,3. If the "
