@@ -97,9 +97,8 @@ def calibrate(
 
     report("essential")
     start = _essential(chosen, settings, reconstruction, screening)
-    # Points of a moving bar that are out of step fit exchanged or otherwise wrong cameras better.
     offer = offer_time_offset(screening)
-    warnings += [] if offer else check_inputs(frames_to_judge(chosen, screening))
+    warnings += check_inputs(frames_to_judge(chosen, screening), late=bool(offer))
     results: dict[Method, MethodResult] = {"essential": start}
     for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
         report(method)

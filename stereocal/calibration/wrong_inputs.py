@@ -170,7 +170,8 @@ def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
     return (
         "Baseline, bar and lenses cannot all be right, and these frames cannot tell which is "
         "wrong. State the uncertainty of each, and check both camera files: focal lengths, image "
-        f"size, signs of the distortion.{same}"
+        "size, signs of the distortion; and, if the bar moved, that both cameras exposed at the "
+        f"same moment.{same}"
     )
 
 

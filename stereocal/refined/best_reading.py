@@ -74,8 +74,13 @@ class Judged:
     """The reading with the least is the best."""
 
 
-def check_inputs(dataset: Dataset) -> list[str]:
-    """Reject inputs that are certainly wrong; return warnings about those that may be."""
+def check_inputs(dataset: Dataset, late: bool = False) -> list[str]:
+    """Reject inputs that are certainly wrong; return warnings about those that may be.
+
+    Args:
+        late: whether cameras out of step seem to explain the data. They fit otherwise estimated
+            values too, and somewhat better many a wrong camera: neither is named then.
+    """
     suspected = suspects(dataset)
     if not suspected:
         return []
@@ -83,10 +88,10 @@ def check_inputs(dataset: Dataset) -> list[str]:
     nominal = noise_of(dataset)
     if nominal < fitting_px(dataset) and not _named(nominal, _by_noise(suspected), POSSIBLE_GAIN):
         return []
-    found = _every_reading(dataset)
+    found = _every_reading(dataset, late)
     if message := _message(nominal, found, CERTAIN_GAIN):
         raise StereocalError(message)
-    possible = _named(nominal, found, POSSIBLE_GAIN)
+    possible = [] if late else _named(nominal, found, POSSIBLE_GAIN)
     return [
         f"{best.reading.claim}: all points and lengths would then fit to "
         f"{rounded(best.noise_px)} px instead of {rounded(nominal)} px, which is not enough to be "
@@ -95,13 +100,17 @@ def check_inputs(dataset: Dataset) -> list[str]:
     ]
 
 
-def find_wrong_input(dataset: Dataset) -> str:
-    """A message that names the wrong input if one explains the data; else empty."""
+def find_wrong_input(dataset: Dataset, late: bool = False) -> str:
+    """A message that names the wrong input if one explains the data; else empty.
+
+    Args:
+        late: as in `check_inputs`.
+    """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     dataset = _fewer_frames(dataset)
     nominal = noise_of(dataset)
-    return _message(nominal, _every_reading(dataset), CERTAIN_GAIN)
+    return _message(nominal, _every_reading(dataset, late), CERTAIN_GAIN)
 
 
 def nothing_fits(dataset: Dataset) -> str:
@@ -127,12 +136,11 @@ def _fewer_frames(dataset: Dataset) -> Dataset:
     return dataset.of_frames(frames[at])
 
 
-def _every_reading(dataset: Dataset) -> list[Judged]:
+def _every_reading(dataset: Dataset, late: bool) -> list[Judged]:
     """All readings, the best first: those of estimated values must leave less noise than others."""
-    found = [
-        *_by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)]),
-        *_by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE),
-    ]
+    found = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
+    if not late:
+        found += _by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
     return sorted(found, key=lambda it: it.rank)
 
 
@@ -141,20 +149,24 @@ def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged
     for reading in readings:
         with suppress(StereocalError):
             data = reading.corrected()
-            noise = noise_of(data)
-            found.append(Judged(reading, noise, noise < fitting_px(data), handicap * noise))
+            noise = noise_of(data) if _is_near(data) else float("inf")
+            fits = handicap * noise < fitting_px(data)
+            found.append(Judged(reading, noise, fits, handicap * noise))
     return found
+
+
+def _is_near(dataset: Dataset) -> bool:
+    """Whether the essential matrix fits so well that a reading is worth its fit."""
+    return essential_fit(dataset).px < FAR * fitting_px(dataset)
 
 
 def noise_of(dataset: Dataset) -> float:
     """The noise in pixels with which half of the frames fit, infinite where no pose fits."""
-    essential = essential_fit(dataset)
-    if not essential.px < FAR * fitting_px(dataset):
-        return float("inf")
+    scale = essential_fit(dataset).scale
     try:
-        # From its scale, so that a baseline that is wrong hinders no reading.
-        scaled = replace(dataset, baseline_m=essential.scale * dataset.baseline_m)
-        fit = _fit(scaled)
+        if np.isfinite(scale):  # so that a baseline that is wrong hinders no reading
+            dataset = replace(dataset, baseline_m=scale * dataset.baseline_m)
+        fit = _fit(dataset)
     except StereocalError:
         return float("inf")
     degrees, p = fit.degrees_of_freedom, fit.p

@@ -62,9 +62,9 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     if not screening.fit:
         screening = screen(dataset)
     offer, frames = offer_time_offset(screening), dataset.correspondences.frames
-    if offer and not offer.startswith(COUNTED):
-        return offer
     fit, dataset = screening.fit, frames_to_judge(dataset, screening)
+    if offer and fit is None and not offer.startswith(COUNTED):
+        return offer
     if fit is not None:
         bad = fit.frames[fit.outlying & np.isin(fit.frames, frames)]
         if 0 < len(bad) <= MAXIMUM_LEFT_OUT * len(frames):
@@ -73,8 +73,13 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     nominal = essential_fit(dataset)
     if nominal.a_unit_is_wrong:
         return inconsistency_message(dataset, nominal)
-    # Frames in another order have runs that are counted a whole number apart.
-    if named := find_wrong_input(dataset) or offer or " ".join(warnings_about_copies(dataset)):
+    # Frames in another order have runs that are counted a whole number apart, and the residuals of
+    # exchanged files may follow the motion by chance.
+    if (
+        named := find_wrong_input(dataset, bool(offer))
+        or offer
+        or " ".join(warnings_about_copies(dataset))
+    ):
         return named
     if nominal.only_scale_is_wrong:
         return inconsistency_message(dataset, nominal)

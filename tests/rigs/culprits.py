@@ -242,7 +242,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
     "camera files exchanged": Mistake(files_exchanged, ("exchanged",), kinds=("unlike cameras",)),
     "file of another zoom": Mistake(zoomed, ("focal length",)),
-    "0.3 frames late": Mistake(None, ("out of step",)),
+    "0.3 frames late": Mistake(None, ("out of step", "same moment")),
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
     "frames in no order": Mistake(unrelated, ("cannot tell",)),
 }
