@@ -100,7 +100,7 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     assert "IMG_1006 has no partner" in messages(app)
     app.button(key="pair_mend_found").click().run()
     assert twos(store) == without(16, 5)
-    assert "have changed since the targets were found" in messages(app)
+    assert "Changed since this result: pairs or photographs" in messages(app)
     assert "IMG_1006 has no partner" not in messages(app)
 
 
