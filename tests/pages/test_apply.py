@@ -241,7 +241,7 @@ def test_a_survey_its_residuals_and_a_mirrored_one(
     table.to_csv(tmp_path / "mirrored.csv", index=False)
     give(app, tmp_path / "mirrored.csv")
     assert "left-handed" in told(app, "error")
-    assert "in the primary camera's frame" in told(app, "error")
+    assert "in the frame of the primary camera" in told(app, "error")
     assert points(app, home)[1] is None
 
 
