@@ -126,7 +126,10 @@ def every_figure() -> dict[str, Drawn]:
         "image": ((views, "3d", 1),),
         "frame_errors": ((calibration,),),
         "lengths": ((check,),),
-        "matches": ((pairs, left, "primary", SET.primary.image_size), (pairs, left, right, 1)),
+        "matches": (
+            (pairs, left, "primary", SET.primary.image_size),
+            (pairs, {"primary": left, "secondary": right}, 1),
+        ),
         "misfit": ((misfit,),),
         "pair_errors": ((NEAREST, 0.8), (NEAREST, 0.8, CHOICE)),
         "plan_baselines": ((plans[0],),),
