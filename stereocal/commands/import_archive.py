@@ -19,6 +19,7 @@ from stereocal.commands.options import (
 from stereocal.formats.archives.archive import THROW, Archive, Taken
 from stereocal.formats.archives.every_camera import ENDS, gather_all
 from stereocal.formats.archives.gather import WANTED, gather
+from stereocal.formats.column_roles import ROLES_HELP
 from stereocal.formats.dataset_files import FREE, pack_dataset
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
@@ -28,7 +29,10 @@ from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
 
 EVERY = "all"
-BAR_LAYOUTS = tuple(name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8"))
+OF_BARS = ("wand", "argus", "dltdv5", "dltdv8", "table")
+BAR_LAYOUTS = tuple(
+    name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8", "table")
+)
 
 
 OPTIONS: Options = {
@@ -45,6 +49,7 @@ OPTIONS: Options = {
         "choices": BAR_LAYOUTS,
         "help": "which program wrote the table",
     },
+    "--roles ROLES": {"type": str, "help": ROLES_HELP},
     **questions(*ORIGIN),
     **LENSES_AND_LENGTHS,
 }
@@ -53,7 +58,9 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> None:
     """Read the files, write the data set, print what was taken and what is missing."""
     size, name, distance = image_size(parsed.image_size), parsed.out.name, parsed.distance
-    options = ExchangeOptions((size, size), layout=parsed.layout, **answers(parsed))
+    options = ExchangeOptions(
+        (size, size), layout=parsed.layout, roles=parsed.roles, **answers(parsed)
+    )
     if parsed.cameras == EVERY:
         lengths = {} if distance is None else {ENDS[1]: distance}
         every = gather_all(contents(parsed.files), options, name, lengths)

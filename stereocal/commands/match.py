@@ -8,6 +8,7 @@ import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -24,10 +25,12 @@ from stereocal.commands.options import (
 )
 from stereocal.errors import StereocalError
 from stereocal.formats import point_answers
+from stereocal.formats.column_roles import ROLES_HELP, UNUSED, Kind, Role, column_titles, roles_text
 from stereocal.formats.exchange.chosen_cameras import camera_indices
 from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
+from stereocal.formats.point_answers import what_is_missing
 from stereocal.formats.point_files import PointLayout, read_points
-from stereocal.formats.point_layouts import LAYOUTS, first_rows, layout_name, propose_layout
+from stereocal.formats.point_layouts import LAYOUTS, OURS, first_rows, layout_name, propose_layout
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
@@ -82,13 +85,14 @@ OPTIONS: Options = {
         "--cameras P,S": "primary and secondary camera in the file: 1,2 or names",
         "--columns FRAME U V": "columns by name or number (from 1), with --layout columns or "
         'table; "-" as FRAME counts the rows',
+        "--roles ROLES": {"type": str, "help": ROLES_HELP},
         **questions(*ORIGIN),
         "--px-per-unit N": {"type": float, "help": "pixels in one unit"},
         "--least-likelihood P": "leave out less likely points",
     },
 }
 WITH_LAYOUT = {
-    **{name: f"--{name}" for name in ("cameras", "columns")},
+    **{name: f"--{name}" for name in ("cameras", "columns", "roles")},
     **{name: QUESTIONS[name].option for name in ORIGIN},
     **{name: f"--{name.replace('_', '-')}" for name in ("px_per_unit", "least_likelihood")},
 }
@@ -154,7 +158,7 @@ def _ours(path: Path) -> PointTable:
             raise
         content = point_text(path.read_bytes(), str(path))
         name = layout_name(content, str(path))
-        if name is None or propose_layout(content, str(path)).program == point_answers.OURS:
+        if name is None or propose_layout(content, str(path)).program == OURS:
             raise
         hint = f"{path}: looks like the layout {name}: give --layout {name}."
         raise StereocalError(hint) from error
@@ -177,7 +181,7 @@ def _theirs(
         "px_per_unit": parsed.px_per_unit,
         "least_likelihood": parsed.least_likelihood,
         "camera": _camera(parsed.cameras, layout.cameras, at, source),
-        "columns": _columns(parsed.columns, layout, content, source),
+        "roles": _roles(parsed, layout, content, source),
     }
     own = replace(
         point_answers.first_answers(layout, at, camera.image_size[1]),
@@ -211,29 +215,33 @@ def _camera(text: str | None, cameras: tuple[str, ...], which: int, source: str)
     return None
 
 
-def _columns(
-    given: list[str] | None, layout: PointLayout, content: bytes, source: str
-) -> tuple[int | None, int, int] | None:
-    if given is None and layout.columns:
+def _roles(
+    parsed: argparse.Namespace, layout: PointLayout, content: bytes, source: str
+) -> str | None:
+    """What each column holds, of `--roles` or `--columns`; None: as the layout says."""
+    if parsed.columns is None and parsed.roles is None:
+        if not layout.columns:
+            raise StereocalError(f"{source}: {what_is_missing(layout, content, source)}")
         return None
-    names = point_answers.column_names(content, layout, source)
-    if given is None:
-        raise StereocalError(
-            f"{source}: choose the columns, as --columns FRAME U V; the file has "
-            f"{', '.join(names)[:200]}."
-        )
     if not point_answers.can_choose_columns(layout):
-        raise StereocalError(f"--columns is for --layout {BY_HAND} and table only.")
-    rows, _ = first_rows(content, source)
-    head = [name.strip() for name in rows[layout.header_rows - 1]] if layout.header_rows else []
-    known = {str(number): at for at, number in enumerate(range(1, len(names) + 1))}
-    known |= {name: head.index(name) for name in head}
-
-    def column(name: str) -> int:
+        raise StereocalError(f"--columns and --roles are for --layout {BY_HAND} and table only.")
+    if parsed.columns is None:
+        return str(parsed.roles)
+    titles = column_titles(first_rows(content, source)[0])
+    known = {str(number): at for at, number in enumerate(range(1, len(titles) + 1))}
+    known |= {name: at for at, name in enumerate(titles)}
+    roles = [UNUSED] * len(titles)
+    for name, kind in zip(parsed.columns, ("frame", "x", "y"), strict=True):
+        if name == COUNTED and kind == "frame":
+            continue
         if name not in known:
-            count = len(names)
-            raise StereocalError(f"{source}: there is no column {name!r}; it has {count} columns.")
-        return known[name]
-
-    frame, u, v = given
-    return None if frame == COUNTED else column(frame), column(u), column(v)
+            raise StereocalError(
+                f"{source}: there is no column {name!r}; it has {len(titles)} columns, "
+                f"{', '.join(titles)[:200]}."
+            )
+        if roles[known[name]] != UNUSED:
+            raise StereocalError(
+                f"{source}: choose three different columns for the frame, u and v."
+            )
+        roles[known[name]] = Role(cast(Kind, kind))
+    return roles_text(roles)

@@ -9,14 +9,23 @@ table = read_points(content, layout, answers.camera, answers.image_height)
 from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
+from stereocal.formats.column_roles import (
+    ONE_CAMERA,
+    ROLES_HELP,
+    column_titles,
+    header_row,
+    parse_roles,
+    problem_of,
+    propose_roles,
+    roles_text,
+    with_names,
+)
+from stereocal.formats.column_roles import layout_of as layout_of_roles
 from stereocal.formats.exchange.options import Corner, Flip, PixelOrigin
-from stereocal.formats.point_files import PointColumns, PointLayout
-from stereocal.formats.point_layouts import first_rows, is_number, propose_layout
+from stereocal.formats.point_files import PointLayout
+from stereocal.formats.point_layouts import first_rows, propose_layout
 
-OURS = "stereocal"
-UNKNOWN = "a program that is not known"
-ONE_CAMERA = "cam1"
-"""Camera of a file that names none."""
+UNKNOWN = "a table whose columns are not all known"
 LIKELY = 0.6
 """DeepLabCut's own threshold: less likely points are often wrong."""
 
@@ -32,8 +41,8 @@ class Answers:
     image_height: int | None = None
     px_per_unit: float = 1.0
     least_likelihood: float = 0.0
-    columns: tuple[int | None, int, int] | None = None
-    """Columns of the frame (None: rows are counted), u and v if chosen by hand, else None."""
+    roles: str | None = None
+    """What each column holds, as of `column_roles`, if that is chosen; None: as the layout says."""
 
 
 def layout_of(content: bytes, source: str) -> PointLayout:
@@ -48,32 +57,60 @@ def layout_of(content: bytes, source: str) -> PointLayout:
 
 
 def layout_by_hand(content: bytes, source: str) -> PointLayout:
-    """A table with one row per point, whose columns are to be chosen."""
+    """A table whose columns are to be chosen, with the roles that its header names."""
     rows, dialect = first_rows(content, source)
-    header = 0
-    while header < len(rows) - 1 and not any(_is_value(cell) for cell in rows[header]):
-        header += 1
-    return PointLayout(
-        program=UNKNOWN,
-        columns=(),
-        header_rows=header,
-        dialect=dialect,
-        questions=("Which columns hold the number of the frame, u and v?",),
+    roles = propose_roles(rows[header_row(rows) :])
+    return PointLayout(UNKNOWN, (), dialect=dialect, roles=roles_text(roles))
+
+
+def layout_as_stated(content: bytes, source: str, roles: str, for_bars: bool) -> PointLayout:
+    """A table by the roles of its columns that a person states.
+
+    Raises:
+        StereocalError: these columns do not give points.
+    """
+    rows, dialect = first_rows(content, source)
+    found = parse_roles(roles, source)
+    width = max(map(len, rows))
+    if len(found) > width:
+        raise StereocalError(f"{source}: {len(found)} columns are named; the file has {width}.")
+    if problem := problem_of(found, for_bars):
+        raise StereocalError(f"{source}: {problem}")
+    return with_names(replace(layout_of_roles(found, rows), dialect=dialect), content, source)
+
+
+def what_is_missing(layout: PointLayout, content: bytes, source: str) -> str:
+    """What a table by hand lacks, its columns, and how to say what they hold."""
+    titles = column_titles(first_rows(content, source)[0])
+    roles = parse_roles(layout.roles or "-", source)
+    return (
+        f"{problem_of(roles, True)} Its columns are {', '.join(titles)[:300]}; they are read as "
+        f"--roles {roles_text(roles)[:300]}: correct that, with {ROLES_HELP}."
     )
 
 
+def header_of(content: bytes, source: str) -> str:
+    """The same for files with the same header: they are asked about once."""
+    return "\n".join(column_titles(first_rows(content, source)[0])).lower()
+
+
+def answers_alike(given: Answers, content: bytes, source: str, of_given: bytes) -> Answers | None:
+    """The answers on one camera's file for the other's, if it has the same header.
+
+    None: it must be asked about. Of a file with two cameras, the other one is taken.
+    """
+    if given.corner != "upper-left" or header_of(content, source) != header_of(of_given, source):
+        return None
+    layout = answered(layout_of(content, source), given, content, source)
+    others = [camera for camera in layout.cameras if camera != given.camera]
+    if len(layout.cameras) > 2:
+        return None
+    return replace(given, camera=(others or [given.camera])[0])
+
+
 def can_choose_columns(layout: PointLayout) -> bool:
-    """Whether the user can choose the columns of the frame, u and v."""
-    return layout.program == UNKNOWN or layout.program.startswith("a table")
-
-
-def column_names(content: bytes, layout: PointLayout, source: str) -> list[str]:
-    """Names of the columns, from the header or by number."""
-    rows, _ = first_rows(content, source)
-    width = len(rows[min(layout.header_rows, len(rows) - 1)])
-    head = rows[layout.header_rows - 1] if layout.header_rows else []
-    names = [head[k].strip() if k < len(head) else "" for k in range(width)]
-    return [f"{k + 1}: {name[:40]}" if name else f"column {k + 1}" for k, name in enumerate(names)]
+    """Whether a person can say what each column holds."""
+    return layout.roles is not None
 
 
 def first_answers(layout: PointLayout, which: int, image_height: int | None = None) -> Answers:
@@ -84,7 +121,6 @@ def first_answers(layout: PointLayout, which: int, image_height: int | None = No
         image_height: rows of the image, if known.
     """
     cameras = layout.cameras or (ONE_CAMERA,)
-    chosen = can_choose_columns(layout) and layout.columns
     return Answers(
         camera=cameras[min(which, len(cameras) - 1)],
         corner=layout.origin.corner,
@@ -93,44 +129,17 @@ def first_answers(layout: PointLayout, which: int, image_height: int | None = No
         image_height=image_height,
         px_per_unit=layout.px_per_unit,
         least_likelihood=LIKELY if layout.program == "DeepLabCut" else 0.0,
-        columns=(layout.frame, layout.columns[0].u, layout.columns[0].v) if chosen else None,
+        roles=layout.roles,
     )
 
 
 def answered(layout: PointLayout, answers: Answers, content: bytes, source: str) -> PointLayout:
     """The layout with the answers applied."""
-    layout = replace(
+    if answers.roles is not None:
+        layout = layout_as_stated(content, source, answers.roles, False)
+    return replace(
         layout,
         origin=PixelOrigin(answers.corner, answers.first_pixel, answers.flip),
         px_per_unit=answers.px_per_unit,
         least_likelihood=answers.least_likelihood,
-    )
-    if answers.columns is None:
-        if not layout.columns:
-            raise StereocalError(f"{source}: choose the columns of the frame, u and v.")
-        return layout
-    if len(set(answers.columns)) < 3:
-        raise StereocalError(f"{source}: choose three different columns for the frame, u and v.")
-    if not can_choose_columns(layout):
-        by_hand = layout_by_hand(content, source)
-        layout = replace(by_hand, origin=layout.origin, px_per_unit=layout.px_per_unit)
-    return _with_columns(layout, first_rows(content, source)[0], answers.columns)
-
-
-def _is_value(cell: str) -> bool:
-    return cell.strip() != "" and is_number(cell)
-
-
-def _with_columns(
-    layout: PointLayout, rows: list[list[str]], columns: tuple[int | None, int, int]
-) -> PointLayout:
-    frame, u, v = columns
-    head = rows[layout.header_rows - 1] if layout.header_rows else []
-    further = tuple(
-        (name.strip(), k)
-        for k, name in enumerate(head)
-        if k not in columns and name.strip() and name.strip().lower() not in ("frame", "u", "v")
-    )
-    return replace(
-        layout, columns=(PointColumns(ONE_CAMERA, "point", u, v),), frame=frame, further=further
     )

@@ -7,6 +7,7 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 (the pixel origin, which cameras to use).
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -20,6 +21,9 @@ from stereocal.rig.dataset import TARGETS, Correspondences
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of
+
+MOST_NAMES = 1_000
+"""Of cameras or of points in a column."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +58,21 @@ class PointLayout:
     zero_is_missing: bool = False
     """Whether (0, 0) marks a missing point."""
     questions: tuple[str, ...] = ()
+    camera_column: int | None = None
+    point_column: int | None = None
+    """Columns with the name of the camera and of the point; None: `columns` name them."""
+    names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    """The names in these two columns."""
+    roles: str | None = None
+    """What each column holds, as of `column_roles`; None: as the program writes it."""
+    titles: tuple[str, ...] = ()
+    """Names of the columns, for messages."""
 
     @property
     def cameras(self) -> tuple[str, ...]:
         """Names of the cameras, in the file's order."""
+        if self.camera_column is not None:
+            return self.names[0]
         return tuple(dict.fromkeys(each.camera for each in self.columns))
 
     @property
@@ -68,6 +83,8 @@ class PointLayout:
     @property
     def points(self) -> tuple[str, ...]:
         """Names of the points, in the file's order."""
+        if self.point_column is not None:
+            return self.names[1]
         return tuple(dict.fromkeys(each.point for each in self.columns))
 
 
@@ -87,22 +104,33 @@ def read_points(
         image_height: rows of the image; required if the file's origin is at the lower left.
         first_rows: read only this number of rows, for a preview.
     """
-    chosen = [each for each in layout.columns if each.camera == camera]
-    if not chosen:
-        raise StereocalError(
-            f"{source}: there is no camera {camera}; the file has {', '.join(layout.cameras)}."
-        )
     rows = _Rows(_table(content, layout, source, first_rows), layout, source)
-    frames, parts = rows.frames(), []
-    for each in chosen:
-        pixels = rows.pixels(each, image_height)
-        part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
-        if len(layout.points) > 1:
-            part["point"] = each.point
-        for name, index in layout.further:
-            part[name] = rows.raw[index].array
-        parts.append(part[np.isfinite(pixels).all(axis=1)])
-    return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
+    points = rows.points(camera, image_height)
+    return points if len(layout.points) > 1 else points.drop(columns="point")
+
+
+def points_of_all(
+    content: bytes, layout: PointLayout, image_height: int | None, source: str
+) -> pd.DataFrame:
+    """The points of all cameras, as the table of a data set of format 2."""
+    rows = _Rows(_table(content, layout, source, None), layout, source)
+    found = [rows.points(each, image_height).assign(camera=each) for each in layout.cameras]
+    whole = pd.concat(found).rename(columns={"point": "target"})
+    return whole[["frame", "camera", "target", "u", "v"]]
+
+
+def words_in(
+    content: bytes, layout: PointLayout, source: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names in the columns of the camera, as they come, and of the point, sorted."""
+    raw = _table(content, layout, source, None)
+    found = [
+        () if k is None else tuple(str(name) for name in raw[k].str.strip().unique() if name)
+        for k in (layout.camera_column, layout.point_column)
+    ]
+    if (most := max(map(len, found))) > MOST_NAMES:
+        raise StereocalError(f"{source}: a column with {most} different values names no points.")
+    return found[0], tuple(sorted(found[1], key=lambda name: (len(name), name)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,17 +170,27 @@ def read_bars(
         ends: names of the points A and B.
     """
     rows = _Rows(_table(content, layout, source, None), layout, source)
-    columns = {(each.camera, each.point): each for each in reversed(layout.columns)}
-    found = []
     for end in ends:
-        for camera, height in zip(cameras, image_heights, strict=True):
-            if (camera, end) not in columns:
-                raise StereocalError(f"{source}: there is no point {end} of camera {camera}.")
-            found.append(rows.pixels(columns[camera, end], height))
-    pixels = np.stack(found).reshape(2, len(cameras), -1, 2).swapaxes(1, 2)
-    frames, shape = rows.frames(), (-1, len(cameras), 2)
-    ends_of = np.repeat([0, 1], len(frames))
-    return BarPoints.seen_by_two(np.tile(frames, 2), ends_of, pixels.reshape(shape))
+        if end not in layout.points:
+            raise StereocalError(f"{source}: there is no point {end}.")
+    found = []
+    for camera, height in zip(cameras, image_heights, strict=True):
+        points = rows.points(camera, height)
+        points = points[points["point"].isin(ends)]
+        twice = points[points.duplicated(["frame", "point"])]
+        if len(twice):
+            frame, point = twice.iloc[0][["frame", "point"]]
+            raise StereocalError(
+                f"{source}: frame {frame} has the point {point} of camera {camera} twice."
+            )
+        found.append(points.set_index(["point", "frame"])[["u", "v"]].add_suffix(f" {camera}"))
+    seen = pd.concat(found, axis=1).reset_index()
+    number = {end: k for k, end in enumerate(ends)}
+    target = np.asarray(seen["point"].map(number), dtype=np.int64)
+    frames = np.asarray(seen["frame"], dtype=np.int64)
+    order = np.lexsort([frames, target])
+    pixels = seen.iloc[:, 2:].to_numpy(dtype=np.float64).reshape(-1, len(cameras), 2)
+    return BarPoints.seen_by_two(frames[order], target[order], pixels[order])
 
 
 def _table(
@@ -167,7 +205,8 @@ def _table(
     raw, problems = rows_below(text, layout.dialect, layout.header_rows, named, source, first_rows)
     if problems:
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
-    wanted = [layout.frame, *(index for _, index in layout.further)]
+    wanted = [layout.frame, layout.camera_column, layout.point_column]
+    wanted += [index for _, index in layout.further]
     for each in layout.columns:
         wanted += [each.u, each.v, each.likelihood]
     last = max(index for index in wanted if index is not None)
@@ -188,11 +227,51 @@ class _Rows:
     layout: PointLayout
     source: str
 
-    def frames(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """(n,): their frame numbers."""
+    def points(self, camera: str, image_height: int | None) -> pd.DataFrame:
+        """The points of one camera: `frame,u,v,point` and further columns, in order."""
+        layout, raw = self.layout, self.raw
+        by_column = layout.camera_column is not None
+        chosen = [each for each in layout.columns if by_column or each.camera == camera]
+        if not chosen or camera not in layout.cameras:
+            raise StereocalError(
+                f"{self.source}: there is no camera {camera}; the file has "
+                f"{', '.join(layout.cameras)}."
+            )
+        own = np.ones(len(raw), dtype=bool)
+        if layout.camera_column is not None:
+            own = (raw[layout.camera_column].str.strip() == camera).to_numpy()
+        frames, parts = self.frames(), []
+        for each in chosen:
+            pixels = self.pixels(each, image_height)
+            part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
+            part["point"] = each.point
+            if layout.point_column is not None:
+                part["point"] = raw[layout.point_column].str.strip().array
+            for name, index in layout.further:
+                part[name] = raw[index].array
+            parts.append(part[np.isfinite(pixels).all(axis=1) & own])
+        return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
+
+    def frames(self) -> IntArray:
+        """(n,): their frame numbers; those in names of photographs, or their order."""
         if self.layout.frame is None:
             return np.arange(1, len(self.raw) + 1)
-        return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
+        texts = self.raw[self.layout.frame].str.strip()
+        if self.layout.roles is None or not texts.str.contains(r"[^\W\d_]", regex=True).any():
+            return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
+        stems = texts.str.replace(r"\.[A-Za-z]{2,4}$", "", regex=True)
+        numbers = stems.str.extract(r"(\d{1,15})\D*$", expand=False).fillna("")
+        if (numbers != "").all() and self._tells_apart(texts, numbers):
+            return np.asarray(numbers, dtype=np.int64)
+        known = {name: k for k, name in enumerate(sorted(texts.unique(), key=_natural), 1)}
+        return np.asarray(texts.map(known), dtype=np.int64)
+
+    def _tells_apart(self, texts: "pd.Series[str]", numbers: "pd.Series[str]") -> bool:
+        """Whether the photographs of a camera have different numbers."""
+        camera = self.layout.camera_column
+        own = pd.DataFrame({"text": texts, "number": numbers.astype(np.int64)})
+        own["camera"] = "" if camera is None else self.raw[camera].str.strip()
+        return not own.drop_duplicates().duplicated(["camera", "number"]).any()
 
     def pixels(self, columns: PointColumns, image_height: int | None) -> FloatArray:
         """(n, 2): our pixels; NaN for missing points."""
@@ -211,7 +290,8 @@ class _Rows:
         return layout.origin.to_ours(pixels * layout.px_per_unit, image_height or 0)
 
     def _numbers(self, index: int, is_whole: bool = False) -> FloatArray:
-        name = f"column {index + 1}"
+        titles = self.layout.titles[index : index + 1]
+        name = f"column {index + 1}" + "".join(f" ({title[:40]})" for title in titles if title)
         column = Column(name, may_be_empty=not is_whole, is_whole=is_whole)
         own = self.raw[[index]].set_axis([name], axis=1)
         values, reasons = numbers_in(own, [column], self.layout.dialect.decimal_comma, MISSING)
@@ -219,3 +299,18 @@ class _Rows:
             problems = [RowProblem(int(self.raw.index[row]), reasons[row]) for row in reasons]
             raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")
         return values[name]
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Sorts names by the numbers in them."""
+    parts = re.split(r"(\d+)", name)
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is empty or a number."""
+    try:
+        float(text.strip() or "nan")
+    except ValueError:
+        return False
+    return True

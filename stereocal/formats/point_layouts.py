@@ -6,15 +6,15 @@ from dataclasses import replace
 from functools import partial
 
 from stereocal.errors import StereocalError
+from stereocal.formats.column_roles import guess_by_roles, propose_roles, with_names
 from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
-from stereocal.formats.point_files import PointColumns, PointLayout
+from stereocal.formats.point_files import PointColumns, PointLayout, is_number
 from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
 
 HEAD_BYTES = 200_000
-FRAME_NAMES = ("frame", "frames", "frame_number", "image", "t", "time", "index")
-U_NAMES = ("u", "x", "x_px", "col", "column", "position_x", "x_position", "cx", "centroid_x")
-V_NAMES = ("v", "y", "y_px", "row", "position_y", "y_position", "cy", "centroid_y")
+OURS = "stereocal"
+OWN, TRACKTOR = ("frame", "u", "v"), ("frame", "pos_x", "pos_y")
 ASK_LOWER_LEFT = (
     "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
     "programs take h - 1 or h + 1, newer ones count from the upper left."
@@ -37,14 +37,15 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
         known = {name: partial(_wand, any_header=True) if name == "wand" else LAYOUTS[name]}
     for guess in known.values():
         if (layout := guess(rows)) is not None:
-            return replace(layout, dialect=dialect)
+            return with_names(replace(layout, dialect=dialect), content, source)
     first = f'its first line is "{dialect.delimiter.join(rows[0])[:100]}".'
     if name is not None:
         raise StereocalError(f"{source}: the file does not have the layout {name}; {first}")
     raise StereocalError(
         f"{source}: the layout is not known. stereocal reads frame,u,v tables, wand files of Argus "
-        "and easyWand (4 columns a camera), DLTdv, Argus, DeepLabCut, SLEAP, Tracktor and "
-        f"TrackMate; {first}"
+        "and easyWand (4 columns a camera), DLTdv, Argus, DeepLabCut, SLEAP, Tracktor, TrackMate, "
+        "and tables whose header names frame, target, camera, x and y; of any other, say what each "
+        f"column holds; {first}"
     )
 
 
@@ -139,26 +140,22 @@ def _trackmate(rows: list[list[str]]) -> PointLayout | None:
     )
 
 
-def _long_table(rows: list[list[str]], program: str, *known: tuple[str, ...]) -> PointLayout | None:
-    """One row per point; `known` are names of the columns of the frame, u and v."""
+def _one_camera(
+    rows: list[list[str]], program: str, known: tuple[str, str, str]
+) -> PointLayout | None:
+    """One row per point of a camera; `known` are the names of frame, u and v."""
     names = [cell.strip().lower() for cell in rows[0]]
-    found = [next((names.index(name) for name in each if name in names), -1) for each in known]
-    frame, u, v = found
-    ours = [names[k : k + 1] for k in found] == [["frame"], ["u"], ["v"]]
-    if -1 in found or (_has_duplicates(names) and not ours):  # our reader reports duplicates
+    if not {*known} <= {*names} or any(role.kind == "camera" for role in propose_roles(rows)):
         return None
-    ask = (
-        f"Are the columns {names[frame]}, {names[u]} and {names[v]} frame, u and v, with the "
-        "centre of the top-left pixel at (0, 0)?"
-    )
+    if program != OURS and _has_duplicates(names):  # our reader reports them
+        return None
+    frame, u, v = (names.index(name) for name in known)
+    further = [k for k, name in enumerate(names) if name and k not in (frame, u, v)]
     return PointLayout(
-        "stereocal" if ours else program,
+        program,
         (PointColumns("cam1", "point", u, v),),
         frame=frame,
-        further=tuple(
-            (rows[0][k].strip(), k) for k, name in enumerate(names) if name and k not in found
-        ),
-        questions=() if ours or program == "Tracktor" else (ask,),
+        further=tuple((rows[0][k].strip(), k) for k in further),
     )
 
 
@@ -237,20 +234,11 @@ def _of_cameras(layout: PointLayout, ask_origin: str) -> PointLayout:
     return replace(layout, zero_is_missing=True, questions=tuple(asked))
 
 
-def is_number(text: str) -> bool:
-    """Whether a cell is empty or a number."""
-    try:
-        float(text.strip() or "nan")
-    except ValueError:
-        return False
-    return True
-
-
 LAYOUTS: Mapping[str, Guess] = {
     "trackmate": _trackmate,
     "deeplabcut": _deeplabcut,
     "sleap": _sleap,
-    "tracktor": lambda rows: _long_table(rows, "Tracktor", ("frame",), ("pos_x",), ("pos_y",)),
+    "tracktor": lambda rows: _one_camera(rows, "Tracktor", TRACKTOR),
     # (u + 1, h - v), according to its display code.
     "dltdv5": lambda rows: _paired(
         rows,
@@ -269,9 +257,7 @@ LAYOUTS: Mapping[str, Guess] = {
         "Is the first pixel (1, 1), at the upper left, as in DLTdv8?",
     ),
     "argus": lambda rows: _paired(rows, "Argus", ARGUS, "xy", LOWER_LEFT, ASK_LOWER_LEFT),
-    "table": lambda rows: _long_table(
-        rows, "a table with a row for each point", FRAME_NAMES, U_NAMES, V_NAMES
-    ),
+    "table": lambda rows: _one_camera(rows, OURS, OWN) or guess_by_roles(rows),
     "wand": _wand,
 }
 """Layouts by name, in the order in which they are tried."""

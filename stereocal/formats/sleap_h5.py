@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.dltdv_sparse import dense_text
 from stereocal.formats.other_files import is_hdf5, refuse_other_points
 from stereocal.system.guarded import read_apart
 from stereocal.system.limits import Limits
@@ -22,9 +23,11 @@ ARRAYS = {
 
 
 def point_text(content: bytes, source: str) -> bytes:
-    """A point file as text: HDF5 converted to CSV in a child process, other files unchanged."""
+    """A point file as text: HDF5 converted to CSV in a child process, a sparse table spread out,
+    other files unchanged.
+    """
     if not is_hdf5(content):
-        return content
+        return dense_text(content, source)
     refuse_other_points(content, source)
     Limits.from_environment().check_size(len(content), source)
     try:

@@ -14,8 +14,9 @@ import pandas as pd
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.formats.inputs import images_in, recording_in
 from stereocal.formats.other_files import refuse_other_camera
-from stereocal.formats.point_answers import OURS, Answers, answered, layout_of
+from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
 from stereocal.formats.point_files import read_points
+from stereocal.formats.point_layouts import OURS
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
@@ -26,6 +27,7 @@ from stereocal.network.rig_file import RIG, RigFile, is_rig
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.records import of_plain, pack, plain
 from stereocal.system.zip_files import pack_zip, unzip
@@ -119,6 +121,7 @@ class ProjectApplication(ProjectPart):
         content = content if parquet else point_text(content, label)
         if not parquet and layout_of(content, label).program != OURS:
             self.ask(side, label, content)
+            self._answer_alike(side)
             return
         suffix = ".parquet" if parquet else ".csv"
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
@@ -158,6 +161,21 @@ class ProjectApplication(ProjectPart):
             raise StereocalError(f"{label}: there is no point of {answers.camera} in the file.")
         file = PointFile(label, ".csv", len(table), int(table["frame"].nunique()), answers)
         self._keep_points(side, content, _written(table), file)
+        for other in CAMERAS:
+            self._answer_alike(other)
+
+    def _answer_alike(self, side: Asked) -> None:
+        """Read the file of one of two cameras as that of the other, if its header is the same."""
+        if side not in CAMERAS:
+            return
+        other = CAMERAS[side == CAMERAS[0]]
+        asked, file = self.asking(side), self.point_file(other)
+        given = self.database.file(POINT_FILES, other)
+        if asked is None or file is None or file.answers is None or given is None:
+            return
+        answers = answers_alike(file.answers, asked[1], asked[0], given.read_bytes())
+        if answers is not None:
+            self.answer(side, answers)
 
     def ask_again(self, side: Asked) -> None:
         """Ask about the file in use again; it stays in use until answered."""

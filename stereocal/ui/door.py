@@ -9,11 +9,12 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import names_cameras
-from stereocal.formats.archives.gather import holds_bars
+from stereocal.formats.archives.gather import is_correspondences
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.point_answers import layout_of
+from stereocal.formats.sleap_h5 import point_text
 from stereocal.frames.which_camera import Series, which_camera
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication
@@ -172,19 +173,23 @@ def _take_tables(own: ProjectGiven, tables: Mapping[str, bytes]) -> None:
     for number, (name, content) in enumerate(tables.items()):
         if number:
             raise StereocalError(f"{name}: another table was given with it. Give one at a time.")
-        if names_cameras(content, name):
-            own.more_cameras({name: content})
-        elif not (cameras := _cameras_of(name, content)):
-            intake.store_table(name, content)
-        elif own.is_of_rig and cameras > 2:
-            own.recording.add_parts({name: content})
+        text = point_text(content, name)
+        if names_cameras(text, name):
+            own.more_cameras({name: text})
+        elif is_correspondences(text, name):
+            intake.store_table(name, text)
+        elif own.is_of_rig and _cameras_of(name, text) > 2:
+            own.recording.add_parts({name: text})
         else:
-            ProjectApplication(own.project).ask("bars", name, content)
+            ProjectApplication(own.project).ask("bars", name, text)
 
 
 def _cameras_of(name: str, content: bytes) -> int:
-    """How many cameras a table of another program has; 0 if it is none of the ends of a bar."""
-    return len(layout_of(content, name).cameras) if holds_bars(content, name) else 0
+    """How many cameras a table of another program or a person has; 0 if it is none."""
+    with suppress(StereocalError):
+        if not is_correspondences(content, name):
+            return len(layout_of(content, name).cameras)
+    return 0
 
 
 def place_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> None:

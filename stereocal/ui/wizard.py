@@ -1,9 +1,10 @@
 """Questions about files of other programs, with a preview of their points."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import PurePath
 from typing import Any
 
 import pandas as pd
@@ -21,21 +22,21 @@ from stereocal.formats.exchange.options import (
     ImageSize,
     PixelOrigin,
 )
-from stereocal.formats.point_answers import Answers, can_choose_columns, layout_of
-from stereocal.formats.point_files import PointLayout
+from stereocal.formats.point_answers import Answers, layout_as_stated, layout_by_hand, layout_of
+from stereocal.formats.point_files import PointLayout, points_of_all
+from stereocal.formats.point_layouts import OURS
 from stereocal.projects.application import Asked, ProjectApplication
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rig import camera_in_words
+from stereocal.ui.columns import choose_columns, header_key
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.messages import ErrorsShown, callback, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
 
 Use = Callable[[], None]
-PREVIEW_ROWS = 5
-COUNTED = -1
-"""Instead of the frame's column; None means not chosen yet."""
-COUNTED_TITLE = "none: the rows are counted"
+PREVIEW_ROWS, PREVIEW_CELL = 5, 10
 STATED = "as the file says"
 
 
@@ -148,22 +149,12 @@ def ask_about_points(
     at = CAMERAS.index(side) if number is None and side in CAMERAS else number or 0
 
     def form(label: str, content: bytes) -> Use | None:
-        layout = layout_of(content, label)
-        _say_layout(label, layout, camera)
-        asked = Questions(store.project, f"wizard_{side}_{{}}", layout.program)
-        if not can_choose_columns(layout) and st.toggle(
-            "It is another table: I choose its columns",
-            **asked.field("by_hand", False, yes_or_no).widget(),
-        ):
-            layout = point_answers.layout_by_hand(content, label)
-            asked = Questions(store.project, f"wizard_{side}_hand_{{}}", layout.program)
+        layout, asked = _laid_out(store.project, f"wizard_{side}", label, content, camera)
+        if layout is None:
+            return None
         first = point_answers.first_answers(layout, at, image_height)
-        by_hand = can_choose_columns(layout)
-        names = point_answers.column_names(content, layout, label) if by_hand else []
-        answers = _point_form(asked, layout, camera, first, names)
-        if answers.columns is None and not layout.columns:
-            st.info("Choose the columns: this file does not say which is which.")
-        elif answers.corner == "lower-left" and answers.image_height is None:
+        answers = _point_form(asked, layout, camera, first)
+        if answers.corner == "lower-left" and answers.image_height is None:
             st.info("Give the image height: the points are counted from the lower left.")
         else:
             _show_preview(store.preview(side, answers, PREVIEW_ROWS).head(PREVIEW_ROWS))
@@ -177,17 +168,20 @@ def ask_about_bars(store: ProjectApplication) -> None:
     """The questions about a file with both ends of the bar, if there is one."""
 
     def form(label: str, content: bytes) -> Use | None:
-        layout = layout_of(content, label)
-        _say_layout(label, layout, "bar")
-        asked = Questions(store.project, "wizard_bars_{}", layout.program)
+        layout, asked = _laid_out(store.project, "wizard_bars", label, content, "bar", True)
+        if layout is None:
+            return None
         options, heights = _bar_form(asked, layout)
+        if len(layout.cameras) > 2:
+            _offer_all(store, label, content, layout, options, heights)
         if options.corner == "lower-left" and None in heights:
             st.info("Give the image heights: the points are counted from the lower left.")
             return None
         rows = bars_of(content, label, options, heights).rows
         table = write_table(rows)
         head, *lines = (line.split(",") for line in table.decode().splitlines())
-        _show_preview(pd.DataFrame(lines[:PREVIEW_ROWS], columns=head))
+        short = [[cell[:PREVIEW_CELL] for cell in line] for line in lines[:PREVIEW_ROWS]]
+        _show_preview(pd.DataFrame(short, columns=head))
         st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
 
         def use() -> None:
@@ -199,26 +193,67 @@ def ask_about_bars(store: ProjectApplication) -> None:
     ask_about(store, "bars", form)
 
 
-def _say_layout(label: str, layout: PointLayout, what: str) -> None:
-    st.markdown(
-        f"**{escape_markdown(label)}** ({escape_markdown(what)}) looks like {layout.program}."
-    )
-    for question in layout.questions:
-        st.markdown(f"- {escape_markdown(question)}")
+def _offer_all(
+    store: ProjectApplication,
+    label: str,
+    content: bytes,
+    layout: PointLayout,
+    options: ExchangeOptions,
+    heights: Heights,
+) -> None:
+    """A button to take the points of all cameras, for a rig."""
+
+    @callback
+    def take() -> None:
+        own = replace(layout, origin=options.origin(layout.origin))
+        points = points_of_all(content, own, heights[0], label)
+        packed = points.to_csv(index=False, lineterminator="\n").encode()
+        ProjectGiven(store.project).more_cameras({f"{PurePath(label).stem}.csv": packed})
+        store.forget_question("bars")
+
+    count = len(layout.cameras)
+    st.button(f"Take all {count} cameras", on_click=take, key="use_all_cameras")
 
 
-def _point_form(
-    asked: Questions, layout: PointLayout, whose: str, first: Answers, names: list[str]
-) -> Answers:
-    """The answers about one camera's points; `names` are those of the columns to choose from."""
+def _laid_out(
+    project: Project, key: str, label: str, content: bytes, of: str, for_bars: bool = False
+) -> tuple[PointLayout | None, Questions]:
+    """The layout of a file as it is recognised, or with columns that are chosen, and its questions.
+
+    Args:
+        of: what the points are of, for the title.
+    """
+    layout = layout_of(content, label)
+    if for_bars and layout.program == OURS:  # of one camera, by its header
+        layout = layout_by_hand(content, label)
+    program = header_key(content, label) if layout.roles is not None else layout.program
+    asked = Questions(project, f"{key}_{{}}", program)
+    name = f"**{escape_markdown(label)}** ({escape_markdown(of)})"
+    if layout.roles is None:
+        st.markdown(f"{name} looks like {layout.program}.")
+        for question in layout.questions:
+            st.markdown(f"- {escape_markdown(question)}")
+        title = "It is another table: I choose its columns"
+        if not st.toggle(title, **asked.field("by_hand", False, yes_or_no).widget()):
+            return layout, asked
+        layout = layout_by_hand(content, label)
+        asked = Questions(project, f"{key}_hand_{{}}", header_key(content, label))
+    else:
+        st.markdown(f"{name}: what do its columns hold?")
+    roles = choose_columns(asked.field, content, label, layout.roles or "", for_bars)
+    chosen = None if roles is None else layout_as_stated(content, label, roles, for_bars)
+    return chosen, asked
+
+
+def _point_form(asked: Questions, layout: PointLayout, whose: str, first: Answers) -> Answers:
+    """The answers about one camera's points."""
     camera, per_unit, likelihood = first.camera, 1.0, 0.0
     if len(layout.cameras) > 1:
         one = asked.field("camera", camera, one_of(layout.cameras))
         camera = one.menu(f"{whose[0].upper()}{whose[1:]} is")
-    columns = _columns(asked, names, first) if names else None
     origin = asked.origin(PixelOrigin(first.corner, first.first_pixel, first.flip))
     height = _height(asked, "image_height", "", first.image_height, origin.corner)
-    if layout.program == "TrackMate" or names:
+    if layout.program == "TrackMate" or layout.roles is not None:
         own = asked.field("px_per_unit", first.px_per_unit, Number(1e-9))
         per_unit = own.number_input("Pixels per unit of the file", format="%.6g")
     if any(each.likelihood is not None for each in layout.columns):
@@ -230,18 +265,22 @@ def _point_form(
         image_height=height,
         px_per_unit=per_unit,
         least_likelihood=likelihood,
-        columns=columns,
+        roles=layout.roles,
     )
 
 
 def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, Heights]:
     primary, secondary, a, b = (
-        asked.field(f"{what}_{k}", options[k], one_of(options)).menu(title)
-        for what, options, titles in (
-            ("camera", layout.cameras, ("Primary camera", "Secondary camera")),
-            ("end", layout.points, ("Target A", "Target B")),
+        asked.field(f"{what}_{k}", options[k], one_of(options)).menu(title, place)
+        for (what, options, titles), places in zip(
+            (
+                ("camera", layout.cameras, ("Primary camera", "Secondary camera")),
+                ("end", layout.points, ("Target A", "Target B")),
+            ),
+            (st.columns(2), st.columns(2)),
+            strict=True,
         )
-        for k, title in enumerate(titles)
+        for k, (title, place) in enumerate(zip(titles, places, strict=True))
     )
     origin = asked.origin(layout.origin)
     heights = [camera.image_size[1] if camera else None for camera in asked.project.cameras]
@@ -249,37 +288,10 @@ def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, H
         _height(asked, f"height_{k}", f", {which}", height, origin.corner)
         for k, (which, height) in enumerate(zip(CAMERAS, heights, strict=True))
     )
-    stated = ExchangeOptions(cameras=(primary, secondary), ends=(a, b), **vars(origin))
-    return stated, (first, second)
-
-
-def _columns(
-    asked: Questions, names: list[str], first: Answers
-) -> tuple[int | None, int, int] | None:
-    """The chosen columns; None until all three are chosen."""
-    start: Sequence[int | None] = (None, None, None)
-    if first.columns is not None:
-        start = [COUNTED if at is None else at for at in first.columns]
-    titles = dict(enumerate(names))
-    frame, u, v = (
-        asked.field(name, usual, one_of(options)).menu(
-            f"Column of {name}",
-            place,
-            index=None,
-            placeholder="choose",
-            format_func=options.__getitem__,
-        )
-        for place, name, usual, options in zip(
-            st.columns(3),
-            ("frame", "u", "v"),
-            start,
-            ({COUNTED: COUNTED_TITLE, **titles}, titles, titles),
-            strict=True,
-        )
+    stated = ExchangeOptions(
+        cameras=(primary, secondary), ends=(a, b), roles=layout.roles, **vars(origin)
     )
-    if frame is None or u is None or v is None:
-        return None
-    return None if frame == COUNTED else frame, u, v
+    return stated, (first, second)
 
 
 def _height(asked: Questions, name: str, of: str, known: int | None, corner: Corner) -> int | None:

@@ -16,8 +16,9 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
 from stereocal.formats.archives.easywand import EasyWandFile, read_easywand
-from stereocal.formats.archives.gather import bars_of, gather, holds_bars
+from stereocal.formats.archives.gather import bars_of, gather
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
+from stereocal.formats.column_roles import column_titles
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.exchange.exchange import export_files, import_files
@@ -25,14 +26,9 @@ from stereocal.formats.exchange.matlab import stereo_of
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_hdf5
 from stereocal.formats.plan_file import parse_plan, write_plan
-from stereocal.formats.point_answers import (
-    answered,
-    column_names,
-    first_answers,
-    layout_by_hand,
-    layout_of,
-)
+from stereocal.formats.point_answers import answered, first_answers, layout_by_hand, layout_of
 from stereocal.formats.point_files import read_points
+from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.sleap_h5 import analysis_table
 from stereocal.formats.world_file import read_observed, read_world
 from stereocal.matching.point_table import PointTable
@@ -262,17 +258,15 @@ def _correspondences(content: bytes, _: Path) -> None:
 
 def _points(content: bytes, _: Path) -> None:
     """As the wizard does: what it looks like, the questions, a preview, and the whole."""
-    holds_bars(content, "a.csv")
     layout = layout_of(content, "a.csv")
     refused, read = None, 0
     for proposed in (layout, layout_by_hand(content, "a.csv")):
         for which in (0, 1):
             answers = first_answers(proposed, which, 1024)
             try:
-                width = len(column_names(content, proposed, "a.csv"))
+                width = len(column_titles(first_rows(content, "a.csv")[0]))
                 if not proposed.columns:
-                    columns = (0, 1, 2) if width > 2 else (None, 0, 1)
-                    answers = replace(answers, columns=columns)
+                    answers = replace(answers, roles="frame,x,y" if width > 2 else "x,y")
                 chosen = answered(proposed, answers, content, "a.csv")
                 for rows in (5, None):
                     read_points(content, chosen, answers.camera, 1024, "a.csv", rows)

@@ -17,9 +17,16 @@ from stereocal.formats.exchange.exchange import camera_names, format_of, read_ca
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab, refuse_camera_list
+from stereocal.formats.point_answers import (
+    layout_as_stated,
+    layout_by_hand,
+    layout_of,
+    what_is_missing,
+)
 from stereocal.formats.point_files import PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.formats.recognition import recognise
+from stereocal.formats.sleap_h5 import point_text
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Correspondences
 
@@ -44,6 +51,8 @@ def gather(
     table, others, opened = sorted_files(files)
     if opened is not None:
         return read_easywand(opened, options)
+    if table:
+        files = {**files, table: point_text(files[table], table)}
     of_table, named = table_cameras(files[table], table, options) if table else ((), False)
     of_files = names_in(others)
     wanted, remarks = _wanted(of_table, named, of_files, options.cameras)
@@ -65,7 +74,7 @@ def table_cameras(
     """The cameras in a table of points, and whether it states their names."""
     if is_correspondences(content, name):
         return CAMERAS, True
-    layout = propose_layout(content, name, options.layout)
+    layout = layout_of_table(content, name, options)
     return layout.cameras, layout.states_cameras
 
 
@@ -206,15 +215,6 @@ def is_correspondences(content: bytes, name: str) -> bool:
     return set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}
 
 
-def holds_bars(content: bytes, source: str) -> bool:
-    """Whether a file seems to have two or more points in two or more cameras."""
-    try:
-        layout = propose_layout(content, source)
-    except StereocalError:
-        return False
-    return len(layout.cameras) > 1 and len(layout.points) > 1
-
-
 @dataclass(frozen=True, eq=False)
 class Bars:
     """The rows of a table for two cameras, and how it was read."""
@@ -245,11 +245,27 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
     return Bars(found.correspondences, about, chosen.remarks + remarks)
 
 
+def layout_of_table(content: bytes, source: str, options: ExchangeOptions) -> PointLayout:
+    """The layout of a table as the options state it, or as it is recognised."""
+    if options.roles is not None:
+        return layout_as_stated(content, source, options.roles, True)
+    try:
+        return propose_layout(content, source, options.layout)
+    except StereocalError:
+        layout = layout_of(content, source)
+        if layout.columns or options.layout is not None:
+            raise
+        raise StereocalError(f"{source}: {what_is_missing(layout, content, source)}") from None
+
+
 def layout_of_bars(
     content: bytes, source: str, options: ExchangeOptions
 ) -> tuple[PointLayout, tuple[str, str], tuple[str, ...]]:
     """The layout of a table with both ends of a bar, the names of A and B, and remarks."""
-    layout = propose_layout(content, source, options.layout)
+    layout = layout_of_table(content, source, options)
+    if layout.roles is not None and min(len(layout.cameras), len(layout.points)) < 2:
+        by_hand = layout_by_hand(content, source)
+        raise StereocalError(f"{source}: {what_is_missing(by_hand, content, source)}")
     if len(layout.points) < 2:
         raise StereocalError(
             f"a table with both ends of the bar is expected; this looks like {layout.program} with "

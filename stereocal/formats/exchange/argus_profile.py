@@ -17,7 +17,7 @@ from stereocal.formats.exchange.reading import (
     only_file,
 )
 from stereocal.formats.file_storage import ForeignFile
-from stereocal.formats.point_layouts import is_number
+from stereocal.formats.point_files import is_number
 
 ENDINGS = (".txt", ".csv", ".tsv")
 _SEPARATOR = re.compile(r"[,;\s]+")

@@ -81,6 +81,8 @@ class ExchangeOptions:
     """Names of the points A and B of the bar in a table; None: the first two."""
     layout: str | None = None
     """Layout of a table of points, by name; None: recognised."""
+    roles: str | None = None
+    """What each column of the table holds, as of `column_roles`; None: as its header says."""
     world: Pose | None = None
     """`world_from_primary` of DLT coefficients; None: the primary's frame. Writing only."""
 

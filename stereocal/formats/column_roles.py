@@ -1,0 +1,275 @@
+"""What each column of a table of points holds: proposed from the header, stated by a person.
+
+    roles = propose_roles(rows)                  # "frame,target,x:1,y:1,x:2,y:2" as text
+    layout = with_names(layout_of(roles, rows), content, "bars.csv")
+
+Points may stand a frame, a point or an image a row: the camera and the target of a point are named
+by a column, or by the header of its x and y.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, cast, get_args
+
+from stereocal.errors import StereocalError
+from stereocal.formats.point_files import PointColumns, PointLayout, is_number, words_in
+
+Kind = Literal["-", "frame", "camera", "target", "x", "y"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+LOOKED_FOR: tuple[Kind, ...] = ("frame", "target", "camera")
+AXES: tuple[Kind, ...] = ("x", "y")
+ONE_CAMERA, ONE_POINT = "cam1", "point"
+BY_ROLES = "a table with named columns"
+ROLES_HELP = (
+    "what each column holds, in order and with commas: frame, camera, target, x, y, x:CAMERA, "
+    "x:CAMERA:TARGET, or - if it is not used; such as frame,target,x:1,y:1,x:2,y:2"
+)
+
+
+def _listed(words: str) -> tuple[str, ...]:
+    return tuple(words.split())
+
+
+_WORDS: dict[Kind, tuple[str, ...]] = {
+    "frame": _listed("frame frames photo foto image img picture bild shot time t index idx nr no"),
+    "camera": _listed("camera cam kamera cameras view"),
+    "target": _listed(
+        "target targets marker end ende ball point punkt part bodypart bodyparts node keypoint "
+        "landmark label name"
+    ),
+    "x": _listed("x u col column spalte cx"),
+    "y": _listed("y v row zeile cy"),
+}
+"""Words of headers, the likeliest first."""
+_FILL = _listed("px pixel pixels pix coord coordinate pos position centroid of the in bar raw")
+_SIDES = _listed(
+    "left right primary secondary top bottom front side upper lower links rechts gauche droite "
+    "oben unten l r"
+)
+_CAMERA = re.compile(r"\b(?:camera|kamera|cam|view|c) ?(\d+|[a-h])\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a column holds; camera and target of an x or y, where its header names them."""
+
+    kind: Kind = "-"
+    camera: str = ""
+    target: str = ""
+
+    def __str__(self) -> str:
+        return ":".join((self.kind, self.camera, self.target)).rstrip(":")
+
+
+Roles = tuple[Role, ...]
+UNUSED = Role()
+MOST_TITLES = 4
+"""Rows above the header that are looked past."""
+TAKEN = ("frame", "u", "v", "point")
+"""Names of the columns that points are read into."""
+
+
+def roles_text(roles: Sequence[Role]) -> str:
+    """The roles as one text, which `parse_roles` reads."""
+    return ",".join(map(str, roles))
+
+
+def parse_roles(text: str, source: str) -> Roles:
+    """The roles of a text such as `frame,target,x:left,y:left,x:right,y:right`."""
+    found = []
+    for number, part in enumerate(text.split(","), 1):
+        kind, camera, target = (*(each.strip() for each in part.split(":", 2)), "", "")[:3]
+        named = kind in ("x", "y")
+        if kind.lower() not in KINDS or (camera and not named):
+            raise StereocalError(
+                f"{source}: column {number} cannot be {part.strip()[:40]!r}: it must be frame, "
+                "camera, target, x, y, x:CAMERA, x:CAMERA:TARGET (y likewise), or -."
+            )
+        found.append(Role(cast(Kind, kind.lower()), camera, target))
+    return tuple(found)
+
+
+def propose_roles(rows: Sequence[Sequence[str]]) -> Roles:
+    """The roles that the header names; columns that it does not explain are unused.
+
+    Args:
+        rows: the first rows of the table, the header first.
+    """
+    names = [_plain(name) for name in rows[0]]
+    roles = [UNUSED] * len(names)
+    pairs = _coordinates(names)
+    free = [k for k in range(len(names)) if not any(k in pair for pair in pairs)]
+    for kind in LOOKED_FOR:
+        if (found := _likeliest(names, free, kind)) is not None:
+            roles[found] = Role(kind)
+            free.remove(found)
+    named = {role.kind for role in roles}
+    stems = [names[x][1] for x, _ in pairs]
+    for (x, y), (camera, target) in zip(pairs, _named(stems, named), strict=True):
+        roles[x], roles[y] = Role("x", camera, target), Role("y", camera, target)
+    return tuple(roles)
+
+
+def problem_of(roles: Sequence[Role], for_bars: bool) -> str:
+    """Why points cannot be read by these roles, in words for a person; empty if they can.
+
+    Args:
+        for_bars: two targets, each in two cameras, are wanted.
+    """
+    for kind in ("frame", "camera", "target"):
+        if sum(role.kind == kind for role in roles) > 1:
+            return f"Two columns are the {kind}: choose one."
+    xs, ys = ([role for role in roles if role.kind == kind] for kind in ("x", "y"))
+    if not xs or not ys:
+        return "Choose the columns with x and y, the position in the image in pixels."
+    places = [sorted((role.camera, role.target) for role in axis) for axis in (xs, ys)]
+    if places[0] != places[1] or len(set(places[0])) < len(places[0]):
+        return "Each point needs one column with its x and one with its y in a camera."
+    kinds = {role.kind for role in roles}
+    if for_bars and "camera" not in kinds and len({role.camera for role in xs}) < 2:
+        return "Which columns are of the other camera, or which column names the camera?"
+    if for_bars and "target" not in kinds and len({role.target for role in xs}) < 2:
+        return "Which column says which end of the bar it is?"
+    return ""
+
+
+def header_row(rows: Sequence[Sequence[str]]) -> int:
+    """The row without numbers whose names explain most columns, from 0; 0 if none explains any."""
+    tried = [k for k, row in enumerate(rows[:MOST_TITLES]) if not any(map(_is_value, row))] or [0]
+    return max(tried, key=lambda k: sum(map(bool, map(UNUSED.__ne__, propose_roles(rows[k:])))))
+
+
+def guess_by_roles(rows: list[list[str]]) -> PointLayout | None:
+    """The layout of a table whose header names the frame and all that is needed."""
+    roles = propose_roles(rows[header_row(rows) :])
+    named = any(role.kind == "frame" or role.camera or role.target for role in roles)
+    return layout_of(roles, rows) if named and not problem_of(roles, False) else None
+
+
+def layout_of(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> PointLayout:
+    """The layout of these roles; the names in its columns are those of `with_names`.
+
+    Args:
+        rows: the first rows, perhaps with a header and titles above it.
+    """
+    above = header_row(rows)
+    at = {role.kind: k for k, role in enumerate(roles)}
+    ys = {(role.camera, role.target): k for k, role in enumerate(roles) if role.kind == "y"}
+    columns = tuple(
+        PointColumns(
+            role.camera or ONE_CAMERA, role.target or ONE_POINT, k, ys[role.camera, role.target]
+        )
+        for k, role in enumerate(roles)
+        if role.kind == "x"
+    )
+    pixels = [k for each in columns for k in (each.u, each.v)]
+    header = above
+    while header < len(rows) - 1 and not any(
+        _is_value(rows[header][k]) for k in pixels if k < len(rows[header])
+    ):
+        header += 1
+    titles = [name.strip() for name in rows[above]] if header > above else []
+    unused = [k for k in range(len(titles)) if k >= len(roles) or roles[k] == UNUSED]
+    further = tuple(
+        (titles[k], k)
+        for k in unused
+        if titles[k] and titles.count(titles[k]) == 1 and titles[k].lower() not in TAKEN
+    )
+    return PointLayout(
+        BY_ROLES,
+        columns,
+        header,
+        frame=at.get("frame"),
+        further=further,
+        camera_column=at.get("camera"),
+        point_column=at.get("target"),
+        zero_is_missing=len(columns) > 1,
+        roles=roles_text(roles),
+        titles=tuple(titles),
+    )
+
+
+def _is_value(cell: str) -> bool:
+    return cell.strip() != "" and is_number(cell)
+
+
+def column_titles(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The names of the columns, or their numbers."""
+    above = header_row(rows)
+    width = max(len(row) for row in rows[above : above + 2])
+    head = [*rows[above], *(width - len(rows[above])) * [""]]
+    named = not all(is_number(name) for name in head)
+    return [name.strip()[:40] * named or f"column {k}" for k, name in enumerate(head, 1)]
+
+
+def with_names(layout: PointLayout, content: bytes, source: str) -> PointLayout:
+    """The layout with the names in its columns of the camera and the target."""
+    if layout.camera_column is None and layout.point_column is None:
+        return layout
+    return replace(layout, names=words_in(content, layout, source))
+
+
+def _plain(name: str) -> tuple[str, str]:
+    """The axis that a header names, or empty, and its other words."""
+    text = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name.strip())
+    text = re.sub(r"[^\w]|_", " ", text)
+    text = re.sub(r"(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", text)
+    words = [word for word in text.split() if word.lower() not in _FILL]
+    lower = [word.lower() for word in words]
+    for axis in AXES:
+        for word in lower[::-1]:
+            if word in _WORDS[axis]:
+                at = len(lower) - 1 - lower[::-1].index(word)
+                return axis, " ".join(words[:at] + words[at + 1 :])
+    if words and len(words[-1]) > 1 and lower[-1][-1] in "xyuv":  # leftx, ay
+        return ("x" if lower[-1][-1] in "xu" else "y"), " ".join([*words[:-1], words[-1][:-1]])
+    return "", " ".join(words)
+
+
+def _coordinates(names: list[tuple[str, str]]) -> list[tuple[int, int]]:
+    """The columns of x and y of each point, in the order of the file."""
+    own: dict[str, list[list[int]]] = {}
+    for k, (axis, stem) in enumerate(names):
+        if axis:
+            own.setdefault(stem, [[], []])["xy".index(axis)].append(k)
+    return sorted((xs[0], ys[0]) for xs, ys in own.values() if len(xs) == len(ys) == 1)
+
+
+def _likeliest(names: list[tuple[str, str]], free: Iterable[int], kind: Kind) -> int | None:
+    """The free column whose header has the likeliest word of a role."""
+    ranked = [
+        (rank, k)
+        for k in free
+        for rank, word in enumerate(_WORDS[kind])
+        if not names[k][0] and word in names[k][1].lower().split()
+    ]
+    return min(ranked)[1] if ranked else None
+
+
+def _named(stems: list[str], named: set[Kind]) -> list[tuple[str, str]]:
+    """Camera and target of each point's x and y, by the words of their headers."""
+    found = [_split(stem) for stem in stems]
+    if "camera" in named:
+        return [("", stem) for stem in stems]
+    if "target" in named:  # what else differs is the camera
+        return [(camera or target, "") for camera, target in found]
+    if all(camera for camera, _ in found):
+        return found
+    if len(stems) > 1 and not any(camera for camera, _ in found):  # the word that repeats
+        words = [stem.split() for stem in stems]
+        if {len(each) for each in words} == {2} and len({each[0] for each in words}) < len(stems):
+            digits = all(each[1].isdigit() for each in words)
+            first, second = (1, 0) if digits and not words[0][0].isdigit() else (0, 1)
+            return [(each[first], each[second]) for each in words]
+    return [("", stem) for stem in stems]
+
+
+def _split(stem: str) -> tuple[str, str]:
+    """The camera that words name, or empty, and the other words."""
+    if (numbered := _CAMERA.search(stem)) is not None:
+        rest = stem[: numbered.start()] + stem[numbered.end() :]
+        return numbered[1], " ".join(rest.split())
+    words = stem.split()
+    side = next((word for word in words if word.lower() in _SIDES), "")
+    return side, " ".join(word for word in words if word != side)

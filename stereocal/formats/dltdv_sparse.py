@@ -1,0 +1,63 @@
+"""DLTdv8's sparse table (`xypts.tsv`): a row for each coordinate, as row, column and value.
+
+Rows are frames, columns are x and y of each camera of the first point, then of the second. How many
+cameras there are is not in the file: two, unless the columns only fit three. A first row with the
+size of the table may have the value 0.
+"""
+
+import numpy as np
+import pandas as pd
+
+from stereocal.formats.point_files import is_number
+from stereocal.system.dialect import dialect_of, encoding_of, head_of
+from stereocal.system.limits import Limits
+from stereocal.system.tables import (
+    MAXIMUM_COLUMNS,
+    MISSING,
+    Column,
+    numbers_in,
+    rows_below,
+    text_of,
+)
+
+CELLS = ("row", "column", "value")
+FEWEST_ROWS = 4
+
+
+def dense_text(content: bytes, source: str) -> bytes:
+    """A sparse table of DLTdv8 as its flat table; other files unchanged."""
+    head = content[:20_000].decode(encoding_of(content), errors="replace")
+    lines = head_of(head)
+    dialect = dialect_of(lines)
+    rows = dialect.cells("".join(lines[dialect.above :]), source)
+    header = int(bool(rows) and not any(map(is_number, rows[0])))
+    own = [row for row in rows[header:] if any(row)]
+    if len(own) < FEWEST_ROWS or any(len(row) != len(CELLS) for row in own):
+        return content
+    if not all(row[k].strip().isdigit() and int(row[k]) for row in own for k in (0, 1)):
+        return content
+    text = text_of(content, source)
+    raw, long = rows_below(text, dialect, header, len(CELLS), source)
+    raw.columns = pd.Index(CELLS)
+    whole = [Column(name, is_whole=True, is_positive=True) for name in CELLS[:2]]
+    columns = [*whole, Column(CELLS[2], may_be_empty=True)]
+    values, reasons = numbers_in(raw, columns, dialect.decimal_comma, MISSING)
+    if long or reasons:
+        return content  # as any other table, whose reader names the rows
+    row, column = (values[name].astype(np.int64) - 1 for name in CELLS[:2])
+    width = int(column.max()) + 1
+    width += width % 2
+    cameras = 2 if width % 4 == 0 else 3 if width % 6 == 0 else 0
+    # A table of two columns of whole numbers is as likely frame,u,v: columns come block by block.
+    if not cameras or width > MAXIMUM_COLUMNS or (np.diff(column) < 0).sum() > 1:
+        return content
+    Limits.from_environment().check_rows(int(row.max()) * width // 8, source)
+    dense = np.full((int(row.max()) + 1, width), np.nan)
+    dense[row, column] = values["value"]
+    names = [
+        f"pt{point + 1}_cam{camera + 1}_{axis}"
+        for point in range(width // (2 * cameras))
+        for camera in range(cameras)
+        for axis in "UV"
+    ]
+    return pd.DataFrame(dense, columns=names).to_csv(index=False, lineterminator="\n").encode()

@@ -1,0 +1,169 @@
+"""Tables whose columns a person or a spreadsheet named: one recording written in many ways."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import StereocalError
+from stereocal.formats.archives.every_camera import gather_all
+from stereocal.formats.archives.gather import bars_of
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.column_roles import parse_roles, propose_roles, roles_text
+from stereocal.formats.correspondences_csv import read_table
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.point_answers import answered, first_answers, layout_of
+from stereocal.formats.point_files import read_points
+from tests.known_rig import PRIMARY, SECONDARY, dataset
+
+ROWS = dataset(8, noise_px=0.5).correspondences
+SIDES = (ROWS.primary, ROWS.secondary)
+TARGET = np.array(["A", "B"])[ROWS.target]
+AXES = ("x", "y")
+Written = Callable[[str, str], bytes]
+
+
+def per_target(names: tuple[str, str], titles: tuple[str, str], header: str) -> bytes:
+    """A row for each target; `header` of a coordinate by camera and axis."""
+    table = pd.DataFrame({titles[0]: ROWS.frame, titles[1]: TARGET})
+    for name, side in zip(names, SIDES, strict=True):
+        for axis, own in zip(AXES, side.T, strict=True):
+            table[header.format(c=name, a=axis)] = own
+    return table.to_csv(index=False).encode()
+
+
+def per_frame(names: tuple[str, str], header: str, frame: str | None = None) -> bytes:
+    """A row for each frame."""
+    table = {}
+    for name, side in zip(names, SIDES, strict=True):
+        for target in "AB":
+            for axis, own in zip(AXES, side[target == TARGET].T, strict=True):
+                table[header.format(c=name, a=axis, t=target)] = own
+    found = pd.DataFrame(table)
+    if frame:
+        found.insert(0, frame, ROWS.frame[TARGET == "A"])
+    return found.to_csv(index=False).encode()
+
+
+def per_point(titles: str, names: tuple[str, str], photo: str = "{}", sep: str = ",") -> bytes:
+    """A row for each point in each camera."""
+    rows = [
+        (photo.format(frame), name, target, *side[k])
+        for k, (frame, target) in enumerate(zip(ROWS.frame, TARGET, strict=True))
+        for name, side in zip(names, SIDES, strict=True)
+    ]
+    table = pd.DataFrame(rows, columns=titles.split())
+    return table.to_csv(index=False, sep=sep, decimal="," if sep == ";" else ".").encode()
+
+
+TABLES = {
+    "spreadsheet": per_target(
+        ("Camera 1", "Camera 2"), ("Frame number", "End of bar"), "{c} {a} (px)"
+    ),
+    "glued": per_target(("left", "right"), ("Bild", "Marker"), "{c}{a}"),
+    "number last": per_target(("1", "2"), ("frame", "target"), "{a}{c}"),
+    "wide": per_frame(("left", "right"), "{c}_{t}_{a}"),
+    "wide, camera last": per_frame(("cam1", "cam2"), "{t} {c} {a}", "image"),
+    "wide, axis first": per_frame(("L", "R"), "{a}_{c}_{t}", "frame"),
+    "wide, numbers": per_frame(("1", "2"), "{t}{c}{a}", "Frame"),
+    "camelCase": per_frame(("left", "right"), "{c}{t}{a}", "t"),
+    "long": per_point("photo camera marker x y", ("left", "right"), "IMG_{:04d}.JPG", ";"),
+    "long, others": per_point("Frame View Point u v", ("primary", "secondary")),
+    "with a title": b"Bars of 3 May,,,,\n\n" + per_point("Frame Cam End col row", ("1", "2")),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_headers_name_the_columns(name: str) -> None:
+    rows = bars_of(TABLES[name], "t.csv", ExchangeOptions(), (None, None)).rows
+    order = np.lexsort([ROWS.target, ROWS.frame])
+    found = np.lexsort([rows.target, rows.frame])
+    if name != "wide":
+        np.testing.assert_array_equal(rows.frame[found], ROWS.frame[order])
+    np.testing.assert_array_equal(rows.target[found], ROWS.target[order])
+    np.testing.assert_allclose(rows.primary[found], ROWS.primary[order], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(rows.secondary[found], ROWS.secondary[order], rtol=0, atol=1e-9)
+
+
+UNKNOWN = per_point("when which who right down", ("left", "right"), "P{}.png")
+
+
+def test_a_person_says_what_the_header_does_not() -> None:
+    with pytest.raises(StereocalError, match=r"which, who, right, down.*--roles"):
+        bars_of(UNKNOWN, "t.csv", ExchangeOptions(), (None, None))
+    options = ExchangeOptions(roles="frame,camera,target,x,y")
+    assert len(bars_of(UNKNOWN, "t.csv", options, (None, None)).rows) == len(ROWS)
+    for roles, says in (
+        ("frame,camera,target,x", "x and one with its y|with x and y"),
+        ("frame,camera,target,x,y,-", "6 columns are named"),
+        ("frame,-,target,x,y", "other camera"),
+        ("frame,camera,-,x,y", "which end"),
+        ("frame,camera,camera,x,y", "Two columns"),
+        ("frame,camera,whom,x,y", "column 3"),
+    ):
+        with pytest.raises(StereocalError, match=says):
+            bars_of(UNKNOWN, "t.csv", ExchangeOptions(roles=roles), (None, None))
+
+
+def test_roles_are_one_text() -> None:
+    roles = propose_roles([["Frame", "left A x", "left A y", "note"]])
+    assert roles_text(roles) == "frame,x:left:A,y:left:A,-"
+    assert parse_roles(roles_text(roles), "") == roles
+
+
+def test_numbers_without_names_are_not_guessed() -> None:
+    """Which of x1 and x2 is of which camera or target is not said."""
+    layout = layout_of(b"frame,x1,y1,x2,y2\n1,2,3,4,5\n2,3,4,5,6\n", "t.csv")
+    assert layout.points == ("1", "2") and len(layout.cameras) == 1
+
+
+def test_points_of_one_camera_keep_their_names() -> None:
+    content = TABLES["long"]
+    layout = layout_of(content, "t.csv")
+    for camera, side in zip(("left", "right"), SIDES, strict=True):
+        answers = first_answers(layout, ("left", "right").index(camera))
+        assert answers.camera == camera
+        table = read_points(content, answered(layout, answers, content, "t.csv"), camera)
+        assert table["point"].tolist() == TARGET.tolist()
+        np.testing.assert_allclose(table[["u", "v"]].to_numpy(), side, rtol=0, atol=1e-9)
+
+
+def test_a_point_twice_is_named() -> None:
+    again = TABLES["long"] + TABLES["long"].splitlines()[1] + b"\n"
+    with pytest.raises(StereocalError, match=r"t\.csv: frame \d+ has the point A of camera left"):
+        bars_of(again, "t.csv", ExchangeOptions(), (None, None))
+
+
+def test_photographs_of_equal_numbers_are_counted_in_order() -> None:
+    content = TABLES["long"].replace(b"IMG_0001", b"b2/IMG_0001").replace(b"IMG_0002", b"b1/0001")
+    frames = bars_of(content, "t.csv", ExchangeOptions(), (None, None)).rows.frame
+    assert sorted({*frames.tolist()}) == list(range(1, 9))
+
+
+def test_three_cameras() -> None:
+    own = TABLES["long"].decode().splitlines()
+    third = [line.replace(";left;", ";top;") for line in own if ";left;" in line]
+    content = ("\n".join([*own, *third]) + "\n").encode()
+    lenses = {"left.json": PRIMARY, "right.json": SECONDARY, "top.json": PRIMARY}
+    files = {name: write_camera(camera) for name, camera in lenses.items()}
+    found = gather_all({**files, "t.csv": content}, ExchangeOptions(), "rig", {"B": 0.9})
+    assert len(found.recording.cameras) == 3
+    assert len(found.recording.frame) == 3 * len(ROWS)
+
+
+def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, out = tmp_path / "t.csv", tmp_path / "set"
+    table.write_bytes(UNKNOWN)
+    lenses = []
+    for name, camera in (("l.json", PRIMARY), ("r.json", SECONDARY)):
+        (tmp_path / name).write_bytes(write_camera(camera))
+        lenses.append(str(tmp_path / name))
+    given = [str(table), *lenses, "--baseline", "2", "--distance", "0.9", "--out", str(out)]
+    assert main(["import", *given]) == 2
+    assert "--roles -,-,-,-,-: correct that" in capsys.readouterr().err
+    assert main(["import", *given, "--roles", "frame,camera,target,x,y"]) == 0
+    read = read_table((out / "correspondences.csv").read_bytes(), "t").strict("t")
+    assert len(read) == len(ROWS)
