@@ -26,6 +26,7 @@ from stereocal.formats.file_storage import (
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.rig.camera import Camera, LensModel, LensUncertainty
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.dialect import encoding_of
 
 CAMERA_FORMAT = "stereocal-camera/1"
 K_NAMES = ("camera_matrix", "K", "M", "k", "mtx", "intrinsic_matrix")
@@ -224,6 +225,7 @@ def read_camera(
     """
     refuse_other_camera(content, source)
     file, start = ForeignFile(source, content), content.removeprefix(BOM_UTF8).lstrip()
+    start = start if encoding_of(content) == "utf-8-sig" else file.text.lstrip().encode()
     if start and not BEGINS.match(start):
         raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
     storage = file.storage

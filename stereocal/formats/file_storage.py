@@ -12,6 +12,7 @@ import yaml
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.rig.compiled import FloatArray
+from stereocal.system.dialect import encoding_of
 from stereocal.system.json_text import DEEPEST, read_json
 
 LARGEST_BYTES = 4_000_000
@@ -54,7 +55,7 @@ class ForeignFile:
                 f"{len(self.content)} bytes are too many for a parameter file.", self.name
             )
         try:
-            return self.content.decode("utf-8-sig")
+            return self.content.decode(encoding_of(self.content))
         except UnicodeDecodeError as error:
             raise StereocalError("this is not a text file (UTF-8).", self.name) from error
 

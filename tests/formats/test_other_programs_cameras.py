@@ -192,6 +192,8 @@ class TestRosFiles:
         assert focal(found) == [PRIMARY.K[0, 0], SECONDARY.K[0, 0]]
         windows = {name: content.replace(b"\n", b"\r\n") for name, content in files.items()}
         assert gather(windows, ExchangeOptions(lens_model="brown")).baseline_m == found.baseline_m
+        wide = files[f"l.{suffix}"].decode().encode("utf-16")  # of PowerShell
+        assert read_camera(wide, "l", "brown").K[0, 0] == PRIMARY.K[0, 0]
         two = {"both.yaml": b"---\n".join(files.values())}
         with pytest.raises(StereocalError, match="different YAML documents"):
             gather(two, ExchangeOptions())
