@@ -84,8 +84,7 @@ def check_inputs(dataset: Dataset, late: bool = False) -> list[str]:
     suspected = suspects(dataset)
     if not suspected:
         return []
-    dataset = _fewer_frames(dataset)
-    nominal = noise_of(dataset)
+    nominal = noise_of(_fewer_frames(dataset))
     if nominal < fitting_px(dataset) and not _named(nominal, _by_noise(suspected), POSSIBLE_GAIN):
         return []
     found = _every_reading(dataset, late)
@@ -108,8 +107,7 @@ def find_wrong_input(dataset: Dataset, late: bool = False) -> str:
     """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
-    dataset = _fewer_frames(dataset)
-    nominal = noise_of(dataset)
+    nominal = noise_of(_fewer_frames(dataset))
     return _message(nominal, _every_reading(dataset, late), CERTAIN_GAIN)
 
 
@@ -140,6 +138,7 @@ def _every_reading(dataset: Dataset, late: bool) -> list[Judged]:
     """All readings, the best first: those of estimated values must leave less noise than others."""
     found = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
     if not late:
+        dataset = _fewer_frames(dataset)
         found += _by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
     return sorted(found, key=lambda it: it.rank)
 
@@ -148,7 +147,7 @@ def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged
     found = []
     for reading in readings:
         with suppress(StereocalError):
-            data = reading.corrected()
+            data = _fewer_frames(reading.corrected())  # an order is that of all frames
             noise = noise_of(data) if _is_near(data) else float("inf")
             fits = handicap * noise < fitting_px(data)
             found.append(Judged(reading, noise, fits, handicap * noise))

@@ -143,6 +143,12 @@ def test_no_sound_set_is_accused(kind: str) -> None:
         assert accusations_of(sound(kind, number)[1]) == ()
 
 
+def test_an_order_of_words_is_that_of_all_frames() -> None:
+    """Of 120, where 60 are enough to judge a reading."""
+    mistake = replace(MISTAKES["frames in the order of words"], frames=120)
+    assert "order of words" in accusations_of(mistake.data(1))[0]
+
+
 def test_large_noise_accuses_nobody() -> None:
     """1 px, with which the 95 % length error of wide lenses is 5 % and more."""
     for number in range(4):
