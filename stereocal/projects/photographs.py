@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -10,18 +10,27 @@ from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import Table, write_table
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Pair
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
+from stereocal.projects.pair_rows import (
+    Decided,
+    PairRow,
+    check_rows,
+    dated,
+    renamed,
+    rows_of,
+    taken_of,
+    with_new,
+)
 from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, plain
-from stereocal.system.taken import Taken, read_taken
+from stereocal.system.taken import Taken
 
 BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
@@ -30,23 +39,6 @@ FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
 Given = tuple[dict[Slot, tuple[str, bytes]], dict[Slot, Camera | Table]]
 """Files by slot: name and content; and what was read from them."""
 _PROPOSED: Latest[Proposal] = Latest(16)
-_TIFF = b"II*\0", b"MM\0*"
-
-
-@dataclass(frozen=True)
-class PairRow:
-    """A pair in the table, and whether to use it."""
-
-    pair: Pair
-    use: bool = True
-
-
-@dataclass(frozen=True)
-class _Decided:
-    """How to pair, as the user decided it, and the pairs as edited since."""
-
-    choice: Choice = field(default_factory=Choice)
-    rows: list[PairRow] | None = None
 
 
 class ProjectPhotographs(ProjectPart):
@@ -62,7 +54,7 @@ class ProjectPhotographs(ProjectPart):
     @property
     def taken(self) -> dict[str, Taken]:
         """What each photograph's file says, in the order given."""
-        return {name: _taken(file) for name, file in self.photographs.items()}
+        return {name: taken_of(file) for name, file in self.photographs.items()}
 
     @property
     def proposal(self) -> Proposal:
@@ -79,7 +71,7 @@ class ProjectPhotographs(ProjectPart):
     def choose(self, choice: Choice) -> None:
         """Pair in another way; edited pairs are replaced, until this is undone."""
         with self.database.transaction():
-            self._decide([*self._decisions, _Decided(choice)])
+            self._decide([*self._decisions, Decided(choice)])
 
     @property
     def can_undo_choice(self) -> bool:
@@ -91,18 +83,18 @@ class ProjectPhotographs(ProjectPart):
             self._decide(self._decisions[:-1])
 
     @property
-    def _decisions(self) -> list[_Decided]:
+    def _decisions(self) -> list[Decided]:
         """All in turn, the present one last, with the pairs as edited."""
         try:
-            before = of_plain(self._value("pairing", []), list[_Decided]) or [_Decided()]
-            return [*before[:-1], replace(before[-1], rows=_rows(self._edited))]
+            before = of_plain(self._value("pairing", []), list[Decided]) or [Decided()]
+            return [*before[:-1], replace(before[-1], rows=rows_of(self._edited))]
         except DAMAGED as error:
             raise DamagedError(
                 "The table of pairs is damaged: remove all photographs, and give them again."
             ) from error
 
-    def _decide(self, decisions: Sequence[_Decided]) -> None:
-        last = decisions[-1] if decisions else _Decided()
+    def _decide(self, decisions: Sequence[Decided]) -> None:
+        last = decisions[-1] if decisions else Decided()
         self.database.keep_values(BAR, {"pairing": plain(decisions), "pairs": plain(last.rows)})
 
     @property
@@ -120,7 +112,7 @@ class ProjectPhotographs(ProjectPart):
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Store the edited pairs; None returns to the proposal."""
         with self.database.transaction():
-            _check_rows(rows or (), self.photographs)
+            check_rows(rows or (), self.photographs)
             self.database.keep_values(BAR, {"pairs": plain(rows)})
 
     def add(self, found: Mapping[str, StoredFile]) -> None:
@@ -131,9 +123,9 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             before = self.photographs
-            self.database.name_files(BAR, _dated(found))
+            self.database.name_files(BAR, dated(found))
             if self._edited is not None:
-                self.keep_rows(_with_new(self.rows, self.taken))
+                self.keep_rows(with_new(self.rows, self.taken))
             replaced = {name for name in found if before.get(name, found[name]) != found[name]}
             frames = self.frames or []
             left = [frame for frame in frames if not replaced.intersection(frame.files)]
@@ -149,12 +141,12 @@ class ProjectPhotographs(ProjectPart):
             moved = {new: files[old] for old, new in names.items() if old in files}
             self.database.name_files(BAR, moved)
             self.database.forget_files(BAR, [old for old in names if old not in moved])
-            self._decide([_renamed(one, names) for one in self._decisions])
+            self._decide([renamed(one, names) for one in self._decisions])
 
     def clear(self, found: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
         """Delete all photographs but `found`, and the targets found in them."""
         with self.database.freeing() as db:
-            self.database.replace_files(BAR, _dated(found))
+            self.database.replace_files(BAR, dated(found))
             self.database.keep_values(BAR, {"pairs": None, "pairing": [], "found_by": ""})
             self.database.keep_result("frames", None)
             if not self.database.scope:  # others have no edits
@@ -316,73 +308,3 @@ class ProjectPhotographs(ProjectPart):
 def _table(rows: Correspondences, label: str) -> Given:
     """A table of points as a file, and as it is."""
     return {"correspondences": (label, write_table(rows))}, {"correspondences": Table(rows, [])}
-
-
-def _rows(edited: Any) -> list[PairRow] | None:
-    return None if edited is None else of_plain(edited, list[PairRow])
-
-
-def _taken(file: StoredFile) -> Taken:
-    """What was stored with a photograph's name; earlier versions stored its name only."""
-    with suppress(*DAMAGED):
-        return of_plain(file.about, Taken) if isinstance(file.about, dict) else Taken()
-    return Taken()
-
-
-def _dated(found: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
-    """Photographs with what their files say, to be stored with their names."""
-    return {
-        name: file
-        if isinstance(file.about, dict)
-        else replace(file, about=plain(read_taken(_head(file), name)))
-        for name, file in found.items()
-    }
-
-
-def _head(file: StoredFile) -> bytes:
-    """A photograph as far as its header goes: a TIFF may have it at the end."""
-    with suppress(StereocalError):  # reported where the photograph is used
-        head = next(file.pieces(), b"")
-        return file.read_bytes() if head[:4] in _TIFF else head
-    return b""
-
-
-def _renamed(decided: _Decided, names: Mapping[str, str]) -> _Decided:
-    def new(name: str) -> str:
-        return names.get(name, name)
-
-    def row_of(row: PairRow) -> PairRow:
-        pair = replace(row.pair, primary=new(row.pair.primary), secondary=new(row.pair.secondary))
-        return replace(row, pair=pair)
-
-    without = tuple(map(new, decided.choice.without))
-    rows = None if decided.rows is None else [row_of(row) for row in decided.rows]
-    return replace(decided, choice=replace(decided.choice, without=without), rows=rows)
-
-
-def _check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
-    frames, taken = set[int](), set[str]()
-    for pair in (row.pair for row in rows):
-        if pair.frame in frames:
-            raise StereocalError(f"Frame {pair.frame} is in two rows: give each its own number.")
-        frames.add(pair.frame)
-        for name in (pair.primary, pair.secondary):
-            if name not in names:
-                raise StereocalError(f"Frame {pair.frame}: choose a photograph of either camera.")
-            if name in taken:
-                raise StereocalError(
-                    f"Frame {pair.frame}: {name} belongs to another frame or camera already."
-                )
-            taken.add(name)
-
-
-def _with_new(kept: Sequence[PairRow], photographs: Mapping[str, Taken]) -> list[PairRow]:
-    """The given rows, and the proposed pairs of all other photographs."""
-    taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
-    rows, frames = list(kept), {row.pair.frame for row in kept}
-    new = {name: one for name, one in photographs.items() if name not in taken}
-    for pair in propose(new).pairing.pairs:
-        number = pair.frame if pair.frame not in frames else max(frames) + 1
-        frames.add(number)
-        rows.append(PairRow(replace(pair, frame=number)))
-    return rows

@@ -6,7 +6,8 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.frames.pairing import Pair
-from stereocal.projects.photographs import PairRow, ProjectPhotographs
+from stereocal.projects.pair_rows import PairRow
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.ui import jobs
 from stereocal.ui.messages import ErrorsShown, callback
 

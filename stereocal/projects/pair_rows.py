@@ -1,0 +1,105 @@
+"""The pairs of a project's photographs as they are stored: decisions, rows, what the files say."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.frames.pairing import Pair
+from stereocal.frames.proposal import Choice, propose
+from stereocal.projects.files import StoredFile
+from stereocal.system.records import of_plain, plain
+from stereocal.system.taken import Taken, read_taken
+
+_TIFF = b"II*\0", b"MM\0*"
+
+
+@dataclass(frozen=True)
+class PairRow:
+    """A pair in the table, and whether to use it."""
+
+    pair: Pair
+    use: bool = True
+
+
+@dataclass(frozen=True)
+class Decided:
+    """How to pair, as the user decided it, and the pairs as edited since."""
+
+    choice: Choice = field(default_factory=Choice)
+    rows: list[PairRow] | None = None
+
+
+def rows_of(edited: Any) -> list[PairRow] | None:
+    """The edited pairs as stored; None if nobody has edited them."""
+    return None if edited is None else of_plain(edited, list[PairRow])
+
+
+def taken_of(file: StoredFile) -> Taken:
+    """What was stored with a photograph's name; earlier versions stored its name only."""
+    with suppress(*DAMAGED):
+        return of_plain(file.about, Taken) if isinstance(file.about, dict) else Taken()
+    return Taken()
+
+
+def dated(found: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
+    """Photographs with what their files say, to be stored with their names."""
+    return {
+        name: file
+        if isinstance(file.about, dict)
+        else replace(file, about=plain(read_taken(_head(file), name)))
+        for name, file in found.items()
+    }
+
+
+def _head(file: StoredFile) -> bytes:
+    """A photograph as far as its header goes: a TIFF may have it at the end."""
+    with suppress(StereocalError):  # reported where the photograph is used
+        head = next(file.pieces(), b"")
+        return file.read_bytes() if head[:4] in _TIFF else head
+    return b""
+
+
+def renamed(decided: Decided, names: Mapping[str, str]) -> Decided:
+    """The decision on photographs that have other names now, by their old ones."""
+
+    def new(name: str) -> str:
+        return names.get(name, name)
+
+    def row_of(row: PairRow) -> PairRow:
+        pair = replace(row.pair, primary=new(row.pair.primary), secondary=new(row.pair.secondary))
+        return replace(row, pair=pair)
+
+    without = tuple(map(new, decided.choice.without))
+    rows = None if decided.rows is None else [row_of(row) for row in decided.rows]
+    return replace(decided, choice=replace(decided.choice, without=without), rows=rows)
+
+
+def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
+    """Raise a StereocalError unless every photograph is there, and in one frame only."""
+    frames, taken = set[int](), set[str]()
+    for pair in (row.pair for row in rows):
+        if pair.frame in frames:
+            raise StereocalError(f"Frame {pair.frame} is in two rows: give each its own number.")
+        frames.add(pair.frame)
+        for name in (pair.primary, pair.secondary):
+            if name not in names:
+                raise StereocalError(f"Frame {pair.frame}: choose a photograph of either camera.")
+            if name in taken:
+                raise StereocalError(
+                    f"Frame {pair.frame}: {name} belongs to another frame or camera already."
+                )
+            taken.add(name)
+
+
+def with_new(kept: Sequence[PairRow], photographs: Mapping[str, Taken]) -> list[PairRow]:
+    """The given rows, and the proposed pairs of all other photographs."""
+    taken = {name for row in kept for name in (row.pair.primary, row.pair.secondary)}
+    rows, frames = list(kept), {row.pair.frame for row in kept}
+    new = {name: one for name, one in photographs.items() if name not in taken}
+    for pair in propose(new).pairing.pairs:
+        number = pair.frame if pair.frame not in frames else max(frames) + 1
+        frames.add(number)
+        rows.append(PairRow(replace(pair, frame=number)))
+    return rows
