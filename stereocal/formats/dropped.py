@@ -4,6 +4,7 @@ dropped = sort_files(contents, keep)      # keep(name, content) stores a photogr
 dropped.photographs, dropped.of("camera"), dropped.problems
 """
 
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
@@ -22,6 +23,8 @@ from stereocal.system.zip_files import open_zip
 F = TypeVar("F")
 Contents = Iterable[tuple[str, bytes]]
 """Files, name and content, read one at a time."""
+AGAIN = "other"
+"""Folder of files whose names have been given already, with other contents."""
 CAMERA_KINDS: tuple[Kind, ...] = ("camera", "cameras", "rig")
 
 
@@ -69,8 +72,12 @@ def sort_files(
         keep: stores a photograph, of which one at a time is in memory.
         tables: endings of further files that are tables.
     """
-    found = Dropped[F]()
+    found, digests = Dropped[F](), dict[str, bytes]()
     for name, content in contents:
+        digest = hashlib.sha256(content).digest()
+        if digests.setdefault(name, digest) != digest:
+            # Of the other camera, whose files have the same names.
+            name = f"{AGAIN}/{name}"
         found.source = "the files" if found.source else name
         if tables and name.lower().endswith(tables):
             found.kinds[name], found.files[name] = "table", content

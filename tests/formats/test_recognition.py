@@ -10,6 +10,7 @@ from PIL import Image
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.recognition import recognise
+from stereocal.frames.which_camera import which_camera
 from stereocal.system.photograph import read_photograph
 from tests.lens import SMALL, png
 from tests.pages.test_pages import FIELD, zipped
@@ -112,6 +113,18 @@ def test_photographs_as_cameras_and_programs_write_them() -> None:
     for name, content in given.photographs.items():
         read = read_photograph(content, name)
         assert np.array_equal(read // (256 if read.dtype == np.uint16 else 1), image)
+
+
+def test_files_of_both_cameras_with_the_same_names() -> None:
+    """As an uploader gives those of two folders; a file that is given twice is one file."""
+    one, other = (encoded(GREY + k, ".png") for k in (0, 1))
+    files = [("IMG_1.png", one), ("lens.json", b"{}"), ("IMG_1.png", other), ("IMG_1.png", one)]
+    found = sort_files(files, lambda _, content: content)
+    assert found.photographs == {"IMG_1.png": one, "other/IMG_1.png": other}
+    assert [series.names for series in which_camera(found.photographs).open] == [
+        ("IMG_1.png",),
+        ("other/IMG_1.png",),
+    ]
 
 
 def test_a_photograph_of_another_size_is_named_with_what_to_do() -> None:
