@@ -82,7 +82,10 @@ def describe_matches(pairs: pd.DataFrame, seen: Mapping[str, FloatArray], frame:
     if "views" in pairs:
         what = "point"
     alone = listed(
-        [f"{left[side]} of {len(seen[side])} points of {camera_in_words(side)}" for side in seen]
+        [
+            f"{left[side]} of {count(len(points), 'point')} of {camera_in_words(side)}"
+            for side, points in seen.items()
+        ]
     )
     text = (
         f"Frame {frame}: {count(len(pairs), what)}, {int(pairs['ambiguous'].sum())} of them "

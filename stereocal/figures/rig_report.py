@@ -9,7 +9,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.html import html_list, html_page, html_plot, html_table, paragraphs
-from stereocal.figures.space import outline_of, set_scene
+from stereocal.figures.space import above_or_below, outline_of, set_scene
 from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add, blank, line_of
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile
@@ -64,8 +64,8 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
             showlegend=False,
         )
     marker, text = {"size": 16, "color": METHOD_COLOURS["2d"]}, {"text": names, "textfont_size": 15}
-    style = {"textposition": "top center", "cliponaxis": False, "showlegend": False}
-    add(figure, centres, "camera %{text}", marker=marker, **text, **style)
+    style = {"textposition": _name_sides(centres[:, 1]), "cliponaxis": False}
+    add(figure, centres, "camera %{text}", marker=marker, **text, **style, showlegend=False)
     figure.update_layout(margin={"t": 40})
     figure.update_xaxes(title_text=f"x of camera {rig.names[0]}, m")
     figure.update_yaxes(title_text="depth z, m", scaleanchor="x", zerolinecolor=FAINT)
@@ -88,10 +88,14 @@ def plot_cameras(rig: RigFile) -> go.Figure:
         line = line_of(METHOD_COLOURS["2d"], 4)
         add(figure, outline, f"camera {name}", line=line, showlegend=False)
     marker = {"size": 4, "color": METHOD_COLOURS["2d"]}
-    named = {"text": list(rig.poses), "showlegend": False}
-    add(figure, centres, "camera %{text}", marker=marker, **named)
+    names = {"text": list(rig.poses), "textposition": _name_sides(-centres[:, 1])}
+    add(figure, centres, "camera %{text}", marker=marker, **names, showlegend=False)
     set_scene(figure)
     return figure
+
+
+def _name_sides(up: FloatArray) -> list[str]:
+    return [f"{over} center" for over in above_or_below(up)]
 
 
 def _centres(rig: RigFile) -> FloatArray:

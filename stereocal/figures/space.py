@@ -1,7 +1,6 @@
 """Common parts of 3D figures: upright axes of equal scale, viewpoints, and the cameras."""
 
 from dataclasses import dataclass, field
-from itertools import cycle
 
 import numpy as np
 import numpy.typing as npt
@@ -133,14 +132,14 @@ def add_cameras(
 ) -> None:
     """Draw all frusta in proportion to a depth in metres, with optical centres, which have their
     names if they are in view, and the baseline of two cameras."""
-    # Names above and below in turn, each inwards: apart with a short baseline, and not cut.
+    drawn = frusta(rig, depth, scene)
+    centres = np.array([path[0] for _, _, path in drawn])
+    # Each name inwards, so that none is cut; above or below, so that they are apart with a short
+    # baseline, and not on what is between the cameras.
     across = np.array([own.pose.inverse().T[0] for own in rig.placed.values()])
     inwards = np.where(across < across.mean(), "right", "left")
-    centres = []
-    for (name, camera, path), over, side in zip(
-        frusta(rig, depth, scene), cycle(("top", "bottom")), inwards, strict=False
-    ):
-        centres.append(path[0])
+    overs = above_or_below(-centres[:, 1])
+    for (name, camera, path), over, side in zip(drawn, overs, inwards, strict=True):
         add(figure, path, line=line_of(width=4), showlegend=False, name=f"{name} camera")
         width, height = camera.image_size
         add(
@@ -157,7 +156,13 @@ def add_cameras(
     if len(centres) == len(CAMERAS):
         baseline = f"{float(np.linalg.norm(centres[1] - centres[0])):.3f} m"
         line, name = line_of(width=3, dash="dash"), f"Baseline {baseline}"
-        add(figure, np.array(centres), f"baseline {baseline}", line=line, name=name)
+        add(figure, centres, f"baseline {baseline}", line=line, name=name)
+
+
+def above_or_below(up: FloatArray) -> list[str]:
+    """Where the names of things at heights (n,) stand: above the upper half, below the others."""
+    ranks = np.argsort(np.argsort(-up, kind="stable"))
+    return ["top" if 2 * rank < len(up) else "bottom" for rank in ranks]
 
 
 def frusta(

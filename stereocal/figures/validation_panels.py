@@ -104,7 +104,8 @@ class Panel:
         if self.figure:
             name, value, among = self.figure
             mark = f" · <b>{self.standing}</b>" if self.standing else ""
-            line = f"{name} <b>{value}</b> {among}{mark}"
+            of = f"overlap, {name}" if found else name  # not of the pairs accepted
+            line = f"{of} <b>{value}</b> {among}{mark}"
             counted = f"95 % within {percent(lengths.p95)} %, {counted}"
         if found:
             counted = f"n = {found.correct.n} correct, {found.wrong.n} wrong"

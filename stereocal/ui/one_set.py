@@ -12,7 +12,6 @@ from stereocal.figures import accuracy, lens, one_set, tables
 from stereocal.projects.application import USES
 from stereocal.projects.project import Project
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
@@ -31,7 +30,7 @@ from stereocal.ui.press import offer_again
 from stereocal.ui.results import show_recommendation
 from stereocal.ui.screening import is_long
 from stereocal.ui.texts import ONE_SET, escape_markdown
-from stereocal.verdict.in_words import digits, left_out_line, percent
+from stereocal.verdict.in_words import digits, percent
 from stereocal.verdict.tradeoff import costs_of
 from stereocal.workflow import Answer, conclusions_of_seeds
 
@@ -71,7 +70,7 @@ def show_page() -> None:
     _show_download(project, answer, calibration is not None)
     st.header("What disagrees", divider="gray")
     _show_disagreement(answer.inputs)
-    _show_frames_left_out(screening, result)
+    _show_frames_left_out(result, bool(screening.left_out))
     views = {
         "Matching against measuring": lambda: _show_trade_off(project, answer, result, settings),
         "How accurate, where": lambda: _show_accuracy(project, result, kept, settings),
@@ -139,15 +138,13 @@ def _wait_for_seeds(tried: Future[str]) -> None:
     st.caption("Trying other seeds of the search.")
 
 
-def _show_frames_left_out(screening: Screening, result: RefinedResult) -> None:
+def _show_frames_left_out(result: RefinedResult, others: bool) -> None:
+    """The frames that only the refined set left out; the recommendation names the `others`."""
     left_out = result.outlying_frames
-    if screening.left_out:
-        st.warning(escape_markdown(left_out_line(screening)))
-    elif not left_out:
-        st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
     if not left_out:
+        if not others:
+            st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
         return
-    # Those that only the refined set left out.
     named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
     more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
     st.warning(

@@ -73,6 +73,8 @@ def test_matches_of_a_frame() -> None:
     np.testing.assert_array_equal(left.marker.color, right.marker.color)
     said = describe_matches(of_frame, dict(zip(CAMERAS, (first, second), strict=True)), 1)
     assert "1 of 3 points of the primary" in said
+    one = {side: seen[:1] for side, seen in zip(CAMERAS, (first, second), strict=True)}
+    assert "of 1 point of the primary" in describe_matches(of_frame[:0], one, 1)
     for figure in figures:
         assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
         assert not figure.layout.images
@@ -133,6 +135,10 @@ def test_tracks_are_one_trace_with_gaps_and_the_frame_is_marked() -> None:
 
 def test_cameras_near_their_points_are_in_view_with_their_names_and_far_ones_have_none() -> None:
     figure = plot_points(POINTS, "frame", SET)
+    named = traces(figure, "optical centre")
+    # The higher one's name is above it, the other's below it: neither is on what is between them.
+    high_first = sorted(named, key=lambda trace: -trace.z[0])
+    assert [trace.textposition.split()[0] for trace in high_first] == ["top", "bottom"]
     for camera in CAMERAS:
         (centre,) = traces(figure, f"optical centre, {camera}")
         assert centre.text[0] == camera

@@ -94,7 +94,8 @@ def test_every_panel_shows_its_pdfs_and_says_fcp_interval_and_counts(summaries: 
         assert_shows(errors, summary.reconstruction.pdf, 100.0)  # in %
         assert errors.line.color == METHOD_COLOURS[method]
         fcp, n = summary.reprojection.fcp, summary.reprojection
-        wanted = f"<b>{percent(fcp.value)} %</b> ({percent(fcp.low)} to {percent(fcp.high)})"
+        interval = f"({percent(fcp.low)} to {percent(fcp.high)})"
+        wanted = f"overlap, FCP <b>{percent(fcp.value)} %</b> {interval}"
         counts = f"n = {n.correct.n} correct, {n.wrong.n} wrong"
         assert any(wanted in text and counts in text for text in said)
         median = f"median <b>{percent(summary.reconstruction.median.value)} %</b>"
