@@ -15,7 +15,7 @@ from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import digits, rounded
 from stereocal.version import __version__
 
 HEIGHT = 420
@@ -144,6 +144,6 @@ def camera_table(rig: RigFile) -> pd.DataFrame:
             "rotation ±, °": ", ".join(map(rounded, turn)),
             "position ±, mm": ", ".join(map(rounded, shift)),
             "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
-            "image error, px": "unknown" if errors.get(name) is None else rounded(errors[name]),
+            "image error, px": "unknown" if errors.get(name) is None else digits(errors[name], 2),
         }
     return pd.DataFrame(rows).T.rename_axis("camera")

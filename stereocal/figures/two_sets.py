@@ -209,6 +209,8 @@ def plot_image(
         x = {"domain": across, "anchor": f"y{number}", "range": [left, right]}
         y = {"domain": down, "anchor": f"x{number}", "range": [bottom, top]}
         layout[f"xaxis{number}"] = style.axis_of(title, **common, **x)
+        if at:  # no labels of ticks hold it off the frame
+            layout[f"xaxis{number}"]["title"]["standoff"] = 16
         layout[f"yaxis{number}"] = style.axis_of(**common, **y, scaleanchor=f"x{number}")
     return go.Figure(traces, layout)
 

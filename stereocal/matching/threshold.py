@@ -111,8 +111,8 @@ class ThresholdChoice:
         if self.shares is None:
             return f"{text}."
         return (
-            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; at most "
-            f"about {_percent(self.shares.wrong)} of the pairs found will be wrong."
+            f"{text}: {_percent(1 - self.shares.lost)} of correct pairs are below it; "
+            f"{_percent(self.shares.wrong, 'at most about ')} of the pairs found will be wrong."
         )
 
     def _about_noise(self) -> str:
@@ -128,10 +128,16 @@ class ThresholdChoice:
         )
 
 
-def _percent(share: float) -> str:
-    """With a digit more near 0 and 100."""
+def _percent(share: float, bound: str = "") -> str:
+    """With a digit more near 0 and 100, which are never reached."""
     percent = 100 * share
-    return f"{percent:.1f} %" if percent < 9.95 or percent > 90 else f"{percent:.0f} %"
+    if percent < 0.05:
+        return "less than 0.1 %"
+    if percent > 99.95:
+        return "more than 99.9 %"
+    return (
+        f"{bound}{percent:.1f} %" if percent < 9.95 or percent > 90 else f"{bound}{percent:.0f} %"
+    )
 
 
 def sample_of(frames: Sequence[int] | IntArray, points_per_frame: float) -> set[int]:

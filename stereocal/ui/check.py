@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 import streamlit as st
@@ -162,10 +163,13 @@ def show_check(chosen: Chosen) -> None:
 
         with st.container(horizontal=True):
             use = callback(partial(_use, chosen.project, repaired))
-            label = "Use the repaired parameters"
-            st.button(label, type="primary", key="use_repaired", on_click=use)
+            label, used = "Use the repaired parameters", _are_in_use(chosen.project)
+            kind: Literal["primary", "secondary"] = "secondary" if used else "primary"
+            st.button(label, type=kind, key="use_repaired", on_click=use)
             offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired")
-        st.caption(_in_use(chosen.project))
+        apply = "In use: Apply matches and measures with the repaired parameters."
+        until = "To match and to measure on the page Apply, until the rig is calibrated again."
+        st.caption(apply if used else until)
     for note in notes(found):
         st.caption(escape_markdown(note))
 
@@ -178,13 +182,10 @@ def _use(project: Project, repaired: Callable[[], str]) -> None:
     Source(project, APPLY_SETS).use_files()
 
 
-def _in_use(project: Project) -> str:
+def _are_in_use(project: Project) -> bool:
     given = [ProjectApplication(project).set_of(use) for use in USES]
-    if not Source(project, APPLY_SETS).is_project and {each and each[0] for each in given} == {
-        REPAIRED
-    }:
-        return "In use: Apply matches and measures with the repaired parameters."
-    return "To match and to measure on the page Apply, until the rig is calibrated again."
+    files = not Source(project, APPLY_SETS).is_project
+    return files and {each and each[0] for each in given} == {REPAIRED}
 
 
 @st.cache_resource(

@@ -86,6 +86,9 @@ def test_a_threshold_says_what_it_is_for() -> None:
     of_file = f"in its file {OF_FILE_PX} px"
     assert f"px, chosen for 1 point a frame and the refined set ({of_file}, " in few.sentence()
     assert f"px, chosen for 8 points a frame and the refined set ({of_file}, " in many.sentence()
+    assert few.shares is not None
+    certain = replace(few, shares=replace(few.shares, lost=1e-5, wrong=1e-5)).sentence()
+    assert "100" not in certain and "0.0 %" not in certain
     stated = choose_threshold(FILE, by_points[8], threshold_px=1.0)
     assert stated.threshold_px == 1.0 and "chosen for" not in stated.sentence()
 

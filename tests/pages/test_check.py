@@ -102,7 +102,9 @@ def test_the_repaired_parameters_are_used_by_one_press(
 ) -> None:
     give(begun, "parameters", ("p.json", files.parameters))
     give(begun, "images", ("moved.zip", files.moved))
+    assert begun.button(key="use_repaired").proto.type == "primary"
     begun.button(key="use_repaired").click().run()
+    assert begun.button(key="use_repaired").proto.type == "secondary"  # nothing is left to press
     assert "In use: Apply matches and measures with the repaired" in told(begun, "caption")
     store = ProjectApplication(project_of(begun, home))
     old = RigParameters.loads(files.parameters, "p.json")
