@@ -201,7 +201,7 @@ def plot_image(
         if photograph is not None:
             layout["images"] += style.photograph_behind(photograph, box, number)
         axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
-        traces += [{**axes, **trace} for trace in _lines(view, camera, 2 if at == 0 else 3)]
+        traces += [{**axes, **trace} for trace in _lines(view, camera, is_whole=at == 0)]
         title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
         left, top, right, bottom = box
         common = {"showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True}
@@ -215,10 +215,11 @@ def plot_image(
     return go.Figure(traces, layout)
 
 
-def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
-    """The targets of an image with their epipolar lines."""
+def _lines(view: FrameView, camera: int, is_whole: bool) -> list[dict[str, Any]]:
+    """The targets of an image with their epipolar lines; in the whole image, those at its edge and
+    their letters are not cut."""
     found: list[dict[str, Any]] = []
-    line = style.line_of(style.METHOD_COLOURS[view.method], width)
+    line = style.line_of(style.METHOD_COLOURS[view.method], 2 if is_whole else 3)
     for target, letter in enumerate(view.letters):
         name = f"epipolar line of {letter}"
         found.append(style.scatter(view.line(camera, target), "name", line=line, name=name))
@@ -235,7 +236,7 @@ def _lines(view: FrameView, camera: int, width: int) -> list[dict[str, Any]]:
         )
         text = {"text": [letter], "textposition": "top right", "textfont": {"size": 16}}
         at = view.pixels[camera][[target]]
-        found.append(style.scatter(at, hover, marker=marker, **text))
+        found.append(style.scatter(at, hover, marker=marker, cliponaxis=not is_whole, **text))
     return found
 
 

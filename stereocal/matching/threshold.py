@@ -135,9 +135,8 @@ def _percent(share: float, bound: str = "") -> str:
         return "less than 0.1 %"
     if percent > 99.95:
         return "more than 99.9 %"
-    return (
-        f"{bound}{percent:.1f} %" if percent < 9.95 or percent > 90 else f"{bound}{percent:.0f} %"
-    )
+    decimals = 1 if percent < 9.95 or percent > 90 else 0
+    return f"{bound}{percent:.{decimals}f} %"
 
 
 def sample_of(frames: Sequence[int] | IntArray, points_per_frame: float) -> set[int]:
