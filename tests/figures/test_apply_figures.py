@@ -73,7 +73,7 @@ def test_matches_of_a_frame() -> None:
     np.testing.assert_array_equal(left.marker.color, right.marker.color)
     said = describe_matches(of_frame, dict(zip(CAMERAS, (first, second), strict=True)), 1)
     assert "1 of 3 points of the primary" in said
-    one = {side: seen[:1] for side, seen in zip(CAMERAS, (first, second), strict=True)}
+    one = {str(side): seen[:1] for side, seen in zip(CAMERAS, (first, second), strict=True)}
     assert "of 1 point of the primary" in describe_matches(of_frame[:0], one, 1)
     for figure in figures:
         assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]  # v downwards
