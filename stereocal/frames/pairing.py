@@ -213,9 +213,10 @@ def _read(names: Sequence[str], reading: Reading) -> _Read:
 
 def _sentence(best: _Read, others: Sequence[_Read]) -> str:
     first, second = best.reading.words
+    marks = f': "{first}" marks the primary camera\'s photographs, "{second}" the secondary\'s'
+    plain = best.reading.words == CAMERAS  # the project's own folders too
     sentences = [
-        f'{counted(len(best.pairs))} by name: "{first}" marks the primary camera\'s photographs, '
-        f'"{second}" the secondary\'s.',
+        f"{counted(len(best.pairs))} by name{'' if plain else marks}.",
         *missing(best.alone),
     ]
     if best.rivals:

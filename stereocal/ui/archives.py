@@ -35,7 +35,7 @@ def ask_about_archive(project: Project) -> None:
         known = project.inputs.baseline_m is not None
         names = read_once(_cameras_in, content, label)
         cameras = _cameras(project, names) if len(names) > 2 else None
-        with st.expander("Say what the file does not, or has wrong"):
+        with st.expander("Correct or complete what the file says"):
             asked, (left, right) = Questions(project, "archive_{}"), st.columns(2)
             unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
             size = ask_size(project, "archive", "")

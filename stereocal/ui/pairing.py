@@ -148,7 +148,7 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
     items = [*pairs, *alone] if proposal.way == "order" else [*alone, *pairs]
     if not items:
         return
-    usual = NONE if store.frames is not None else ALL if proposal.pairing.ambiguous else FEW
+    usual = NONE if store.frames is not None else FEW
     shown = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
     how = shown.value()
     show = partial(_show_item, store, proposal.way == "order")
@@ -198,12 +198,13 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None
     if ask:
         choice = store.choice
         both = (item.primary, item.secondary)
-        for name, shown, column in zip(both, short, st.columns(2), strict=True):
-            without = replace(choice, without=(*choice.without, name))
-            column.button(
-                "No partner",
-                help=f"{shown} has no partner: leave it out. Those after it move up by one.",
-                on_click=callback(partial(_take, store, without)),
-                key=f"pair_without_{name}",
-                type="tertiary",
-            )
+        with st.container(horizontal=True):
+            for name, shown in zip(both, short, strict=True):
+                without = replace(choice, without=(*choice.without, name))
+                st.button(
+                    f"Leave {shown} out",
+                    help=f"{shown} has no partner: those after it move up by one.",
+                    on_click=callback(partial(_take, store, without)),
+                    key=f"pair_without_{name}",
+                    type="tertiary",
+                )

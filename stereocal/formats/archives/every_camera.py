@@ -118,8 +118,8 @@ def _of_bars(
     parse_recording(pack_recording(recording), name or "Data set")  # refuses what cannot be used
     if unseen := [each for k, each in enumerate(recording.cameras) if k not in camera_of_row]:
         raise StereocalError(
-            f"Camera {unseen[0]} sees no end of the bar that another camera sees: choose two with "
-            "--cameras."
+            f"Camera {unseen[0]} sees no end of the bar that another camera sees: use two of the "
+            "others only."
         )
     apart = (pair for pair in recording.pairs if not len(recording.common_frames(*pair)))
     remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
