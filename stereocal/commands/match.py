@@ -70,9 +70,9 @@ OPTIONS: Options = {
     "--depth NEAR FAR": "only pairs at this depth in front of the primary camera, in metres",
     "--names COLUMN": {
         "type": str,
-        "help": "the column of both tables that names their points (several: with commas); only "
-        'points of one name are a pair. "auto" (default): point, bodypart, node, track and the '
-        'like, if the images agree; "none": names are not used',
+        "help": "the column of all tables that names their points (several: with commas); only "
+        'points of one name belong together. "auto" (default): point, bodypart, node, track and '
+        'the like, if the images agree; "none": names are not used',
     },
     "--unmatched FILE": "write the points without a partner here",
     **WORKERS,
@@ -136,7 +136,7 @@ def run(parsed: argparse.Namespace) -> None:
 
 def _run_rig(parsed: argparse.Namespace) -> None:
     """The same of all cameras of a rig."""
-    options = ("threshold", "depth", "names", "layout", "unmatched", "workers", "scheduler")
+    options = ("threshold", "depth", "layout", "unmatched", "workers", "scheduler")
     refuse_given(parsed, WITH_RIG, *options, *WITH_LAYOUT)
     tables: dict[str, PointTable] = {}
     for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
@@ -145,7 +145,7 @@ def _run_rig(parsed: argparse.Namespace) -> None:
             raise StereocalError(f"{text}: give each camera's points once, as NAME=FILE.")
         tables[name] = PointTable(Path(file), POINT)
     about = RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px
-    found = with_bar("frames", partial(match_rig, *about))
+    found = with_bar("frames", partial(match_rig, *about, names=parsed.names or AUTO))
     report(*found.sentences(), notes=found.notes, written=[parsed.out])
 
 

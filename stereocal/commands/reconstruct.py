@@ -19,7 +19,7 @@ from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.reconstruction_files import reconstruct_table
-from stereocal.matching.several_files import reconstruct_rig
+from stereocal.matching.several_reconstruction import reconstruct_rig
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 

@@ -20,6 +20,7 @@ from stereocal.matching.names import (
     WITHIN,
     Names,
     Sample,
+    TwoCameras,
     choose_named_threshold,
     choose_names,
     stated_columns,
@@ -106,7 +107,7 @@ def match_tables(
     notes = [*filter(None, [timing]), *_notes(rig, tables, contents)]
     sample = _sample(tables, contents)
     distinct = contents[0].distinct, contents[1].distinct
-    known, note = choose_names(rig, sample, distinct, columns, names != AUTO)
+    known, note = choose_names([TwoCameras(rig, sample)], distinct, columns, names != AUTO)
     notes += [note] if note else []
     chosen = choose_named_threshold(rig, sample, known, depths_m, sigma_px, threshold_px)
     renamed = further_names(primary.further, secondary.further)

@@ -1,13 +1,15 @@
-"""Names that points have in both cameras: only points of one name are a pair.
+"""Names that points have in both cameras, or in all: only points of one name belong together.
 
-Body parts, nodes and landmarks are named by a person, in both cameras alike. Tracks often are not:
+Body parts, nodes and landmarks are named by a person, in all cameras alike. Tracks often are not:
 programs that track in one camera count them as they come. So the images are asked before names
 decide: pairs of one name must fit as well as the nearest partners, or better than other pairs.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -38,9 +40,19 @@ Sample = Sequence[tuple[pd.DataFrame, pd.DataFrame]]
 Group = tuple[IntArray, IntArray]
 
 
+@dataclass(frozen=True, eq=False)
+class TwoCameras:
+    """Two cameras, and some of their points."""
+
+    rig: RigParameters
+    sample: Sample
+    words: str = ""
+    """Which cameras, for messages about a rig of more than two."""
+
+
 @dataclass(frozen=True)
 class Names:
-    """Which columns name points, and the names that both cameras have."""
+    """Which columns name points, and the names that two cameras have."""
 
     columns: tuple[str, ...] = ()
     """Empty: points have no names."""
@@ -63,6 +75,17 @@ class Names:
             return [(one, two)]
         groups = self.groups(first, second)
         return [(one[i], two[j]) for i, j in groups if len(i) and len(j)]
+
+    def numbers(self, table: pd.DataFrame) -> IntArray:
+        """(n,): the number of each row's name, from 1; 0 without a name."""
+        if not self.columns:
+            return np.zeros(len(table), dtype=np.int64)
+        own = [self._numbers.get(name, 0) for name in texts(table, self.columns)]
+        return np.array(own, dtype=np.int64)
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {name: number for number, name in enumerate(sorted(self.common), 1)}
 
     @property
     def in_words(self) -> str:
@@ -88,39 +111,42 @@ def texts(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
     return [" ".join(filter(None, row)) for row in zip(*cells, strict=True)]
 
 
-def name_columns(primary: Sequence[str], secondary: Sequence[str]) -> tuple[str, ...]:
-    """The columns of both tables that seem to name points: of parts, then of tracks."""
-    both = [name for name in primary if name in secondary]
-    kinds = ([name for name in both if name.lower() in kind][:1] for kind in (PARTS, TRACKS))
+def name_columns(*tables: Sequence[str]) -> tuple[str, ...]:
+    """The columns of all tables that seem to name points: of parts, then of tracks."""
+    common = [name for name in tables[0] if all(name in table for table in tables)]
+    kinds = ([name for name in common if name.lower() in kind][:1] for kind in (PARTS, TRACKS))
     return tuple(name for kind in kinds for name in kind)
 
 
-def stated_columns(
-    wanted: str, primary: Sequence[str], secondary: Sequence[str]
-) -> tuple[str, ...]:
-    """The columns of `AUTO`, `OFF`, or columns that are named, with commas between."""
+def stated_columns(wanted: str, *tables: Sequence[str]) -> tuple[str, ...]:
+    """The columns of `AUTO`, `OFF`, or columns that are named, with commas between.
+
+    Args:
+        tables: the columns of each.
+    """
     if wanted in (AUTO, OFF):
-        return name_columns(primary, secondary) if wanted == AUTO else ()
+        return name_columns(*tables) if wanted == AUTO else ()
     columns = tuple(name.strip() for name in wanted.split(","))
     for name in columns:
-        if name not in primary or name not in secondary:
+        if any(name not in table for table in tables):
+            have = " and ".join(", ".join(table)[:100] or "none" for table in tables)
             raise StereocalError(
-                f"Both tables need the column {name!r} that names their points; they have "
-                f"{', '.join(primary)[:100] or 'none'} and {', '.join(secondary)[:100] or 'none'}."
+                f"{'Both' if len(tables) == 2 else 'All'} tables need the column {name!r} that "
+                f"names their points; they have {have}."
             )
     return columns
 
 
 def choose_names(
-    rig: RigParameters,
-    sample: Sample,
-    distinct: tuple[pd.DataFrame, pd.DataFrame],
+    cameras: Sequence[TwoCameras],
+    distinct: Sequence[pd.DataFrame],
     columns: tuple[str, ...],
     is_forced: bool = False,
 ) -> tuple[Names, str]:
     """The names that decide, and a note on names that the images contradict.
 
     Args:
+        cameras: the two, or every two of a rig.
         distinct: the different rows of `columns` in each table.
         columns: those of `stated_columns`.
         is_forced: they decide in any case.
@@ -130,26 +156,26 @@ def choose_names(
         each for each in columns if all(any(texts(table, [each])) for table in distinct)
     )
     for own in dict.fromkeys([columns, columns[:1], columns[1:]]):
-        common = set.intersection(*({*texts(table, own)} for table in distinct)) if own else set()
-        names = Names(own, frozenset(common - {""}))
+        seen = Counter(name for table in distinct for name in {*texts(table, own)})
+        names = Names(own, frozenset(name for name, count in seen.items() if name and count > 1))
         if not names.common:
             continue
-        against = _contradiction(rig, sample, names)
+        against = next(filter(None, (_contradiction(two, names) for two in cameras)), "")
         if not against or is_forced:
             return names, against or note
         note = note or f"{against} They are not used."
     return NO_NAMES, note
 
 
-def _contradiction(rig: RigParameters, sample: Sample, names: Names) -> str:
+def _contradiction(cameras: TwoCameras, names: Names) -> str:
     """Why the images contradict the names; empty if they do not."""
     same, nearest, better = [], [], []
-    for first, second in sample:
+    for first, second in cameras.sample:
         pairs = [(i[0], j[0]) for i, j in names.groups(first, second)[:-1] if len(i) == len(j) == 1]
         if not pairs:
             continue
         one, two = np.array(pairs).T
-        errors = _errors(rig, first, second)[np.ix_(one, two)]
+        errors = _errors(cameras.rig, first, second)[np.ix_(one, two)]
         own = np.diag(errors)
         same.append(own)
         nearest.append(errors.min(axis=1))
@@ -162,7 +188,7 @@ def _contradiction(rig: RigParameters, sample: Sample, names: Names) -> str:
     if typical <= WORSE * best + 1e-3 or (len(share) and share.mean() >= BETTER):
         return ""
     return (
-        f"The names in the {names.in_words} do not fit the images: pairs of "
+        f"The names in the {names.in_words} do not fit the images{cameras.words}: pairs of "
         f"one name have a median error of {rounded(typical)} px, the nearest partners "
         f"{rounded(best)} px."
     )

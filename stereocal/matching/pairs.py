@@ -14,6 +14,7 @@ from stereocal.matching.names import (
     NO_NAMES,
     WITHIN,
     Names,
+    TwoCameras,
     choose_named_threshold,
     choose_names,
     match_groups,
@@ -72,7 +73,7 @@ def match(
     rows = [(both[0][f], both[1][f]) for f in sorted(wanted)]
     columns = stated_columns(names, *further)
     distinct = primary[list(columns)], secondary[list(columns)]
-    known, _ = choose_names(rig, rows, distinct, columns, names != AUTO)
+    known, _ = choose_names([TwoCameras(rig, rows)], distinct, columns, names != AUTO)
     given_px = None if threshold_px == "auto" else threshold_px
     chosen = choose_named_threshold(rig, rows, known, depths_m, sigma_px, given_px)
     found = [

@@ -15,10 +15,12 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.application import POINTS, STAGES, Outcome, Points, world_to_json
+from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import POINT
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import name_of_world
-from stereocal.matching.several_files import match_rig, reconstruct_rig
+from stereocal.matching.several_files import match_rig
+from stereocal.matching.several_reconstruction import reconstruct_rig
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -40,6 +42,8 @@ class RigApplication:
     """`world_from_reference` of the points; None: points in the reference's frame."""
     sigma_px: float | None = None
     """Noise of the points; None: estimated."""
+    names: str = AUTO
+    """As of `pairs.match`."""
 
     @property
     def rows(self) -> list[int]:
@@ -61,7 +65,7 @@ class RigApplication:
         """Digest of the input, independent of dates."""
         points = [[name, each.name] for name, each in self.points.items()]
         world = None if self.world is None else name_of_world(self.world)
-        content = json.dumps([points, self.rig.digest, world, self.sigma_px])
+        content = json.dumps([points, self.rig.digest, world, self.sigma_px, self.names])
         return hashlib.sha256(content.encode()).hexdigest()
 
     @property
@@ -91,7 +95,7 @@ def apply_rig(
         name: PointTable(path, POINT, work.points[name].label) for name, path in tables.items()
     }
     tracks = folder / TRACKS
-    matched = match_rig(work.rig, given, tracks, work.sigma_px, progress, cancelled)
+    matched = match_rig(work.rig, given, tracks, work.sigma_px, progress, cancelled, work.names)
     if matched is None:
         return None
     found = sum(matched.by_views.values())
@@ -125,6 +129,7 @@ def apply_rig(
         },
         used=work.used,
         sigma_px=work.sigma_px,
+        names=work.names,
         matched=TRACKS,
         cameras=[*work.points],
     )

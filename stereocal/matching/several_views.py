@@ -30,6 +30,8 @@ REACH = 4.0
 """Standard deviations from its prediction within which an image joins a pair."""
 MOST_GROUPS = 200_000
 DECOY_FRAMES = 40
+FAR_PX = 1e6
+"""More than any image measures."""
 NONE = -1
 
 
@@ -43,6 +45,8 @@ class ViewGroups:
     """(k, 3): in the reference's frame."""
     error_px: FloatArray
     """(k,): mean distance of the images from those of the point."""
+    chi_square: FloatArray
+    """(k,): of the pixels, for noise of 1 px."""
     ambiguous: BoolArray
     """(k,): whether another group with one of its images, and as many of them, is sound too."""
 
@@ -99,38 +103,54 @@ class ViewFitter:
         return Measured(points, error, own, chi_square)
 
 
-def match_views(fitter: ViewFitter, points: Sequence[FloatArray], sigma_px: float) -> ViewGroups:
+def match_views(
+    fitter: ViewFitter,
+    points: Sequence[FloatArray],
+    sigma_px: float,
+    names: Sequence[IntArray] | None = None,
+) -> ViewGroups:
     """Match the points of one frame.
 
     Args:
         points: of each camera (n, 2) raw pixels, in the order of the rig's cameras.
         sigma_px: noise of a pixel coordinate.
+        names: of each camera (n,): only points of one number belong together; None: all may.
     """
+    if names is None:
+        names = [np.zeros(len(own), dtype=np.int64) for own in points]
     rays = [camera.undistort(own) for camera, own in zip(fitter.cameras, points, strict=True)]
-    groups = _pairs(fitter, points, rays, sigma_px)
+    groups = _pairs(fitter, points, rays, names, sigma_px)
     if not len(groups):
-        return ViewGroups(groups, np.empty((0, 3)), np.empty(0), np.empty(0, dtype=np.bool_))
-    groups = _joined(fitter, points, rays, groups, sigma_px)
+        none = np.empty(0)
+        return ViewGroups(groups, np.empty((0, 3)), none, none, none.astype(np.bool_))
+    groups = _joined(fitter, points, rays, names, groups, sigma_px)
     groups, measured = _sound(fitter, points, rays, groups, sigma_px)
     return _chosen(groups, measured)
 
 
 def expected_wrong(
-    fitter: ViewFitter, frames: Sequence[Sequence[FloatArray]], sigma_px: float
+    fitter: ViewFitter,
+    frames: Sequence[Sequence[FloatArray]],
+    sigma_px: float,
+    names: Sequence[Sequence[IntArray]] | None = None,
 ) -> dict[int, float]:
     """The share of wrong ones among groups of each number of views, at most about.
 
     The cameras' points are taken from different frames, so that every group found is wrong. (Where
     all points move little between the frames, correct groups are among them, and the share is too
-    large.)
+    large.) `names`: as of `match_views`, by frame.
     """
+    called: list[IntArray] | None = None
     count, cameras = len(frames), len(fitter.cameras)
     found, left = np.zeros((2, cameras + 1)), []
     step = max(count // max(cameras, 2), 1)
     for number in range(0, count, max(count // DECOY_FRAMES, 1)):
-        mixed = [frames[(number + c * step) % count][c] for c in range(cameras)]
-        for row, own in enumerate((frames[number], mixed)):
-            groups = match_views(fitter, own, sigma_px)
+        of_one, mixed = [number] * cameras, [(number + c * step) % count for c in range(cameras)]
+        for row, chosen in enumerate((of_one, mixed)):
+            own = [frames[frame][c] for c, frame in enumerate(chosen)]
+            if names is not None:
+                called = [names[frame][c] for c, frame in enumerate(chosen)]
+            groups = match_views(fitter, own, sigma_px, called)
             found[row] += np.bincount(groups.views, minlength=cameras + 1)
             if not row:
                 several = groups.images[groups.views > 2]
@@ -154,9 +174,13 @@ def images_of_groups(groups: IntArray, points: Sequence[FloatArray]) -> FloatArr
 
 
 def _pairs(
-    fitter: ViewFitter, points: Sequence[FloatArray], rays: Sequence[FloatArray], sigma: float
+    fitter: ViewFitter,
+    points: Sequence[FloatArray],
+    rays: Sequence[FloatArray],
+    names: Sequence[IntArray],
+    sigma: float,
 ) -> IntArray:
-    """Groups (k, c) of the two views of each pair whose rays meet."""
+    """Groups (k, c) of the two views of each pair of one name whose rays meet."""
     poses, found = list(fitter.rig.poses.values()), []
     for a, b in combinations(range(len(points)), 2):
         if not (len(points[a]) and len(points[b])):
@@ -167,6 +191,8 @@ def _pairs(
         one, other, *_ = pairs_within(
             pose.R, pose.T, rays[a], rays[b], scale, limit, 0.0, float("inf")
         )
+        same = names[a][one] == names[b][other]
+        one, other = one[same], other[same]
         groups = np.full((len(one), len(points)), NONE, dtype=np.int64)
         groups[:, a], groups[:, b] = one, other
         found.append(groups)
@@ -183,13 +209,15 @@ def _joined(
     fitter: ViewFitter,
     points: Sequence[FloatArray],
     rays: Sequence[FloatArray],
+    names: Sequence[IntArray],
     pairs: IntArray,
     sigma: float,
 ) -> IntArray:
-    """Pairs with the nearest image of every other camera near its prediction."""
+    """Pairs with the nearest image of their name in every other camera near its prediction."""
     images = images_of_groups(pairs, points)
     measured = fitter.fit(images, images_of_groups(pairs, rays))
     groups, poses = pairs.copy(), list(fitter.rig.poses.values())
+    called = _names_of(pairs, names)
     for c, own in enumerate(points):
         free = np.flatnonzero((pairs[:, c] < 0) & np.isfinite(measured.xyz[:, 0]))
         if not (len(own) and len(free)):
@@ -206,10 +234,21 @@ def _joined(
         J[:, :, 2] = -on_plane / seen[:, 2:]
         J = fitter.cameras[c].pixel_jacobians(on_plane) @ J
         variance = np.einsum("nij,njk,nik->ni", J, spread, J).max(axis=1)
-        distance, nearest = cKDTree(own).query(predicted)
+        # the name is a third coordinate, in which other names are out of reach
+        tree = cKDTree(np.column_stack([own, FAR_PX * names[c]]))
+        distance, nearest = tree.query(np.column_stack([predicted, FAR_PX * called[free]]))
         near = distance <= REACH * sigma * np.sqrt(1.0 + variance)
         groups[free[near], c] = np.asarray(nearest)[near]
     return np.unique(np.concatenate([groups, pairs]), axis=0)
+
+
+def _names_of(groups: IntArray, names: Sequence[IntArray]) -> IntArray:
+    """(k,): the name of each group's images, which is one."""
+    found = np.zeros(len(groups), dtype=np.int64)
+    for c, own in enumerate(names):
+        seen = groups[:, c] >= 0
+        found[seen] = own[groups[seen, c]]
+    return found
 
 
 def _sound(
@@ -249,5 +288,9 @@ def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
     picked = np.array(chosen, dtype=np.int64)
     ambiguous = [rivals.get(k, 0) >= int((groups[k] >= 0).sum()) for k in chosen]
     return ViewGroups(
-        groups[picked], measured.xyz[picked], measured.error_px[picked], np.array(ambiguous, bool)
+        groups[picked],
+        measured.xyz[picked],
+        measured.error_px[picked],
+        measured.chi_square[picked],
+        np.array(ambiguous, bool),
     )

@@ -191,12 +191,13 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
     """The commands that write the same files from point files of these names."""
     sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
     world = "" if outcome.world is None else f" --world {WORLD_FILE}"
+    by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
     if outcome.matched == TRACKS:
         given = " ".join(
             shlex.quote(f"{camera}={name}")
             for camera, name in zip(outcome.cameras, names, strict=True)
         )
-        match, measure = f"{given} --rig {RIG}{sigma}", f"--rig {RIG}{world}{sigma}"
+        match, measure = f"{given} --rig {RIG}{sigma}{by_name}", f"--rig {RIG}{world}{sigma}"
     else:
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
@@ -204,7 +205,6 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
             f"--parameters parameters_{outcome.used.get(use, [PAPERS[use]])[0]}.json"
             for use in USES
         )
-        by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
         threshold = f"--threshold {outcome.threshold_px!r}"
         match = f"{' '.join(names)} {match_with} {threshold}{sigma}{depths}{by_name}"
         measure = f"{measure_with}{world}"

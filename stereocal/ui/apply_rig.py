@@ -5,6 +5,7 @@ from itertools import cycle
 import streamlit as st
 
 from stereocal.matching.application import Points
+from stereocal.matching.names import AUTO
 from stereocal.matching.rig_application import RigApplication, points_by_camera
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import Asked, ProjectApplication, slot_of
@@ -13,7 +14,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import camera_in_words
 from stereocal.ui.apply import Chosen, upload_points
-from stereocal.ui.apply_threshold import ask_noise, noise_field
+from stereocal.ui.apply_threshold import ask_names, ask_noise, noise_field
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import callback, show_refusal
 from stereocal.ui.texts import escape_markdown
@@ -52,6 +53,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     points_at, noise_at, rig_at = st.columns([2, 1, 1])
     with points_at:
         points = _choose_points(store, rig, found, kind)
+        names = ask_names(store, list(points.values())) if points else AUTO
     with noise_at:
         otherwise = "estimated from their epipolar errors, else as exact as the targets"
         sigma_px = ask_noise(noise_field(project, "apply_sigma_px"), "by the points", otherwise)
@@ -61,7 +63,7 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     if len(points) < FEWEST:
         st.info("Still missing: the points of two cameras at least.")
         return None
-    return Chosen(RigApplication(points, rig, world, sigma_px), None)
+    return Chosen(RigApplication(points, rig, world, sigma_px, names), None)
 
 
 def _points_kind(store: ProjectApplication, rig: RigFile, has_own: bool) -> Field:

@@ -1,5 +1,6 @@
 """The threshold of the Apply page, by the noise of the points or stated; depths; and that noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -16,6 +17,7 @@ from stereocal.matching.names import (
     NO_NAMES,
     OFF,
     Sample,
+    TwoCameras,
     choose_named_threshold,
     choose_names,
     name_columns,
@@ -135,7 +137,7 @@ def _chosen(
         sample, tables = _sampled(form), _tables(form)
         columns = stated_columns(form.names, *(list(map(str, each)) for each in tables))
         distinct = tables[0][list(columns)], tables[1][list(columns)]
-        names, _ = choose_names(form.rig, sample, distinct, columns)
+        names, _ = choose_names([TwoCameras(form.rig, sample)], distinct, columns)
         given = (form.rig, sample, names, form.depths, sigma_px, threshold)
         return jobs.compute(choose_named_threshold, *given), ""
     except StereocalError as error:
@@ -158,15 +160,17 @@ def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
     return first, second
 
 
-def ask_names(store: ProjectApplication, points: tuple[Points, Points]) -> str:
-    """Whether names decide, where both cameras have them; as of `pairs.match`."""
+def ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
+    """Whether names decide, where all cameras have them; as of `pairs.match`."""
     field = setting(store.project, "apply_names", True, yes_or_no)
     tables = (whole_table(each.name, each.label, store) for each in points)
     columns = name_columns(*(list(map(str, each)) for each in tables))
     if not columns:
         return AUTO
-    title = f"Only points of one name are a pair (column {escape_markdown(', '.join(columns))})"
-    told = "The images check the names: pairs that do not fit are marked, and counted below."
+    title = (
+        f"Only points of one name belong together (column {escape_markdown(', '.join(columns))})"
+    )
+    told = "The images check the names; what does not fit is told below."
     st.toggle(title, **field.widget(), help=told)
     return AUTO if field.value() else OFF
 
