@@ -138,9 +138,11 @@ def expected_wrong(
 
     The cameras' points are taken from different frames, so that every group found is wrong. (Where
     all points move little between the frames, correct groups are among them, and the share is too
-    large.) `names`: as of `match_views`, by frame.
+    large; not of points with names, which are taken under different ones.) `names`: as of
+    `match_views`, by frame.
     """
     called: list[IntArray] | None = None
+    most = max((own.max(initial=0) for frame in names or [] for own in frame), default=0)
     count, cameras = len(frames), len(fitter.cameras)
     found, left = np.zeros((2, cameras + 1)), []
     step = max(count // max(cameras, 2), 1)
@@ -149,7 +151,7 @@ def expected_wrong(
         for row, chosen in enumerate((of_one, mixed)):
             own = [frames[frame][c] for c, frame in enumerate(chosen)]
             if names is not None:
-                called = [names[frame][c] for c, frame in enumerate(chosen)]
+                called = [_turned(names[frame][c], c * row, most) for c, frame in enumerate(chosen)]
             groups = match_views(fitter, own, sigma_px, called)
             found[row] += np.bincount(groups.views, minlength=cameras + 1)
             if not row:
@@ -162,6 +164,11 @@ def expected_wrong(
         for views in range(2, cameras + 1)
         if real[views]
     }
+
+
+def _turned(names: IntArray, by: int, most: int) -> IntArray:
+    """Other names in place of those from 1 to `most`."""
+    return np.where(names > 0, (names - 1 + by) % max(most, 1) + 1, 0)
 
 
 def images_of_groups(groups: IntArray, points: Sequence[FloatArray]) -> FloatArray:

@@ -130,6 +130,13 @@ def test_only_points_of_one_name_belong_together(
     assert (tracks["views"] == 3).sum() > 250 and len(tracks) > 290
 
 
+def test_named_points_that_keep_still_are_not_wrong(truth: SimulatedRig, rig: RigFile) -> None:
+    _, images, which = scene(truth, np.random.default_rng(9), 30)
+    names = [own + 1 for own in which]
+    wrong = expected_wrong(ViewFitter(rig), [images] * 6, NOISE, [names] * 6)
+    assert wrong[3] < 0.1  # none; by images of one name in other frames, all
+
+
 def test_names_that_a_camera_counts_for_itself_do_not_decide(
     truth: SimulatedRig, rig: RigFile, tmp_path: Path
 ) -> None:
