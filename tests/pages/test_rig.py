@@ -143,6 +143,20 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
         assert not app.exception
 
 
+def test_names_of_a_rigs_points_decide_with_a_switch(project: Project) -> None:
+    store, recording = ProjectApplication(project), ProjectRecording(project).read()
+    assert recording is not None
+    some = points_by_camera(rows_where(recording, recording.frame % 150 == 0))
+    for camera, table in some.items():
+        named = table.rename(columns={"target": "point"}).to_csv(index=False)
+        store.offer_points(slot_of(camera), f"{camera}.csv", named.encode())
+    app = go(session(project), "apply")
+    assert store.result is not None and "(column point)" in store.result[0].sentences[1]
+    app.toggle(key="apply_names").set_value(False).run()
+    assert not app.exception and "(column point)" not in store.result[0].sentences[1]
+    assert store.result[0].names == "none"
+
+
 def test_a_rig_file_alone_is_applied(app: AppTest, home: Path) -> None:
     go(app, "apply").button(key="apply_begin").click().run()
     app.file_uploader(key="upload_set_matching").upload("rig.json", rig_text().encode()).run()
