@@ -257,7 +257,8 @@ class _Rows:
         if self.layout.frame is None:
             return np.arange(1, len(self.raw) + 1)
         texts = self.raw[self.layout.frame].str.strip()
-        if self.layout.roles is None or not texts.str.contains(r"[^\W\d_]", regex=True).any():
+        words = texts[pd.to_numeric(texts, errors="coerce").isna()]
+        if self.layout.roles is None or not words.str.contains(r"[^\W\d_]", regex=True).any():
             return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
         stems = texts.str.replace(r"\.[A-Za-z]{2,4}$", "", regex=True)
         numbers = stems.str.extract(r"(\d{1,15})\D*$", expand=False).fillna("")

@@ -199,7 +199,9 @@ def answer_for(
         outlook = None if whole.refined is None else outlook_for(whole)
         return jobs.compute(answer, whole, outlook, evaluation)
 
-    found: Answer = _made().once(key_of(calibration, settings, evaluation), make)
+    # A result knows the settings with what they leave open filled in.
+    filled = settings_for(calibration.fitted, settings)
+    found: Answer = _made().once(key_of(calibration, filled, evaluation), make)
     return found
 
 

@@ -131,7 +131,7 @@ class TestLinear:
 class TestRefusals:
     @pytest.mark.parametrize("pairs", [0, 1, 4])
     def test_fewer_than_five_pairs(self, pairs: int) -> None:
-        with pytest.raises(StereocalError, match=rf"There are {pairs} pairs.*at least 5"):
+        with pytest.raises(StereocalError, match=rf"There (is|are) {pairs} pairs? .*at least 5"):
             calibrate_essential(NOISY[:, :pairs], BASELINE_M)
 
     @pytest.mark.parametrize("pairs", [5, 7, 8, 30])

@@ -20,7 +20,7 @@ def test_writes_summary_and_report_and_shows_progress(
     assert main(["evaluate", *datasets, "--out", str(tmp_path / "new"), *options]) == 0
     printed = capsys.readouterr()
     assert "14/14 runs" in printed.err
-    assert "Match with the" in printed.out
+    assert "Held out here: " in printed.out
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [
         "report.html",
         "summary.json",
