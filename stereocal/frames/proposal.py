@@ -170,8 +170,8 @@ def _in_order(sides: Sides) -> Pairing:
         more = len(alone)
         sentences.append(
             f"The {CAMERAS[longer]} camera has {counted(more, 'photograph')} more than the "
-            f"{CAMERAS[1 - longer]}; the names do not tell which {'has' if more == 1 else 'have'} no "
-            "partner: look for the first wrong pair, or find the targets, which may tell."
+            f"{CAMERAS[1 - longer]}; the names do not tell which {'has' if more == 1 else 'have'} "
+            "no partner: look for the first wrong pair, or find the targets, which may tell."
         )
     sentences += _about(sides, ())
     return Pairing(_numbered(twos), alone, sides.unknown, " ".join(sentences), not sides.equal)
