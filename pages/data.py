@@ -18,6 +18,7 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
 from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.photographs import has_photographs, photographs_in
+from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
 from stereocal.ui.several import several_in
@@ -61,7 +62,7 @@ if project is not None:
 lengths.lens_uncertainties(project)
 
 project = current_project()
-if project is None or not (project.inputs.files or has_photographs(project)):
+if project is None or not (project.inputs.files or has_photographs(project) or is_asked(project)):
     st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
     st.page_link("pages/start.py", label="Back to Start")
     end_here()

@@ -36,6 +36,9 @@ MAXIMUM_SCORED = 200
 """Frames used to score a sample."""
 RUNNER_UP = 3.0
 """The labels are ambiguous if others fit to within this factor."""
+NO_POSE_PX = 10.0
+"""Frames that fit one pose to this only are not of one rig: 0.2 px measured with sound pairs, 440
+with one photograph missing."""
 NO_WORSE_PX = 0.05
 """Smaller differences between residuals are ignored."""
 SMALLEST_EXCESS_PX = 0.15
@@ -118,7 +121,7 @@ def decide_labels(
             sentence = "Its targets do not lie on the epipolar lines of the other frames."
         elif not clear[i] and by_length is None:
             state = "doubtful"
-            sentence = "The bar lies along the epipolar lines, so they cannot distinguish A and B."
+            sentence = _undecided(limit)
         elif not labels.unique:
             state = "doubtful"
             sentence = "Other labels of A and B fit all frames nearly as well."
@@ -126,6 +129,16 @@ def decide_labels(
         report = FrameLabels(frame, state, float(kept), float(other), sentence)
         decided[frame] = exchange, report
     return decided
+
+
+def _undecided(limit: float) -> str:
+    """Why A and B cannot be distinguished, by the residual (px) up to which frames fit."""
+    if limit < NO_POSE_PX:
+        return "The bar lies along the epipolar lines, so they cannot distinguish A and B."
+    return (
+        f"The frames fit one pose of the cameras to {limit:.0f} px only, which cannot distinguish "
+        "A and B: are both photographs of the same moment?"
+    )
 
 
 def _by_length(length: FloatArray, usual: float) -> bool | None:

@@ -226,7 +226,8 @@ class ProjectPhotographs(ProjectPart):
                 found = keep_corrections(found, self.frames or ())
             self.database.keep_values(BAR, {"found_by": search})
             refused = self._keep_frames(found)
-        if refused is not None:
+        # Frames without a target to use are shown as such.
+        if refused is not None and any(frame.use and frame.targets_in_both for frame in found):
             raise refused
 
     def keep_corrected(self, frames: Sequence[Frame]) -> StereocalError | None:

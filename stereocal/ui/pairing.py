@@ -145,14 +145,15 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
     pairs = [row.pair for row in store.rows]
     alone = proposal.pairing.alone
     # In order, which photographs have no partner is not known: the last ones are left.
-    items = [*pairs, *alone] if proposal.way == "order" else [*alone, *pairs]
+    in_order = proposal.way == "order"
+    items = [*pairs, *alone] if in_order else [*alone, *pairs]
     if not items:
         return
     usual = NONE if store.frames is not None else FEW
     shown = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
     how = shown.value()
-    show = partial(_show_item, store, proposal.way == "order")
-    some = _few(alone, pairs)
+    show = partial(_show_item, store, in_order)
+    some = _few(() if in_order else alone, pairs)
     if how == FEW and len(some) < len(items):
         on_a_sheet(store.project, some, show, "pair_sheet")
         rest = f"Show more ({len(items) - len(some)})"

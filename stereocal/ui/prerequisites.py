@@ -2,6 +2,7 @@
 
 import streamlit as st
 
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
@@ -14,11 +15,19 @@ from stereocal.ui.project import begin_project, current_project
 from stereocal.ui.rig_pairs import pair_buttons
 
 
+def is_asked(project: Project) -> bool:
+    """Whether a table, or a file of another program, waits for answers on Data."""
+    store = ProjectApplication(project)
+    return any(store.asking(about) is not None for about in ("bars", "archive"))
+
+
 def missing_of(project: Project) -> str:
     """What a project still lacks for a calibration, in Markdown."""
     missing = ", ".join(project.inputs.missing)
     if not has_photographs(project):
-        return missing
+        if ProjectApplication(project).asking("bars") is None:
+            return missing
+        return missing.replace("the table of points", "the points (press *Use these points*)")
     if holds_board(project):
         return "the boards in the photographs (press *Find the boards*)"
     targets = "the targets in the photographs (press *Find the targets*)"

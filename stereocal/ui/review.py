@@ -21,7 +21,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import CALLED, held_target, is_coloured
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.picker import Mark, Pick, pick, read_image, shown_image
 from stereocal.ui.texts import escape_markdown
 
@@ -56,15 +56,13 @@ def _called(store: ProjectPhotographs) -> str:
 
 def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
     """All frames, or one, as chosen."""
+    table = readable(lambda: write_table(correspondences_of(frames)))
     if _view(store).buttons("Look at") == ONE and frames:
         with scrolled_part(ONE_FRAME):
             _show_one(store, running)
     else:
         show_contact_sheet(store, frames, running, partial(look_closely, store))
-    try:
-        table = write_table(correspondences_of(frames))
-    except StereocalError as error:
-        st.warning(escape_markdown(str(error)))
+    if table is None:
         return
     offer(
         "Download correspondences.csv",

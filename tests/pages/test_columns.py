@@ -28,6 +28,7 @@ def test_a_table_is_shown_and_taken_by_one_press(name: str, app: AppTest, home: 
     assert not app.error
     shown = app.dataframe[0].value
     assert shown.index[0] == "Read as" and len(shown) > 2
+    assert "Nothing is loaded" not in told(app, "info")
     app.button(key="use_bars").click().run()
     assert rows_of(app, home) == len(ROWS)
 

@@ -14,7 +14,7 @@ from stereocal.projects.project import Project
 from stereocal.system.photograph import GreyImage
 from stereocal.system.taken import EXIF
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import ended, go, messages, session
+from tests.pages.stored_projects import ended, go, messages, session, told
 
 NAMES = ("primary/IMG_{}.png", "secondary/DSC_0{}.png")
 FIRST = (1001, 231)
@@ -98,6 +98,8 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     ended(store.project, "photographs")
     app.run()
     assert "IMG_1006 has no partner" in messages(app)
+    assert messages(app).count("No target is seen by both cameras") <= 1
+    assert "lies along the epipolar lines" not in messages(app) + told(app, "caption")
     app.button(key="pair_mend_found").click().run()
     assert twos(store) == without(16, 5)
     assert "Changed since this result: pairs or photographs" in messages(app)
