@@ -42,7 +42,9 @@ def show_proposal(store: ProjectPhotographs, pairs: Sequence[Pair], kind: Field)
         kind: the field of what is held, whose value is the proposed one until then.
     """
     project = store.project
-    if HELD in project.settings or len(pairs) < 2:
+    # Targets that were found before anything was proposed say what is held.
+    is_found = PROPOSAL not in project.settings and bool(store.frames or store.boards_found)
+    if HELD in project.settings or len(pairs) < 2 or is_found:
         return
     _look(store, pairs)
     said = project.settings[PROPOSAL]

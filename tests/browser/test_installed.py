@@ -40,7 +40,7 @@ def test_an_installed_package_serves_the_recording_to_both_files(
         settled(page)
         page.get_by_role("button", name="Next: Calibrate").click()
         settled(page)
-        page.locator(".st-key-run button").click()
+        page.locator(".st-key-run button").click(timeout=LONGEST_MS)
         results_shown(page)
         settled(page)
         for method in ("2d", "3d"):
