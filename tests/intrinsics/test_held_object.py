@@ -1,5 +1,6 @@
 """What is held, as proposed from a few photographs of both cameras."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -7,10 +8,15 @@ from stereocal.detection.target import Balls, Tags
 from stereocal.intrinsics.held_object import HeldObject, held_object
 from tests.bar_photographs import bar_set
 from tests.lens import png
-from tools.photographs.objects import HELD_BOARD, KINDS, TAG_IDS, Kind, photographs_of
+from tools.photographs.objects import HELD_BOARD, KINDS, SQUARES, TAG_IDS, Kind, photographs_of
+
+SMALL_MARKERS = (4, 3)
+"""A seed whose ChArUco board was taken for a chessboard by its corners."""
+LAST_ROW = SQUARES[0] * (SQUARES[1] - 1) // 2
+"""The first marker there."""
 
 
-def proposed(kind: Kind, seed: int) -> HeldObject | None:
+def proposed(kind: Kind, seed: int | tuple[int, int]) -> HeldObject | None:
     """From renderings with the other objects lying about."""
     photographs = photographs_of(kind, np.random.default_rng(seed))
     return held_object([{name: png(own[name]) for name in own} for own in photographs])
@@ -31,6 +37,23 @@ def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> Non
             assert str(held.what) == str(HELD_BOARD)
     for own in held.seen:
         assert len(own) >= 3
+
+
+def test_markers_too_small_to_be_read_make_no_chessboard() -> None:
+    assert proposed("charuco", SMALL_MARKERS) is None
+
+
+def test_a_hand_on_the_last_row_makes_no_smaller_board() -> None:
+    cameras = photographs_of("charuco", np.random.default_rng(2))
+    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    for own in cameras:
+        for image in (own[name] for name in sorted(own)[::2]):
+            corners, numbers, _ = cv2.aruco.ArucoDetector(words).detectMarkers(image)
+            for four, number in zip(corners, np.ravel(numbers), strict=True):
+                if number >= LAST_ROW:
+                    cv2.fillConvexPoly(image, four[0].astype(np.int32), (140, 160, 190))
+    held = held_object([{name: png(own[name]) for name in own} for own in cameras])
+    assert held is not None and str(held.what) == str(HELD_BOARD)
 
 
 def test_what_one_camera_sees_or_what_does_not_move_is_not_proposed() -> None:

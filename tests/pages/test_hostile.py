@@ -48,9 +48,9 @@ DOORS = (
     Door("apply", "upload_points_secondary", "Parquet", "b.parquet", FILES),
     Door("apply", "upload_set_matching", "parameters", "p.json"),
     Door("check", "upload_check_parameters", "parameters", "p.json"),
-    Door("check", "upload_check_images", "data set, zip", "new.zip"),
-    Door("check", "upload_check_images", "correspondences.csv", "new.csv"),
-    Door("check", "upload_check_images", "Parquet", "pairs.parquet"),
+    Door("check", "upload_check_images_0", "data set, zip", "new.zip"),
+    Door("check", "upload_check_images_0", "correspondences.csv", "new.csv"),
+    Door("check", "upload_check_images_0", "Parquet", "pairs.parquet"),
     Door("start", "upload_project", "project, zip", "p.zip"),
 )
 
