@@ -10,7 +10,13 @@ import numpy.typing as npt
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import LARGE_PX, are_crossings, halved, outer_squares
+from stereocal.intrinsics.board_corners import (
+    FINDER_SEED,
+    LARGE_PX,
+    are_crossings,
+    halved,
+    outer_squares,
+)
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
@@ -100,6 +106,7 @@ def chessboard_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArra
     if max(grey.shape) > LARGE_PX:
         grey, scale = halved(grey), 2.0
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    cv2.setRNGSeed(FINDER_SEED)
     found, corners, meta = cv2.findChessboardCornersSBWithMeta(grey, (4, 3), flags)
     if not found:
         return None
