@@ -1,40 +1,33 @@
 """New images on the Check page: a data set, a table, photographs or videos of any cameras."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import PurePosixPath
 
 import streamlit as st
 
-from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.recording_files import pack_recording
 from stereocal.frames import several
-from stereocal.frames.pairing import Pair
-from stereocal.frames.search import STAGES, pack_detection, unpack_detection
-from stereocal.intrinsics.files import pack_board, unpack_board
-from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
 from stereocal.matching.point_table import PARQUET
 from stereocal.projects.application import IMAGES, ProjectCheck
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.records import plain
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui import jobs
-from stereocal.ui.boards import held_board, press_search
+from stereocal.ui.boards import press_search
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, one_of, setting
-from stereocal.ui.holding import ask_what_is_held, holds_board
+from stereocal.ui.holding import holds_board
 from stereocal.ui.messages import callback, readable
+from stereocal.ui.moments import ask_held, moment_search
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
@@ -171,28 +164,19 @@ def _search(seen: Seen) -> None:
             st.button("Remove the photographs", key="check_clear", on_click=clear)
         if moments is None:
             return
-        pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
-        target, length_m = _held(seen, store, pairs)
-        about = {
-            "photographs": [
-                [k, {c: files[n].name for c, n in own.items()}] for k, own in moments.items()
-            ],
-            "cameras": {name: camera.to_json() for name, camera in seen.cameras.items()},
-            "target": None if target is None else [type(target).__name__, plain(target)],
-            "length_m": length_m,
-        }
-        stages = (BOARDS_STAGE,) if holds_board(project) else STAGES
-        work = jobs.Work(
-            project,
-            "photographs",
-            stages,
-            about,
-            lambda job: target is not None and _find(seen, moments, target, length_m, job),
-        )
+        held, ready = ask_held(store, moments, fold=True)
+        length_m = None
+        if not holds_board(project):
+            length = setting(project, "length_m", seen.length_m, Number(0.0, or_none=True))
+            label = "Distance between targets A and B (m)"
+            length_m = length.number_input(label, format="%.10g") or None
+            ready = length_m is not None
+        keep = partial(_keep, seen, length_m)
+        work = moment_search(store, seen.cameras, moments, held, keep, length_m=length_m)
         found = project.settings.get(FOUND_BY)
         if found is not None and found != work.digest:
             st.warning("The photographs or what is held have changed. Find the targets again.")
-        ready = target is not None and length_m is not None
+        ready &= held is not None
         press_search(work, "targets", "find_new", found is not None, ready)
 
 
@@ -204,45 +188,12 @@ def _as_in_the_data(whole: Project, project: Project) -> None:
     project.keep_settings(same)
 
 
-def _held(
-    seen: Seen, store: ProjectPhotographs, pairs: Sequence[Pair]
-) -> tuple[Target | BoardPattern | None, float | None]:
-    """What is held, and the distance of its targets (m); None until both are stated."""
-    project = store.project
-    target: Target | BoardPattern | None = ask_what_is_held(store, pairs, fold=True)
-    if holds_board(project):
-        pattern, entered = held_board(project)
-        return pattern, pattern.square_m if pattern is not None and entered else None
-    length = setting(project, "length_m", seen.length_m, Number(0.0, or_none=True))
-    stated = length.number_input("Distance between targets A and B (m)", format="%.10g")
-    return target, stated or None
-
-
-def _find(
-    seen: Seen,
-    moments: several.Moments,
-    target: Target | BoardPattern,
-    length_m: float | None,
-    job: jobs.Job,
-) -> bool:
-    """Find the targets, and use them as the new images."""
-    store = seen.photographs
-    how = job.executor, job.begin, job.progress, lambda: job.cancelled
-    files, cameras = store.photographs, seen.cameras
-    if isinstance(target, BoardPattern):
-        boards = job.checkpoints("boards", pack_board, unpack_board)
-        found = boards_everywhere(moments, files, cameras, target, *how, boards)
-        own = None
-    else:
-        seen_before = job.checkpoints("detections", pack_detection, unpack_detection)
-        found = several.find_everywhere(moments, files, cameras, target, *how, seen_before)
-        own = RigidObject.bar(length_m or 1.0)
-    if found is None:
-        return False
-    recording = replace(found.recording, object=own or found.recording.object)
+def _keep(seen: Seen, length_m: float | None, found: several.Everywhere, digest: str) -> None:
+    """Use the targets that were found as the new images."""
+    store, recording = seen.photographs, found.recording
     frames = len({*recording.frame.tolist()})
     label = f"targets found in {frames} frames of {len(store.photographs)} photographs"
-    recording = replace(recording, name=label)
+    own = recording.object if length_m is None else RigidObject.bar(length_m)
+    recording = replace(recording, object=own, name=label)
     seen.keep(label, pack_zip(pack_recording(recording)))
-    store.project.keep_settings({FOUND_BY: job.digest})
-    return True
+    store.project.keep_settings({FOUND_BY: digest})

@@ -7,7 +7,6 @@ from functools import partial
 import pandas as pd
 import streamlit as st
 
-from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
@@ -15,25 +14,21 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, pack_recording, write_points
 from stereocal.frames import several
 from stereocal.frames.pairing import natural
-from stereocal.frames.search import STAGES, pack_detection, unpack_detection
-from stereocal.intrinsics.files import pack_board, unpack_board
-from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
-from stereocal.system.records import plain
 from stereocal.ui import jobs
-from stereocal.ui.boards import held_board, press_search
+from stereocal.ui.boards import press_search
 from stereocal.ui.fields import Number, setting
-from stereocal.ui.holding import ask_what_is_held, holds_board, settle
+from stereocal.ui.holding import settle
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.messages import callback, readable, show_stale
+from stereocal.ui.moments import ask_held, moment_search
 from stereocal.ui.navigation import go_to
 from stereocal.ui.rig import work_of
 from stereocal.ui.texts import escape_markdown, escaped_table
@@ -187,30 +182,10 @@ def _search(
 ) -> None:
     """What is held, the press, and what was not found."""
     project = store.project
-    pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
     found_by = project.settings.get(FOUND_BY)
-    files = {name: path.name for name, path in store.photographs.items()}
-    target: Target | BoardPattern | None = ask_what_is_held(store, pairs, found_by is not None)
-    entered = True
-    if holds_board(project):
-        pattern, entered = held_board(project)
-        target = pattern
-    about = {
-        "photographs": [
-            {"frame": k, **{c: files[n] for c, n in own.items()}} for k, own in moments.items()
-        ],
-        "cameras": {name: camera.to_json() for name, camera in cameras.items()},
-        "target": None if target is None else [type(target).__name__, plain(target)],
-    }
-    stages = (BOARDS_STAGE,) if holds_board(project) else STAGES
-    work = jobs.Work(
-        project,
-        "photographs",
-        stages,
-        about,
-        lambda job: target is not None and _find(store, cameras, moments, target, job),
-    )
-    ready = target is not None and entered
+    held, stated = ask_held(store, moments, found_by is not None)
+    work = moment_search(store, cameras, moments, held, partial(_keep, store))
+    ready = held is not None and stated
     press_search(work, "targets", "find_everywhere", found_by is not None, ready)
     if found_by is None:
         return
@@ -223,30 +198,13 @@ def _search(
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
 
 
-def _find(
-    store: ProjectPhotographs,
-    cameras: Mapping[str, Camera],
-    moments: several.Moments,
-    target: Target | BoardPattern,
-    job: jobs.Job,
-) -> bool:
-    """Find the targets and store their table, of boards the whole recording."""
+def _keep(store: ProjectPhotographs, found: several.Everywhere, digest: str) -> None:
+    """Store the table of the targets that were found, of boards the whole recording."""
     project, recording = store.project, ProjectRecording(store.project)
-    photographs = store.photographs
-    control = job.executor, job.begin, job.progress, lambda: job.cancelled
-    if isinstance(target, BoardPattern):
-        boards = job.checkpoints("boards", pack_board, unpack_board)
-        found = boards_everywhere(moments, photographs, cameras, target, *control, boards)
-        if found is not None:
-            whole = replace(found.recording, name=project.inputs.name or "Rig")
-            recording.give(pack_recording(whole), whole.name)
+    if found.recording.object.board is not None:
+        whole = replace(found.recording, name=project.inputs.name or "Rig")
+        recording.give(pack_recording(whole), whole.name)
     else:
-        seen = job.checkpoints("detections", pack_detection, unpack_detection)
-        found = several.find_everywhere(moments, photographs, cameras, target, *control, seen)
-        if found is not None:
-            recording.add_parts({POINTS: write_points(found.recording)})
-    if found is None:
-        return False
-    project.keep_settings({FOUND_BY: job.digest, UNUSED: [*found.unused]})
+        recording.add_parts({POINTS: write_points(found.recording)})
+    project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused]})
     settle(project)
-    return True

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from stereocal.detection.target import Balls, Tags
@@ -9,6 +10,7 @@ from stereocal.intrinsics.held_object import HeldObject, held_object
 from stereocal.intrinsics.proposed_board import chessboard_in
 from tests.bar_photographs import bar_set
 from tests.lens import png
+from tools.photographs.balls import ColourPhotograph
 from tools.photographs.objects import HELD_BOARD, KINDS, SQUARES, TAG_IDS, Kind, photographs_of
 
 SMALL_MARKERS = (4, 3)
@@ -21,6 +23,10 @@ def proposed(kind: Kind, seed: int) -> HeldObject | None:
     """From renderings with the other objects lying about."""
     photographs = photographs_of(kind, np.random.default_rng(seed))
     return held_object([{name: png(own[name]) for name in own} for own in photographs])
+
+
+def grey_of(image: ColourPhotograph) -> npt.NDArray[np.uint8]:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
 @pytest.mark.parametrize(("kind", "seed"), [(kind, 2) for kind in KINDS])
@@ -43,7 +49,7 @@ def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> Non
 def test_a_photograph_is_read_alike_each_time() -> None:
     """OpenCV's finder alone finds the board of this one in every second search."""
     photograph = photographs_of("board", np.random.default_rng(2))[0]["primary/0004"]
-    grey = cv2.cvtColor(photograph, cv2.COLOR_BGR2GRAY)
+    grey = grey_of(photograph)
     seen = set()
     for earlier in range(10):
         cv2.setRNGSeed(earlier)
@@ -55,7 +61,7 @@ def test_a_photograph_is_read_alike_each_time() -> None:
 def test_markers_too_small_to_be_read_make_no_chessboard() -> None:
     for own in photographs_of("charuco", np.random.default_rng(SMALL_MARKERS)):
         for image in own.values():
-            assert chessboard_in(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)) is None
+            assert chessboard_in(grey_of(image)) is None
 
 
 def test_a_hand_on_the_last_row_makes_no_smaller_board() -> None:
