@@ -31,7 +31,7 @@ def grey_of(image: ColourPhotograph) -> npt.NDArray[np.uint8]:
 
 @pytest.mark.parametrize(("kind", "seed"), [(kind, 2) for kind in KINDS])
 def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> None:
-    """Of 20 renderings of each kind none was taken for another (`benchmarks.held`)."""
+    """Of 100 renderings of each kind none was taken for another (`benchmarks.held`)."""
     held = proposed(kind, seed)
     assert held is not None
     assert held.kind == ("board" if kind == "charuco" else kind)
