@@ -163,7 +163,7 @@ def show_check(chosen: Chosen) -> None:
 
         with st.container(horizontal=True):
             use = callback(partial(_use, chosen.project, repaired))
-            label, used = "Use the repaired parameters", _are_in_use(chosen.project)
+            label, used = "Use the repaired parameters", _are_in_use(chosen.project, repaired)
             kind: Literal["primary", "secondary"] = "secondary" if used else "primary"
             st.button(label, type=kind, key="use_repaired", on_click=use)
             offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired")
@@ -182,10 +182,12 @@ def _use(project: Project, repaired: Callable[[], str]) -> None:
     Source(project, APPLY_SETS).use_files()
 
 
-def _are_in_use(project: Project) -> bool:
-    given = [ProjectApplication(project).set_of(use) for use in USES]
-    files = not Source(project, APPLY_SETS).is_project
-    return files and {each and each[0] for each in given} == {REPAIRED}
+def _are_in_use(project: Project, repaired: Callable[[], str]) -> bool:
+    """By content: the repair of other images has the same name."""
+    if Source(project, APPLY_SETS).is_project:
+        return False
+    given = {each and digest_of(each[1]) for each in map(ProjectApplication(project).set_of, USES)}
+    return given == {digest_of(RigParameters.loads(repaired(), REPAIRED))}
 
 
 @st.cache_resource(

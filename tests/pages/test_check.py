@@ -9,7 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.field.checking.repair import REPAIRED
-from stereocal.formats.correspondences_csv import write_table
+from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.pairs import PIXELS
 from stereocal.projects.application import (
@@ -115,6 +115,10 @@ def test_the_repaired_parameters_are_used_by_one_press(
         angle = np.degrees(np.arccos((np.trace(turn) - 1) / 2))
         assert angle == pytest.approx(0.5, abs=0.05)  # by which the camera was turned
     assert f"In use: {REPAIRED}" in told(go(begun, "apply"), "caption")
+    # The repair of other images has the same name, and is not in use yet.
+    bars = read_table(files.table, "bars.csv").correspondences
+    give(go(begun, "check"), "images", ("p.csv", write_table(bars.of_frames(bars.frames[:4]))))
+    assert begun.button(key="use_repaired").proto.type == "primary"
 
 
 def test_a_table_of_bars_and_the_archive(
