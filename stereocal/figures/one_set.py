@@ -26,7 +26,8 @@ NAMES = {
     **{f"{camera} distortion": f"Distortion, {camera}" for camera in CAMERAS},
 }
 HOVER = "<br>2D cost %{x:.4~r} px<br>3D cost %{y:.4~r} mm"
-DASHES = {"Nominal lenses": "dot", "Lenses freed": "solid"}
+FIXED, FREED = "Nominal lenses", "Lenses freed"
+DASHES = {FIXED: "dot", FREED: "solid"}
 
 
 def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:

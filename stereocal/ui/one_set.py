@@ -36,7 +36,6 @@ from stereocal.workflow import Answer, conclusions_of_seeds
 
 _SEEDS: Latest[Future[str]] = Latest(500)
 """What other seeds give, by all that it depends on: a sentence each."""
-FIXED, FREED = "As given", "Freed"
 MOST_NAMED = 12
 """Maximum number of left-out frames listed on the page."""
 
@@ -169,9 +168,11 @@ def _show_trade_off(
     costs = costs_of(dataset, sets)
     along = setting(project, "along", 50, Number(0, 100))
     left, right = st.columns(2)
-    which = choose(project, "curve", "Lenses", (FREED, FIXED), place=left, tabs_own=False)
+    which = choose(
+        project, "curve", "Curve", (one_set.FREED, one_set.FIXED), place=left, tabs_own=False
+    )
     share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
-    points = curves.fixed if which == FIXED else curves.freed
+    points = curves.fixed if which == one_set.FIXED else curves.freed
     chosen = points[round(share / 100 * (len(points) - 1))]
     words = one_set.describe_trade_off(curves, costs)
     show_figure(one_set.plot_trade_off(curves, costs, chosen), words, "trade_off")

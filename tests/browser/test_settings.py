@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from stereocal.figures.one_set import FIXED
 from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS
@@ -54,7 +55,7 @@ SET: dict[str, dict[str, Any]] = {
         "with_refined": False,
         "columns": "Residual",
     },
-    "one_set": {"curve": "As given", "along": 30},
+    "one_set": {"curve": FIXED, "along": 30},
     "apply": {
         "apply_matching": "3d",
         "apply_only_depths": True,
