@@ -21,10 +21,11 @@ from stereocal.ui.photographs import has_photographs, photographs_in
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
-from stereocal.ui.several import several_in
+from stereocal.ui.several import recording_in, several_in
 from stereocal.ui.texts import escape_markdown
 
 project = current_project()
+of_rig = project is not None and project.pair is None and ProjectRecording(project).is_given
 if project is not None and project.pair is not None:
     st.info(
         f"This is the pair {escape_markdown(project.pair)} of a rig: the points that both cameras "
@@ -33,59 +34,60 @@ if project is not None and project.pair is not None:
     )
 else:
     data_door(project)
-    if project is not None and ProjectRecording(project).is_given:
-        st.success("This project holds a recording of three cameras or more.")
-        st.page_link("pages/rig.py", label="Calibrate them together on the page Rig")
-        if ProjectRecording(project).parts:
-            several_in(project)
-        st.button("Start a new project", on_click=forget_project, key="forget")
-        end_here()
-    if project is not None and ProjectGiven(project).is_of_rig:
+    if project is not None and of_rig:
+        recording_in(project)
+    elif project is not None and ProjectGiven(project).is_of_rig:
         several_in(project)
         end_here()
-    photographs_in(project)
-
-left, right = st.columns(2)
-with left:
-    lengths.length_field(project, "baseline_m", "Baseline: distance between the cameras")
-    lengths.length_uncertainty(project, "baseline_m", "± 1 %")
-with right:
-    if project is not None and has_photographs(project) and holds_board(project):
-        st.markdown("The squares of the board are the measured lengths.")
-    elif about := lengths.object_in_words(project):
-        st.markdown(about)
     else:
-        lengths.length_field(project, "target_distance_m", "Distance between targets A and B")
-    lengths.length_uncertainty(project, "target_distance_m", "± 0.1 %")
-if project is not None:
-    lengths.ask_if_measured(project)
-lengths.lens_uncertainties(project)
+        photographs_in(project)
 
-project = current_project()
-if project is None or not (project.inputs.files or has_photographs(project) or is_asked(project)):
-    st.info("Nothing is loaded yet. Give files above, or try the sample data on the Start page.")
-    st.page_link("pages/start.py", label="Back to Start")
-    end_here()
+if not of_rig:
+    left, right = st.columns(2)
+    with left:
+        lengths.length_field(project, "baseline_m", "Baseline: distance between the cameras")
+        lengths.length_uncertainty(project, "baseline_m", "± 1 %")
+    with right:
+        if project is not None and has_photographs(project) and holds_board(project):
+            st.markdown("The squares of the board are the measured lengths.")
+        elif about := lengths.object_in_words(project):
+            st.markdown(about)
+        else:
+            lengths.length_field(project, "target_distance_m", "Distance between targets A and B")
+        lengths.length_uncertainty(project, "target_distance_m", "± 0.1 %")
+    if project is not None:
+        lengths.ask_if_measured(project)
+    lengths.lens_uncertainties(project)
 
-with ErrorsShown(end=True):
-    dataset = project.dataset
-if dataset is None:
-    end_here()
-st.header("What was read", divider="gray")
-st.success(
-    f"Complete: {len(dataset.correspondences)} pairs of points in "
-    f"{len(dataset.correspondences.frames)} frames."
-)
-lengths.show_rig(project, dataset)
-show_figure(
-    plot_coverage(dataset),
-    describe_coverage(dataset),
-    COVERAGE,
-    narrow=plot_coverage(dataset, narrow=True),
-    on_select=partial(open_clicked_frame, project),
-    selection_mode="points",
-)
-st.caption("A click on a point opens its frame.")
-st.table(contents_table(dataset))
-dataset_download(dataset)
+    project = current_project()
+    if project is None or not (
+        project.inputs.files or has_photographs(project) or is_asked(project)
+    ):
+        st.info(
+            "Nothing is loaded yet. Give files above, or try the sample data on the Start page."
+        )
+        st.page_link("pages/start.py", label="Back to Start")
+        end_here()
+
+    with ErrorsShown(end=True):
+        dataset = project.dataset
+    if dataset is None:
+        end_here()
+    st.header("What was read", divider="gray")
+    st.success(
+        f"Complete: {len(dataset.correspondences)} pairs of points in "
+        f"{len(dataset.correspondences.frames)} frames."
+    )
+    lengths.show_rig(project, dataset)
+    show_figure(
+        plot_coverage(dataset),
+        describe_coverage(dataset),
+        COVERAGE,
+        narrow=plot_coverage(dataset, narrow=True),
+        on_select=partial(open_clicked_frame, project),
+        selection_mode="points",
+    )
+    st.caption("A click on a point opens its frame.")
+    st.table(contents_table(dataset))
+    dataset_download(dataset)
 st.button("Start a new project", on_click=forget_project, key="forget")

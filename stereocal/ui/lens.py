@@ -81,6 +81,18 @@ def show_cameras_of_rig(project: Project) -> bool:
     return True
 
 
+def tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
+    """What there is to do while there are no photographs of the board."""
+    cameras = project.cameras if project else (None, None)
+    if all(cameras):
+        said = "Both lenses are loaded. To calibrate one again, upload photographs of the board."
+    elif cameras[CAMERAS.index(which)]:
+        said = f"The {which} camera's lens is loaded; the other camera's is still missing."
+    else:
+        said = "Nothing to calibrate yet: upload photographs of the board."
+    st.info(said)
+
+
 def choose_camera(project: Project | None) -> tuple[CameraName, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)

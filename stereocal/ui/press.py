@@ -7,7 +7,7 @@ that is stored when it starts; if another one is stored meanwhile, it begins aga
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Literal
 
 import streamlit as st
 
@@ -95,7 +95,8 @@ class Press:
         if result is None:
             st.info("No result yet. The settings are good as they are: press Calibrate.")
         label = "Calibrate again" if result else "Calibrate"
-        st.button(label, type="primary", key="run", on_click=calibrate_next, args=("all",))
+        kind: Literal["primary", "secondary"] = "secondary" if result and not changed else "primary"
+        st.button(label, type=kind, key="run", on_click=calibrate_next, args=("all",))
 
     def press(self, errors_first: bool = False, note: Callable[[str], object] = st.info) -> None:
         """Calibrate and validate, at once or in a job.

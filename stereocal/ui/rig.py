@@ -79,7 +79,8 @@ def show_page() -> None:
     title = "The cameras may be out of step by fractions of a frame"
     work = work_of(project, right.toggle(title, key=TIME_OFFSETS))
     with left:
-        jobs.start_button(work, "Calibrate all again" if rig else "Calibrate all", "rig_run")
+        label = "Calibrate all again" if rig else "Calibrate all"
+        jobs.start_button(work, label, "rig_run", primary=rig is None)
     jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.", work)
     if rig is None:
         count, frames = len(recording.cameras), len({*recording.frame.tolist()})

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import pandas as pd
 import streamlit as st
@@ -27,6 +28,7 @@ from stereocal.ui.boards import press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import settle
 from stereocal.ui.intake import give_dataset
+from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import callback, readable, show_stale
 from stereocal.ui.moments import ask_held, moment_search
 from stereocal.ui.navigation import go_to
@@ -36,6 +38,16 @@ from stereocal.ui.wizard import Questions
 
 FOUND_BY, UNUSED = "several_found_by", "several_unused"
 GATHERED: Latest[EveryCamera] = Latest(8)
+
+
+def recording_in(project: Project) -> None:
+    """A recording of all cameras, and the files that it was read from."""
+    st.success(
+        "This project holds a recording of three cameras or more. The page Rig calibrates them "
+        "together."
+    )
+    if ProjectRecording(project).parts:
+        several_in(project)
 
 
 def several_in(project: Project) -> None:
@@ -65,7 +77,12 @@ def several_in(project: Project) -> None:
     _show(found)
     calibrate = partial(_calibrate, store, found.recording)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
-    st.button(title, type="primary", key="several_run", on_click=calibrate)
+    # Of what is in use already, the next thing to do is on the page Rig.
+    is_used = found.digest == sorted(store.digest)
+    if store.is_given:
+        st.session_state[PRESS_FIRST] = not is_used
+    kind: Literal["primary", "secondary"] = "secondary" if is_used else "primary"
+    st.button(title, type=kind, key="several_run", on_click=calibrate)
 
 
 @callback

@@ -31,6 +31,8 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     evaluation = project.calibration_evaluation
     assert evaluation is not None and evaluation.settings.runs == 100
     assert project.evaluation is not None  # Validate has it too
+    kinds = {key: pressed.button(key=key).proto.type for key in ("run", "next")}
+    assert kinds == {"run": "secondary", "next": "primary"}
     assert "Use the refined set for both" in messages(pressed)
     labels = [metric.label for metric in pressed.metric]
     assert labels == ["Wrong pairs let in", "95 % of lengths within", "Threshold"]

@@ -15,7 +15,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
 from tests.lens import SMALL, write_boards
-from tests.pages.stored_projects import again, ended, go, messages, project_of
+from tests.pages.stored_projects import again, dashboard, ended, go, messages, project_of
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -96,6 +96,14 @@ def test_the_note_on_the_model_is_of_each_lens(monkeypatch: pytest.MonkeyPatch) 
     lenses = [cast(Any, SimpleNamespace(search=n, settings=n)) for n in (1, 2)]
     notes = {lens._note_on_model(f"lens {each.search}", each) for each in lenses}
     assert notes == {"1", "2"}
+
+
+def test_loaded_lenses_are_not_called_missing(pressed: AppTest) -> None:
+    nothing, loaded = "Nothing to calibrate yet", "Both lenses are loaded"
+    shown = messages(go(pressed, "cameras"))
+    assert loaded in shown and nothing not in shown
+    shown = messages(go(dashboard(), "cameras"))
+    assert nothing in shown and loaded not in shown
 
 
 def test_sample_photographs(app: AppTest, home: Path) -> None:

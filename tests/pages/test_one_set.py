@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.figures.one_set import FIXED
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
@@ -66,7 +67,7 @@ def test_the_slider_moves_along_the_curve_and_the_distortion_is_estimated(
     for along in (0, 100):
         app.slider(key="along").set_value(along).run()
         seen.add(told(app))
-    app.segmented_control(key="curve").set_value("As given").run()
+    app.segmented_control(key="curve").set_value(FIXED).run()
     assert len({*seen, told(app)}) == 4
     assert project.settings["along"] == 100
     # Residuals by place tell noise from a lens.
@@ -124,7 +125,8 @@ def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, h
     for name in ("calibrate", "one_set", "apply"):
         app.switch_page(f"pages/{name}.py").run()
         assert changed in messages(app)
-        assert [button.label for button in app.button if button.key == "run"] == ["Calibrate again"]
+        renewing = app.button(key="run")
+        assert (renewing.label, renewing.proto.type) == ("Calibrate again", "primary")
     one_set(app)
     assert "Use the refined set for both" in messages(app)
     assert not app.get("download_button")[0].proto.disabled

@@ -88,8 +88,10 @@ def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
     states = app.session_state["page_states"]
     assert not {"calibrate", "validate", "one_set"} & {*states}
     assert {states[name].mark for name in ("cameras", "data", "rig")} == {"done"}
-    app.button(key="next").click().run()
-    assert titles(app) == ["Apply"] and not app.exception
+    assert app.button(key="rig_run").proto.type == "secondary"  # nothing is to be renewed
+    for page, following in (("cameras", "Data"), ("data", "Rig"), ("rig", "Apply")):
+        go(app, page).button(key="next").click().run()
+        assert titles(app) == [following] and not app.exception
     app.button(key="next").click().run()
     assert titles(app) == ["Check"] and not app.exception
     lenses = go(app, "cameras").table[0].value
@@ -245,7 +247,9 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     drop(go(app, "data"), {"camera_1.yaml": other})
     assert "camera_1.yaml was replaced" in told(app, "info")
     assert store.parts["camera_1.yaml"] == store.parts["camera_2.yaml"]
+    assert app.button(key="several_run").proto.type == "primary"
     app.button(key="undo_camera_1.yaml").click().run()
+    assert app.button(key="several_run").proto.type == "secondary"  # they are in use
     assert store.parts["camera_1.yaml"].read_bytes() == files_of_rig()["camera_1.yaml"]
     assert store.rig is not None
 

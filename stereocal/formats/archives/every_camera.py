@@ -1,7 +1,9 @@
 """A recording of all cameras, from their files and one table of points."""
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import PurePath
 
 import numpy as np
@@ -40,6 +42,12 @@ class EveryCamera:
     recording: Recording
     taken: tuple[Taken, ...]
     remarks: tuple[str, ...]
+
+    @cached_property
+    def digest(self) -> list[str]:
+        """SHA-256 of the recording's files, sorted."""
+        files = pack_recording(self.recording).values()
+        return sorted(hashlib.sha256(content).hexdigest() for content in files)
 
 
 def gather_all(
