@@ -1,5 +1,6 @@
 """Data: upload of points, cameras and two lengths."""
 
+from stereocal.system.numbers import count
 from stereocal.ui.menu import page_head
 
 page_head("Data", "Which points did the cameras see, and what did you measure?")
@@ -46,6 +47,8 @@ if not of_rig:
     left, right = st.columns(2)
     with left:
         lengths.length_field(project, "baseline_m", "Baseline: distance between the cameras")
+        if project is not None and project.pair is None:
+            lengths.offer_nominal_baseline(project)
         lengths.length_uncertainty(project, "baseline_m", "± 1 %")
     with right:
         if project is not None and has_photographs(project) and holds_board(project):
@@ -75,8 +78,8 @@ if not of_rig:
         end_here()
     st.header("What was read", divider="gray")
     st.success(
-        f"Complete: {len(dataset.correspondences)} pairs of points in "
-        f"{len(dataset.correspondences.frames)} frames."
+        f"Complete: {count(len(dataset.correspondences), 'pair')} of points in "
+        f"{count(len(dataset.correspondences.frames), 'frame')}."
     )
     lengths.show_rig(project, dataset)
     show_figure(

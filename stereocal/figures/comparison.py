@@ -45,7 +45,7 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
             points, look = _marks(method, dict(zip(names, values, strict=True)), floor)
             style.add(figure, points, "%{text}", showlegend=row == 1, **look, **place)
         zeros = sum(estimate.value == 0 for estimate in every)
-        title += f"<br>↧: upper limit, none counted (n = {zeros})" if zeros else ""
+        title += f"<br>↧: upper limit, none counted (n = {zeros:,})" if zeros else ""
         scale = {"type": "log", "exponentformat": "none", "dtick": "D2"}
         figure.update_yaxes(title_text=title, **scale, **place)
     short = [n if len(n) <= LONGEST_NAME else f"{n[: LONGEST_NAME - 1]}…" for n in names]
@@ -55,7 +55,7 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
         range=[-0.5, len(names) - 0.5],
         showgrid=False,
     )
-    figure.update_xaxes(row=2, col=1, title_text=f"Data set (n = {len(names)})")
+    figure.update_xaxes(row=2, col=1, title_text=f"Data set (n = {len(names):,})")
     return figure
 
 

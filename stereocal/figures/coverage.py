@@ -93,6 +93,6 @@ def _add_points(
             marker={"color": colour, "symbol": symbol, "size": size},
             customdata=rows.frame[shown],
             legendgroup=target,
-            name=f"Target {target} (n = {of_target.sum()})",
+            name=f"Target {target} (n = {of_target.sum():,})",
             **own,
         )

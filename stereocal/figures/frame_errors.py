@@ -206,7 +206,7 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
     for kind, n in zip(KINDS, panels[0].counts, strict=True):
         if kind.key and n:
             marker = {"color": style.NEUTRAL, "symbol": f"circle{kind.suffix}", "size": 9}
-            name = f"{kind.key} (n = {n})"
+            name = f"{kind.key} (n = {n:,})"
             add(figure, style.NOWHERE, marker=marker, name=name, row=1, col=1)
     figure.update_xaxes(row=2, col=1, title_text=_frame_title(panels))
     if chosen is not None:
@@ -292,4 +292,4 @@ def _frame_title(panels: tuple[FramePanel, FramePanel]) -> str:
             least = f"{rounded(panel.lowest, 1)} {panel.unit}"
             notes.append(f"{count(below, panel.title.lower())} below {least} out of view")
     lines = [line for note in notes for line in textwrap.wrap(note[0].upper() + note[1:], 44)]
-    return "<br>".join([f"Frame (n = {len(panels[0].frames)})", *lines])
+    return "<br>".join([f"Frame (n = {len(panels[0].frames):,})", *lines])

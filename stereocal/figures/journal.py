@@ -188,7 +188,7 @@ def draw_frame_errors(calibration: Calibration, width_mm: float) -> Figure:
         axes.set_ylim(*panel.ends)
         if panel.is_log:
             axes.yaxis.set_major_formatter(PLAIN)
-    grid[1].set_xlabel(f"Frame (n = {len(panels[0].frames)})")
+    grid[1].set_xlabel(f"Frame (n = {len(panels[0].frames):,})")
     keys = {
         METHOD_NAMES[method]: (METHOD_COLOURS[method], _symbols(KINDS[0], MARKERS[method], 3))
         for method in panels[0].values

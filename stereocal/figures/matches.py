@@ -61,7 +61,7 @@ def plot_matches(
         figure.layout.images = style.photograph_behind(photograph, box)
     alone = points[unmatched(pairs, points, side)]
     marker = {"symbol": "circle-open", "size": 9, "line": {"width": 2}, "color": colour}
-    hover, name = "no partner<br>u %{x:.2f} px, v %{y:.2f} px", f"No partner (n = {len(alone)})"
+    hover, name = "no partner<br>u %{x:.2f} px, v %{y:.2f} px", f"No partner (n = {len(alone):,})"
     add(figure, alone[thinned(len(alone), MAXIMUM_DRAWN)], hover, marker=marker, name=name)
     first = next(name for name in map(str, pairs) if name.startswith("u_"))
     ordered = pairs.sort_values(first, ignore_index=True)
@@ -127,7 +127,7 @@ def _add_pairs(figure: go.Figure, side: str, pairs: pd.DataFrame, on_photograph:
             text=[str(k + 1) for k in drawn],
             textposition="top center",
             textfont={"size": 13, **(ON_PHOTOGRAPH if on_photograph else {})},
-            name=f"{name} (n = {np.count_nonzero(chosen)})",
+            name=f"{name} (n = {np.count_nonzero(chosen):,})",
             marker={
                 "symbol": symbol,
                 "size": 9 if len(pairs) <= 200 else 6,
@@ -161,7 +161,7 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
         counts, _ = np.histogram(np.clip(known, edges[0], edges[-1]), edges)
         steps = np.column_stack([np.repeat(edges, 2), np.pad(np.repeat(counts, 2), 1)])
         hover, line = f"{name}: %{{y}} points at %{{x:.3~r}} px", style.line_of(colour)
-        named = {"name": f"{name} (n = {len(known)})", "fill": "tozeroy", **fill}
+        named = {"name": f"{name} (n = {len(known):,})", "fill": "tozeroy", **fill}
         add(figure, steps, hover, line=line, **named)
     if threshold_px > 0:
         text = f"<b>{rounded(threshold_px, 3)} px</b>"

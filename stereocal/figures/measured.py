@@ -138,7 +138,7 @@ def plot_points(
         path = xyz[rows]
         path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
         line = {**scale, "color": values[rows], "width": 3}
-        add(figure, path, line=line, name=f"Tracks (n = {len(tracks)})")
+        add(figure, path, line=line, name=f"Tracks (n = {len(tracks):,})")
     _add_points(figure, cloud, shown, values, {**scale, "colorbar": _colour_bar(colour)})
     marked = xyz[cloud.seen & (points["frame"] == frame)][:MAXIMUM_MARKED]
     if len(marked):
@@ -202,7 +202,7 @@ def _add_points(
             f"frame %{{customdata[0]:d}}, error %{{customdata[1]:.3f}} px<br>{place}",
             marker={**scale, **own, "showscale": bar},
             customdata=about[some],
-            name=f"{name} (n = {len(some)})",
+            name=f"{name} (n = {len(some):,})",
         )
         bar = False
 
@@ -253,7 +253,7 @@ def plot_lengths(check: LengthCheck) -> go.Figure:
         "frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %",
         marker=marker_of("3d", 9),
         customdata=check.lengths_m,
-        name=f"Measured (n = {len(check.frames)})",
+        name=f"Measured (n = {len(check.frames):,})",
         showlegend=True,
     )
     figure.add_hline(y=0, line=DASHED)

@@ -205,7 +205,7 @@ def thinned(n: int, most: int) -> slice:
 
 def n_drawn(n: int) -> str:
     """`n = 25`, for a legend; and how many are drawn, if fewer."""
-    return f"n = {n}" + (f", {MOST_DRAWN} drawn" if n > MOST_DRAWN else "")
+    return f"n = {n:,}" + (f", {MOST_DRAWN:,} drawn" if n > MOST_DRAWN else "")
 
 
 def in_order(methods: Container[Method]) -> list[Method]:

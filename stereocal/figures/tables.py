@@ -137,7 +137,7 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
     rows, own = dataset.correspondences, dataset.bar_distances_m
     frames, of_object = rows.frames, rows.rigid_object is not None
     single = 0 if of_object else len(frames) - len(rows.bars)
-    serving = f" ({single} with one target serve the 2D method only)" if single else ""
+    serving = f" ({single:,} with one target serve the 2D method only)" if single else ""
     baseline = f"{dataset.baseline_m:g} m"
     if dataset.baseline_is_free:
         baseline = f"{rounded(dataset.baseline_m, 4)} m, found from the known lengths"
@@ -145,11 +145,11 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
     if len(own) and np.ptp(own) > 0:
         distance = f"{own.min():g} to {own.max():g} m{'' if of_object else ', by frame'}"
     lines = {
-        "Frames": f"{len(frames)} (numbers {frames[0]} to {frames[-1]})",
-        "Pairs of points": f"{len(rows)}",
+        "Frames": f"{len(frames):,} (numbers {frames[0]} to {frames[-1]})",
+        "Pairs of points": f"{len(rows):,}",
         "Known distances"
         if of_object
-        else "Frames with both targets": f"{len(rows.bars)}{serving}",
+        else "Frames with both targets": f"{len(rows.bars):,}{serving}",
         "Primary image": image_words(dataset.primary),
         "Secondary image": image_words(dataset.secondary),
         "Baseline": baseline,

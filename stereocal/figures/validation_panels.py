@@ -100,7 +100,7 @@ class Panel:
     def title(self) -> list[str]:
         """The lines above the panel: its figure, what was counted, and values not in the PDF."""
         found, lengths = self.matching, self.summary.reconstruction
-        line, counted = "no bar could be measured", f"n = {lengths.pdf.n}"
+        line, counted = "no bar could be measured", f"n = {lengths.pdf.n:,}"
         if self.figure:
             name, value, among = self.figure
             mark = f" · <b>{self.standing}</b>" if self.standing else ""
@@ -108,7 +108,7 @@ class Panel:
             line = f"{of} <b>{value}</b> {among}{mark}"
             counted = f"95 % within {percent(lengths.p95)} %, {counted}"
         if found:
-            counted = f"n = {found.correct.n} correct, {found.wrong.n} wrong"
+            counted = f"n = {found.correct.n:,} correct, {found.wrong.n:,} wrong"
         return [line, counted, *filter(None, [", ".join(self.notes)])]
 
     @property
@@ -123,11 +123,11 @@ class Panel:
         found, lengths, text = self.matching, self.summary.reconstruction, "none"
         if self.figure:
             _, value, among = self.figure
-            text = f"{value} {among} and {percent(lengths.p95)} %, n = {lengths.pdf.n}"
+            text = f"{value} {among} and {percent(lengths.p95)} %, n = {lengths.pdf.n:,}"
             if found:
                 text = (
                     f"{value} {among} with the threshold at {self.line_text}, n = "
-                    f"{found.correct.n} correct and {found.wrong.n} wrong pairs"
+                    f"{found.correct.n:,} correct and {found.wrong.n:,} wrong pairs"
                 )
         return ", ".join([text, *self.notes])
 

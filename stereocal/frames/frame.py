@@ -127,13 +127,13 @@ def unpack_frames(content: bytes) -> list[Frame]:
 def describe_frames(frames: Sequence[Frame]) -> str:
     """A sentence with the numbers of found, doubtful, refused and used frames."""
     counts = ", ".join(
-        f"{sum(frame.state == state for frame in frames)} {state}" for state in STATES
+        f"{sum(frame.state == state for frame in frames):,} {state}" for state in STATES
     )
     used = [frame for frame in frames if frame.use]
     bars = sum(len(frame.targets_in_both) == 2 for frame in used)
-    both = f"{bars} of them with both targets"
+    both = f"{bars:,} of them with both targets"
     are = "is" if len(used) == 1 else "are"
-    return f"{count(len(frames), 'frame')}: {counts}. {len(used)} {are} used, {both}."
+    return f"{count(len(frames), 'frame')}: {counts}. {len(used):,} {are} used, {both}."
 
 
 def report_line(frame: Frame) -> str:

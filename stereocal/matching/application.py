@@ -28,7 +28,7 @@ from stereocal.rig.dataset import Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 
 PAIRS, POINTS = "pairs.csv", "points.csv"
 LARGE_ERRORS = " The 3D set is fitted to lengths; its reprojection errors may be large."
@@ -317,7 +317,7 @@ def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
     frames, ambiguous = pairs["frame"].nunique(), int(pairs["ambiguous"].sum())
     what = "point" if "views" in pairs else "pair"
     text = (
-        f"{len(pairs):,} {what}{'s' * (len(pairs) != 1)} in {frames:,} frame{'s' * (frames != 1)}, "
+        f"{count(len(pairs), what)} in {count(frames, 'frame')}, "
         f"{f'{ambiguous:,}' if ambiguous else 'none'} of them ambiguous"
     )
     if OUTSIDE_VOLUME in points:
@@ -340,8 +340,8 @@ def agreement(pairs: pd.DataFrame) -> str | None:
             continue
         same = int((pairs[name].astype(str) == pairs[other].astype(str)).sum())
         return (
-            f"{same} of {len(pairs)} pairs have the same {first} in both cameras (not used for "
-            "matching)."
+            f"{same:,} of {count(len(pairs), 'pair')} have the same {first} in both cameras (not "
+            "used for matching)."
         )
     return None
 

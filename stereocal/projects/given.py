@@ -11,6 +11,7 @@ from pathlib import PurePosixPath
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.easywand import open_easywand
 from stereocal.formats.archives.every_camera import names_cameras
+from stereocal.formats.archives.gather import nominal_baseline
 from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.recognition import recognise
@@ -95,6 +96,17 @@ class ProjectGiven(ProjectPart):
         folders = by_folder(names := self.photographs.photographs, self.rig_cameras)
         placed = {name for own in folders.values() for name in own}
         return series_of([name for name in names if name not in placed])
+
+    @property
+    def nominal_baseline(self) -> tuple[float, float] | None:
+        """The baseline of the camera files in use and its standard error, in metres, as another
+        program found it; None if they have none."""
+        files, labels = self.database.files(INPUT), self.project.inputs.labels
+        if not {*CAMERAS} <= {*files}:
+            return None
+        first, second = (files[which].read_bytes() for which in CAMERAS)
+        names = labels["primary"], labels["secondary"]
+        return read_once(nominal_baseline, first, second, names)
 
     def add_photographs(self, found: Mapping[str, StoredFile]) -> None:
         """Add stored photographs. Those that are there already stay as they are; others with the

@@ -212,8 +212,9 @@ class ProjectPhotographs(ProjectPart):
             search: a digest of the search.
 
         Raises:
-            StereocalError: the points do not fit the cameras: there are frames, but no table; or
-                photographs have changed meanwhile, and nothing is stored.
+            StereocalError: photographs of these frames have changed meanwhile, and nothing is
+                stored; or a frame is to be used and the points do not fit the cameras, and only
+                the frames are stored, without a table.
         """
         with self.database.transaction():
             now, names = self.photographs, {name for frame in found for name in frame.files}

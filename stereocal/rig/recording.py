@@ -12,6 +12,7 @@ from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.numbers import count
 
 Pair = tuple[str, str]
 
@@ -81,7 +82,7 @@ class Recording:
 
     def describe_pairs(self) -> str:
         """The pairs and how many frames both cameras of each see."""
-        seen = [f"{a}-{b} ({len(self.common_frames(a, b))} frames)" for a, b in self.pairs]
+        seen = [f"{a}-{b} ({count(len(self.common_frames(a, b)), 'frame')})" for a, b in self.pairs]
         return f"Pairs and the frames that both cameras see: {', '.join(seen)}."
 
     def common_frames(self, first: str, second: str) -> IntArray:

@@ -17,6 +17,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ThresholdForm, ask_names, chosen_depths
 from stereocal.ui.fields import Field, one_of, setting
@@ -130,7 +131,7 @@ def upload_points(
     """
     if (file := store.point_file(side)) is not None:
         in_use = "In use" if used else "Not in use"
-        st.caption(f"{in_use}: {escape_markdown(file.label)}, {file.rows:,} points")
+        st.caption(f"{in_use}: {escape_markdown(file.label)}, {count(file.rows, 'point')}")
         if file.answers is not None:
             again = callback(partial(store.ask_again, side))
             st.button("Read it differently", key=f"again_{side}", on_click=again)

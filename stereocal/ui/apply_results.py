@@ -32,6 +32,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.numbers import count
 from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
@@ -166,7 +167,7 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
 def _show_tables(tables: Tables, matched: str) -> None:
     headings = measured.IN_WORLD if COORDINATES in tables.points else measured.HEADINGS
     for name, table in ((matched, tables.pairs), (POINTS, tables.points)):
-        st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {len(table)} rows")
+        st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {count(len(table), 'row')}")
         st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**headings})
 
 

@@ -20,6 +20,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.boards import press_search
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
@@ -159,7 +160,7 @@ def _search(seen: Seen) -> None:
     with st.container(border=True):
         moments = readable(lambda: _moments(seen))
         with st.container(horizontal=True, vertical_alignment="center"):
-            st.markdown(f"{len(files)} photographs, {len(moments or ())} frames.")
+            st.markdown(f"{count(len(files), 'photograph')}, {count(len(moments or ()), 'frame')}.")
             clear = callback(store.clear)
             st.button("Remove the photographs", key="check_clear", on_click=clear)
         if moments is None:

@@ -11,6 +11,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
 from stereocal.refined import unknowns
@@ -91,6 +92,24 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
     unit.menu("Unit", right)
+
+
+def offer_nominal_baseline(project: Project) -> None:
+    """The baseline that the camera files state, until one is entered or left free."""
+    inputs = project.inputs
+    if inputs.baseline_m is not None or inputs.baseline_free:
+        return
+    found = readable(lambda: ProjectGiven(project).nominal_baseline)
+    if found is None:
+        return
+    metres, sigma = found
+    st.caption(
+        f"The camera files state {rounded(metres, 4)} m. It is the other program's result, not a "
+        "measurement: measure it, or use it as it is."
+    )
+    stated = {"baseline_m": metres, "baseline_sigma_m": sigma}
+    label = f"Use {rounded(metres, 4)} m ± {rounded(100 * sigma / metres)} %"
+    st.button(label, key="use_nominal_baseline", on_click=callback(partial(_give, {}, stated)))
 
 
 def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:

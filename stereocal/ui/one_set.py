@@ -142,13 +142,13 @@ def _show_frames_left_out(result: RefinedResult, others: bool) -> None:
     left_out = result.outlying_frames
     if not left_out:
         if not others:
-            st.markdown(f"All {len(result.frames)} frames fit; none was left out.")
+            st.markdown(f"All {len(result.frames):,} frames fit; none was left out.")
         return
     named = [f"{frame} ({digits(100 * part, 2)} %)" for frame, part in left_out.items()]
     more = f" and {len(named) - MOST_NAMED} more, all named in the file" * (len(named) > MOST_NAMED)
     st.warning(
         f"Left out of the refined set, because they do not fit: {count(len(named), 'frame')} of "
-        f"{len(result.frames)}, in brackets their share of chi-square: "
+        f"{len(result.frames):,}, in brackets their share of chi-square: "
         f"{', '.join(named[:MOST_NAMED])}{more}. Look at them on the Data page."
     )
 

@@ -16,6 +16,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import pair_thumbnail
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.latest import Latest
+from stereocal.system.numbers import count
 from stereocal.ui.contact_sheet import on_a_sheet
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import callback, readable
@@ -34,7 +35,7 @@ def show_pairing(store: ProjectPhotographs) -> None:
     st.session_state.setdefault(ROUND, 0)
     proposal = store.proposal
     pairing = proposal.pairing
-    sentence = f"{len(store.photographs)} photographs. {pairing.sentence}"
+    sentence = f"{count(len(store.photographs), 'photograph')}. {pairing.sentence}"
     (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
     _show_ways(store, proposal)
     _show_slips(store, proposal)

@@ -35,7 +35,7 @@ def edit_pairs(store: ProjectPhotographs) -> None:
             elif known != rows:  # other pairs were stored
                 forget_table()
                 st.rerun()
-        st.caption(f"{sum(row.use for row in rows)} of {len(rows)} pairs are used.")
+        st.caption(f"{sum(row.use for row in rows):,} of {len(rows):,} pairs are used.")
         left, right = st.columns(2)
         left.button("As they were found", on_click=pair_again, key="pair_again")
         right.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")

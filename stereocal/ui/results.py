@@ -96,7 +96,7 @@ def _tile(title: str, answer: Answer) -> tuple[str, str]:
         return _expected(answer.recommendation.measure.length_p95, answer)
     value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
     source = "from frames held out here" if answer.validation else "forecast"
-    left_out = f"{len(calibration.screening.left_out)} of {frames} frames left out"
+    left_out = f"{len(calibration.screening.left_out):,} of {frames:,} frames left out"
     of = f"of {FILES[match.method][0]}, {source}  \n{left_out}"
     return "unknown" if value is None else f"{digits(value, 2)} px", of
 
@@ -253,7 +253,7 @@ def _show_parameters(project: Project, found: Calibration, answer: Answer | None
         st.table(errors_table(found))
     st.table(angles_table(found))
     made_with = describe_settings(found.settings)
-    st.caption(f"Made with: {made_with}, {len(found.frames)} calibration frames.")
+    st.caption(f"Made with: {made_with}, {len(found.frames):,} calibration frames.")
     if answer is not None:
         st.markdown("**In the format of another program**")
         other_formats(project, answer)

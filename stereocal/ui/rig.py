@@ -17,6 +17,7 @@ from stereocal.network.unknowns import RigSettings
 from stereocal.pairs_of_rig import files_of_pairs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
+from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
@@ -83,9 +84,9 @@ def show_page() -> None:
         jobs.start_button(work, label, "rig_run", primary=rig is None)
     jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.", work)
     if rig is None:
-        count, frames = len(recording.cameras), len({*recording.frame.tolist()})
+        frames = count(len({*recording.frame.tolist()}), "frame")
         pairs = escape_markdown(recording.describe_pairs())
-        st.info(f"{count} cameras, {frames} frames. {pairs}")
+        st.info(f"{len(recording.cameras)} cameras, {frames}. {pairs}")
         end_here()
     _show_rig(store, rig)
 

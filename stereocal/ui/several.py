@@ -23,6 +23,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
+from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.boards import press_search
 from stereocal.ui.fields import Number, setting
@@ -156,7 +157,7 @@ def _show(found: EveryCamera) -> None:
     for number_of, (name, camera) in enumerate(recording.cameras.items()):
         own = recording.frame[recording.camera == number_of]
         width, height = camera.image_size
-        rows.append((name, f"{width}x{height}", len(own), len({*own.tolist()})))
+        rows.append((name, f"{width}x{height}", f"{len(own):,}", f"{len({*own.tolist()}):,}"))
     table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
     st.table(escaped_table(table).set_index("Camera"))
     st.caption(escape_markdown(recording.describe_pairs()))
@@ -209,7 +210,7 @@ def _search(
     if found_by != work.digest:
         show_stale("photographs, cameras or what is held")
     unused = project.settings.get(UNUSED) or []
-    st.caption(f"{len(moments)} frames. Photographs not used: {len(unused)}.")
+    st.caption(f"{count(len(moments), 'frame')}. Photographs not used: {len(unused):,}.")
     if unused:
         with st.expander("Photographs that are not used"):
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))

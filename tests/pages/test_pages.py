@@ -8,12 +8,15 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.exchange.exchange import export_files
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui.menu import RIG, SECTIONS, TITLES
+from tests.formats.test_exchange import FULL as FULL_RIG
 from tests.pages.stored_projects import (
     FULL,
     ROOT,
@@ -224,6 +227,19 @@ def test_camera_files_of_other_programs_are_asked_what_they_do_not_say(
     assert (primary.K[0, 0], secondary.K[0, 0]) == (1500, 1510)
 
 
+def test_the_baseline_of_two_camera_info_files_is_proposed(app: AppTest, home: Path) -> None:
+    """Of ROS, in the projection matrix of the second; stored only when it is accepted."""
+    files = export_files(FULL_RIG, "ros")
+    drop(go(app, "data"), {f"{which}.yaml": files[f"{which}.yaml"] for which in CAMERAS})
+    project = project_of(app, home)
+    assert all(project.cameras) and project.inputs.baseline_m is None
+    app.button(key="use_nominal_baseline").click().run()
+    stated = project.inputs
+    assert stated.baseline_m == pytest.approx(FULL_RIG.pose.baseline, rel=1e-6)
+    assert stated.baseline_sigma_m == pytest.approx(0.02 * FULL_RIG.pose.baseline, rel=1e-6)
+    assert not [button for button in app.button if button.key == "use_nominal_baseline"]
+
+
 def test_every_file_of_pages_is_in_one_group() -> None:
     files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
     assert sorted([*TITLES, RIG]) == files
@@ -266,3 +282,20 @@ def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     app.switch_page("pages/cameras.py").run()
     assert "Of the primary camera: 22 photographs" in told(app)
     assert app.number_input(key="board_columns").value == 18
+
+
+def test_large_counts_are_written_alike(app: AppTest, home: Path) -> None:
+    open_sample(app)
+    dataset = project_of(app, home).dataset
+    assert dataset is not None
+    head, *rows = write_table(dataset.correspondences).decode().splitlines()
+    many = [
+        f"{int(frame) + 1000 * k},{rest}"
+        for k in range(30)
+        for frame, rest in (row.split(",", 1) for row in rows)
+    ]
+    drop(app, {"correspondences.csv": "\n".join([head, *many]).encode()})
+    assert f"Complete: {len(many):,} pairs of points" in told(app, "success")
+    assert f"{len(many):,}" in app.table[-1].value.to_string()
+    shown = "".join([messages(app), app.table[-1].value.to_string()])
+    assert str(len(many)) not in shown

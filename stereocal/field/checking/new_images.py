@@ -14,6 +14,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import count
 
 LARGEST = 1000
 """Pairs that are used; of more, as many are taken evenly."""
@@ -41,8 +42,8 @@ class NewImages:
     def described(self) -> str:
         """Such as `5 bars` or `50 matched points`."""
         if self.bars:
-            return f"{self.bars} bar{'s' * (self.bars > 1)}"
-        return f"{len(self.numbers)} matched points"
+            return count(self.bars, "bar")
+        return count(len(self.numbers), "matched point")
 
     def stating(self, sigma_px: float | None) -> "NewImages":
         """The same with the noise of the points as stated (px); None: as they state it."""
@@ -92,12 +93,12 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
         )
         if alone.any():
             notes[0] += (
-                f" {alone.sum()} of {len(rows)} points have no neighbours in time and are used as "
-                "recorded: the bar must have been at rest there."
+                f" {alone.sum():,} of {len(rows):,} points have no neighbours in time and are used "
+                "as recorded: the bar must have been at rest there."
             )
     if len(rows.frames) > LARGEST:
         kept = np.linspace(0, len(rows.frames) - 1, LARGEST).astype(np.int64)
-        notes.append(f"{LARGEST} of {len(rows.frames)} frames were used, evenly spaced.")
+        notes.append(f"{LARGEST:,} of {len(rows.frames):,} frames were used, evenly spaced.")
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
     return NewImages(seen, rows.frames, len(rows.bars), tuple(notes), own=own)
@@ -149,7 +150,7 @@ def images_of_matches(
         )
     order = np.argsort(frames, kind="stable")
     if len(order) > LARGEST:
-        notes = (*notes, f"{LARGEST} of {len(order)} pairs were used, evenly spaced.")
+        notes = (*notes, f"{LARGEST:,} of {len(order):,} pairs were used, evenly spaced.")
         order = order[np.linspace(0, len(order) - 1, LARGEST).astype(np.int64)]
     rows = Correspondences.from_arrays(
         np.arange(len(order)), "A" * len(order), primary[order], secondary[order]

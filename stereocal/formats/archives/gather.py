@@ -185,6 +185,25 @@ def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_know
     )
 
 
+def nominal_baseline(
+    primary: bytes, secondary: bytes, names: tuple[str, str]
+) -> tuple[float, float] | None:
+    """The baseline that two camera files of one program state, and its standard error, in metres.
+
+    None if they do not say how the cameras stand.
+    """
+    contents = primary, secondary
+    pairs = zip(CAMERAS, names, contents, strict=True)
+    files = {f"{which}/{name}": content for which, name, content in pairs}
+    try:
+        found = _cameras(files, ExchangeOptions(), baseline_known=False)
+    except StereocalError:
+        return None
+    if found.baseline_m is None or found.baseline_sigma_m is None:
+        return None
+    return found.baseline_m, found.baseline_sigma_m
+
+
 def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     """With the bars of a table, in images of the stated or the cameras' height."""
     remarks: tuple[str, ...] = ()

@@ -96,7 +96,7 @@ def extract(
     if lost is None:
         return None
     sentences = describe_times(times[0].seconds, times[1].seconds, pairs)
-    sentences.append(f"{len(chosen) - lost} pairs of frames were taken.")
+    sentences.append(f"{len(chosen) - lost:,} pairs of frames were taken.")
     if lost:
         sentences.append(f"{lost} could not be decoded.")
     missing = any(gaps_of(each.seconds) for each in times)
