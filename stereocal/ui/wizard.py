@@ -30,6 +30,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.numbers import count
 from stereocal.ui.columns import choose_columns, header_key
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.messages import ErrorsShown, callback, refusing
@@ -38,6 +39,13 @@ from stereocal.ui.texts import escape_markdown, escaped_table
 Use = Callable[[], None]
 PREVIEW_ROWS, PREVIEW_CELL = 5, 10
 STATED = "as the file says"
+IN_WORDS = {"u": "x", "v": "y"}
+IN_WORDS |= {
+    f"{axis}_{camera}": f"{camera} camera, {word}"
+    for axis, word in IN_WORDS.items()
+    for camera in CAMERAS
+}
+"""The columns of a preview, where their names are those of files."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +176,9 @@ def ask_about_bars(store: ProjectApplication) -> None:
     """The questions about a file with both ends of the bar, if there is one."""
 
     def form(label: str, content: bytes) -> Use | None:
-        layout, asked = _laid_out(store.project, "wizard_bars", label, content, "bar", True)
+        layout, asked = _laid_out(
+            store.project, "wizard_bars", label, content, "points of the bar", True
+        )
         if layout is None:
             return None
         options, heights = _bar_form(asked, layout)
@@ -182,7 +192,7 @@ def ask_about_bars(store: ProjectApplication) -> None:
         head, *lines = (line.split(",") for line in table.decode().splitlines())
         short = [[cell[:PREVIEW_CELL] for cell in line] for line in lines[:PREVIEW_ROWS]]
         _show_preview(pd.DataFrame(short, columns=head))
-        st.caption(f"{len(rows)} pairs of points in {len(rows.frames)} frames.")
+        st.caption(f"{count(len(rows), 'pair')} of points in {count(len(rows.frames), 'frame')}.")
 
         def use() -> None:
             store.project.give({"correspondences": (label, table)})
@@ -304,5 +314,7 @@ def _height(asked: Questions, name: str, of: str, known: int | None, corner: Cor
 
 
 def _show_preview(table: pd.DataFrame) -> None:
-    st.caption("The first rows as they will be read, counted from the upper left, first pixel 0:")
-    st.table(escaped_table(table))
+    st.caption(
+        "The first rows as they will be read, in pixels counted from the upper left, first pixel 0:"
+    )
+    st.table(escaped_table(table.rename(columns=IN_WORDS)))

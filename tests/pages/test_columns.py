@@ -29,6 +29,7 @@ def test_a_table_is_shown_and_taken_by_one_press(name: str, app: AppTest, home: 
     shown = app.dataframe[0].value
     assert shown.index[0] == "Read as" and len(shown) > 2
     assert "Nothing is loaded" not in told(app, "info")
+    assert not [name for name in app.table[0].value.columns if "_" in name]  # names in files
     app.button(key="use_bars").click().run()
     assert rows_of(app, home) == len(ROWS)
 
