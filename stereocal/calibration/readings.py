@@ -159,14 +159,7 @@ def _mirrored(dataset: Dataset, which: CameraName, axis: int) -> Dataset:
 
 
 def _camera_by_camera(dataset: Dataset) -> Dataset:
-    """The secondary's A exchanged for the primary's B."""
-    rows = dataset.correspondences
-    a, b = rows.bars.T
-    primary, secondary = rows.primary.copy(), rows.secondary.copy()
-    secondary[a], primary[b] = rows.primary[b], rows.secondary[a]
-    whole = np.isin(np.arange(len(rows)), rows.bars)
-    found = replace(rows, primary=primary, secondary=secondary).where(whole)
-    return replace(dataset, correspondences=found)
+    return replace(dataset, correspondences=dataset.correspondences.camera_by_camera())
 
 
 def _reordered(dataset: Dataset, of_frame: dict[int, int]) -> Dataset:

@@ -66,7 +66,8 @@ OPTIONS: Options = {
         "of the points",
     },
     "--sigma-px PX": "noise of the points, one standard deviation of a coordinate (default: of "
-    "their column sigma_px, or estimated from their epipolar errors)",
+    "their column sigma_px, or estimated from their epipolar errors; with --rig always estimated, "
+    "from their errors in all cameras)",
     "--depth NEAR FAR": "only pairs at this depth in front of the primary camera, in metres",
     "--names COLUMN": {
         "type": str,

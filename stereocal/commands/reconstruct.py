@@ -33,7 +33,7 @@ OPTIONS: Options = {
     "--out OUT": "points.csv or points.parquet",
     **WORLD,
     "--sigma-px PX": "noise of the points, for the standard errors in metres (default: of the "
-    "columns that match writes, or estimated from the pairs)",
+    "columns that match writes, or estimated from the pairs; with --rig estimated)",
     "--matched-with FILE": "the parameter file of match: checks that it belongs to the same rig",
     **WORKERS,
 }

@@ -23,6 +23,9 @@ TARGETS = ("A", "B")
 SOURCES = ("detected", "corrected", "manual")
 """Origin of an image point: detector, detector after a user's click, or user alone."""
 UNKNOWN_SOURCE = -1
+MISREAD = 0.1
+"""Share of rows with a point outside its image above which another order of the table's columns is
+looked at."""
 LONGEST_PLAUSIBLE_M = 1000.0
 """A longer baseline or bar is taken for a number in millimetres."""
 LARGEST_UNCERTAINTY, SMALLEST_UNCERTAINTY = 0.2, 1e-7
@@ -254,6 +257,15 @@ class Correspondences:
     def where(self, keep: npt.NDArray[np.bool_]) -> "Correspondences":
         """The rows for which `keep` (n,) is true."""
         return replace(self, **{name: getattr(self, name)[keep] for name in ("frame", *SHAPES)})
+
+    def camera_by_camera(self) -> "Correspondences":
+        """The bars, with the secondary's A exchanged for the primary's B: a table whose columns are
+        A and B of one camera, then those of the other, and not A of both cameras, then B."""
+        a, b = self.bars.T
+        primary, secondary = self.primary.copy(), self.secondary.copy()
+        secondary[a], primary[b] = self.primary[b], self.secondary[a]
+        whole = np.isin(np.arange(len(self)), self.bars)
+        return replace(self, primary=primary, secondary=secondary).where(whole)
 
     def of_frames(self, frames: npt.ArrayLike) -> "Correspondences":
         """The rows of the given frames."""
@@ -502,17 +514,24 @@ def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
 def refuse_points_outside(
     source: str, rows: Correspondences, primary: Camera | None, secondary: Camera | None
 ) -> None:
-    """Raise an error if there are `points_outside`; it asks whether the camera files are exchanged
-    where all points lie in the images of the other camera."""
+    """Raise an error if there are `points_outside`; it names the likely cause where all points lie
+    in the images once that is mended: exchanged camera files, or columns camera by camera."""
     problems = points_outside(rows, primary, secondary)
     if not problems:
         return
     both = primary is not None and secondary is not None
-    exchanged = both and not points_outside(rows, secondary, primary)
-    hint = ", and none outside those of the other camera (are the camera files exchanged?)"
-    raise RefusedRowsError(
-        source, problems, f"with a point outside its image{hint if exchanged else ''}"
-    )
+    hint = ""
+    if both and not points_outside(rows, secondary, primary):
+        hint = ", and none outside those of the other camera (are the camera files exchanged?)"
+    # One mistyped point is no reason to doubt the columns.
+    elif both and rows.rigid_object is None and len(problems) > MISREAD * len(rows):
+        bars = rows.camera_by_camera()
+        if len(bars) and not points_outside(bars, primary, secondary):
+            hint = (
+                ", and none if the columns are A and B of one camera, then those of the other "
+                "(they are read as A of both cameras, then B: put them in this order, or name them)"
+            )
+    raise RefusedRowsError(source, problems, f"with a point outside its image{hint}")
 
 
 def points_outside(
