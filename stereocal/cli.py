@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(f"stereocal: this needs {error.name}, which is not installed: {INSTALL}")
         return 2
     except StereocalError as error:
-        say(f"stereocal: {error}")
+        say(f"stereocal: {error}{f' Use {error.option}.' if error.option else ''}")
         return 2
 
 

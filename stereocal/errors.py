@@ -37,10 +37,11 @@ class StereocalError(ValueError):
     Args:
         text: what is wrong, kept as `reason`.
         source: the file or part of it that the message begins with.
+        option: what a command can be told instead, as `--unit mm`; only commands show it.
     """
 
-    def __init__(self, text: str = "", source: str = "") -> None:
-        self.reason = text
+    def __init__(self, text: str = "", source: str = "", *, option: str = "") -> None:
+        self.reason, self.option = text, option
         text = f"{source}: {text}" if source else text
         text = "".join(character if character.isprintable() else " " for character in text)
         if len(text) > LONGEST:
@@ -65,7 +66,7 @@ def naming(source: str) -> Iterator[None]:
     try:
         yield
     except StereocalError as error:
-        raise StereocalError(str(error), source) from error
+        raise StereocalError(str(error), source, option=error.option) from error
 
 
 @contextmanager

@@ -97,8 +97,8 @@ class ImageSizeError(StereocalError):
     def __init__(self, source: str, of: str = "") -> None:
         self.question = f"{source}: the file does not state the size of the images{of}."
         super().__init__(
-            f"{self.question} Give --image-size WxH, as --image-size 1920x1080, or write "
-            "image_width and image_height into the file."
+            f"{self.question} Write image_width and image_height into the file.",
+            option="--image-size WxH, as --image-size 1920x1080",
         )
 
 
@@ -111,8 +111,8 @@ class FourCoefficientsError(StereocalError):
             "they are k1 k2 p1 p2 (OpenCV's usual lens) or k1 k2 k3 k4 (its fisheye)."
         )
         super().__init__(
-            f"{self.question} Use --lens-model brown or fisheye, or write "
-            "distortion_model: plumb_bob or equidistant into the file."
+            f"{self.question} Write distortion_model: plumb_bob or equidistant into the file.",
+            option="--lens-model brown or fisheye",
         )
 
 

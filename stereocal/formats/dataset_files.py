@@ -115,8 +115,9 @@ def parse_dataset(
         with naming(source):
             if pair is None and len(recording.cameras) > 2:
                 raise StereocalError(
-                    f"it has {len(recording.cameras)} cameras: choose two with --pair. "
-                    f"{recording.describe_pairs()}"
+                    f"it has {len(recording.cameras)} cameras: choose two. "
+                    f"{recording.describe_pairs()}",
+                    option="--pair",
                 )
             chosen = recording.pair_named(pair) if pair else recording.pairs[0]
             return with_baseline_found(recording.pair(*chosen))

@@ -207,7 +207,8 @@ def _pairs(
     if len(together) > MOST_GROUPS:
         raise StereocalError(
             f"A frame has {len(together)} pairs of points that could belong together: state the "
-            "noise of the points with --sigma-px, or leave out points that are none."
+            "noise of the points, or leave out points that are none.",
+            option="--sigma-px",
         )
     return together
 

@@ -299,7 +299,11 @@ def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, H
         for k, (which, height) in enumerate(zip(CAMERAS, heights, strict=True))
     )
     stated = ExchangeOptions(
-        cameras=(primary, secondary), ends=(a, b), roles=layout.roles, **vars(origin)
+        # By index: a camera may be called by the number of another.
+        cameras=(layout.cameras.index(primary), layout.cameras.index(secondary)),
+        ends=(a, b),
+        roles=layout.roles,
+        **vars(origin),
     )
     return stated, (first, second)
 

@@ -112,6 +112,13 @@ class TestTablesOfAnyCountry:
                 found, expected = getattr(other, side)[order], getattr(first, side)
                 np.testing.assert_allclose(found, expected, rtol=0, atol=6e-4)
 
+    def test_the_message_names_the_option(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        files = [str(EUROPEAN / name) for name in ("wand.csv", "l.yml", "r.yml")]
+        assert main(["import", *files, "--cameras", "all", "--out", str(tmp_path / "set")]) == 2
+        assert "Use --cameras 1,2" in capsys.readouterr().err
+
     def test_commas_for_both_are_refused(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

@@ -243,7 +243,7 @@ class TestDlt:
         world = Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))  # its origin in a camera's plane
         with pytest.raises(StereocalError, match="move the world's origin"):
             export_files(FULL, "dlt", ExchangeOptions(world=world))
-        with pytest.raises(StereocalError, match=r"does not state the size.*--image-size"):
+        with pytest.raises(StereocalError, match=r"does not state the size.*image_width"):
             import_files(export_files(FULL, "dlt"), "dlt")
 
 

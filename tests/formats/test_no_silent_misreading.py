@@ -44,7 +44,7 @@ class TestUnits:
     @pytest.mark.parametrize("name", UNSTATED)
     def test_a_file_that_does_not_say_it_needs_an_answer(self, name: str, unit: Unit) -> None:
         files = in_unit(name, unit)
-        with pytest.raises(StereocalError, match=f"--unit .*{unit} \\({BASELINE_M:g} m\\)"):
+        with pytest.raises(StereocalError, match=f"unit .*{unit} \\({BASELINE_M:g} m\\)"):
             import_files(files, name)
         read = import_files(files, name, ExchangeOptions(unit=unit))
         # Measured: T exact, R 7e-16.

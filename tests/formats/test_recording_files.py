@@ -72,7 +72,7 @@ def test_a_pair_the_other_way_round_has_the_other_primary() -> None:
 def test_more_cameras_ask_for_a_pair() -> None:
     with pytest.raises(
         StereocalError,
-        match=r"^x: it has 3 cameras: .*left-right \(25 frames\), left-top \(1 frames\), right-top",
+        match=r"^x: it has 3 cameras: .*left-right \(25 frames\), left-top \(1 frame\), right-top",
     ):
         parse_dataset(FILES, "x")
     with pytest.raises(StereocalError, match=r'no pair "left-up".*left-right \(25 frames\)'):

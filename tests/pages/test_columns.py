@@ -34,6 +34,13 @@ def test_a_table_is_shown_and_taken_by_one_press(name: str, app: AppTest, home: 
     assert rows_of(app, home) == len(ROWS)
 
 
+def test_cameras_may_be_called_by_the_number_of_another(app: AppTest, home: Path) -> None:
+    give(app, TABLES["long"].replace(b";left;", b";2;").replace(b";right;", b";1;"))
+    assert not app.error
+    app.button(key="use_bars").click().run()
+    assert rows_of(app, home) == len(ROWS)
+
+
 def test_what_the_header_does_not_say_is_asked(app: AppTest, home: Path) -> None:
     give(app, UNKNOWN)
     assert "Choose the columns with x and y" in told(app, "info")

@@ -448,6 +448,8 @@ def test_a_file_of_three_cameras_and_a_table_are_a_rig_or_two_of_them(
     given(app, files)
     project = Project.open(home, find_projects(home)[0])
     assert {*ProjectRecording(project).parts} == {*files}
+    missing = told(app, "warning")
+    assert "distance from A to B is missing" in missing and "--" not in missing  # no option
     app.number_input(key="several_B_m").set_value(0.6).run()
     assert "Camera 3 sees no end of the bar" in told(app, "warning")
     app.button(key="several_two").click().run()

@@ -108,7 +108,8 @@ class EasyWandFile:
                 raise StereocalError(
                     f"{self.source}: the file states images of {width:g}x{height:g} px, but the "
                     f"points of {self.cameras[k]} reach ({u:.0f}, {v:.0f}): state the size of the "
-                    "sensor, as --image-size 640x512."
+                    "sensor.",
+                    option="--image-size, as --image-size 640x512",
                 )
             found.append((int(width), int(height)))
         return found
@@ -154,7 +155,8 @@ class EasyWandFile:
         if metres > 20:
             raise StereocalError(
                 f"{self.source}: the bar would be {metres:g} m long: state the unit of its "
-                "lengths, --unit mm or cm, or the length, --distance."
+                "lengths, or the length.",
+                option="--unit mm or cm, or --distance",
             )
         return metres
 
@@ -203,9 +205,9 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     bars = file.seen("wandPts", chosen.pair, sizes, origin)
     if bars is None or not len(bars.frame):
         raise StereocalError(
-            f"no end of the bar was seen by both cameras, {chosen.words}: choose others with "
-            "--cameras.",
+            f"no end of the bar was seen by both cameras, {chosen.words}: choose others.",
             file.source,
+            option="--cameras",
         )
     taken = [points_taken(bars.correspondences, f"wandPts, {chosen.words}")]
     notes = [f"From easyWand, {chosen.words}."]

@@ -83,8 +83,9 @@ def _of_bars(
         count = len(cameras)
     if count < 3:
         raise StereocalError(
-            "--cameras all is for files of three cameras or more; these name "
-            f"{count or 'none'}: give --cameras 1,2."
+            "Files of three cameras or more are expected; these name "
+            f"{count or 'none'}: give those of the others too.",
+            option="--cameras 1,2 for two",
         )
     remarks: tuple[str, ...] = ()
     if opened is not None:
@@ -101,14 +102,17 @@ def _of_bars(
         if len(layout.cameras) != count:
             raise StereocalError(
                 f"The table has the points of {len(layout.cameras)} cameras, and the camera files "
-                f"name {count}: give both for the same cameras, or --cameras 1,2."
+                f"name {count}: give both for the same cameras.",
+                option="--cameras 1,2 for two of them",
             )
         if layout.states_cameras and (same := namesakes(layout.cameras, names_in(others))):
             cameras = [cameras[k] for k in same]
         heights = [(size or camera.image_size)[1] for camera in cameras]
         bars = read_bars(files[table], layout, layout.cameras, ends, heights, table)
     if distance_m is None:
-        raise StereocalError("distance A-B is missing: give --distance D in metres.")
+        raise StereocalError(
+            "The distance from A to B is missing: state it in metres.", option="--distance D"
+        )
     check_length("distance between the targets", distance_m)
     row, camera_of_row = np.nonzero(np.isfinite(bars.pixels).all(axis=2))
     order = np.lexsort([bars.target[row], camera_of_row, bars.frame[row]])

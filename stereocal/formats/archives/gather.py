@@ -106,8 +106,9 @@ def _wanted(
                 return ((there[0], there[1]), None), ()
             raise StereocalError(
                 f"The table is read as the points of {len(of_table)} cameras, and the camera files "
-                f"are of {len(of_files)}. Say which cameras they are, as --cameras 1,3. If the "
-                "commas are decimal signs too, save the table with semicolons between its cells."
+                f"are of {len(of_files)}. Say which cameras they are. If the commas are decimal "
+                "signs too, save the table with semicolons between its cells.",
+                option="--cameras, as --cameras 1,3",
             )
         same = namesakes(of_table, of_files)[:2] if named else []
         if not same or same == [0, 1]:
@@ -251,8 +252,9 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
     if layout.origin.corner == "lower-left" and None in heights:
         raise StereocalError(
             "the points are counted from the lower left, so the image height is needed: give the "
-            "camera files, or --image-size WxH.",
+            "camera files, or the size of the images.",
             source,
+            option="--image-size WxH",
         )
     found = read_bars(content, layout, chosen.names, ends, heights, source)
     if not len(found.frame):

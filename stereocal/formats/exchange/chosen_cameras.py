@@ -82,7 +82,7 @@ def camera_indices(
     if by_name and by_number and by_name != by_number:
         called, counted = ([names[k] for k in each] for each in (by_name, by_number))
         raise StereocalError(
-            f"--cameras {','.join(words)} can mean the cameras that are called so "
+            f"{','.join(words)} can mean the cameras that are called so "
             f"({', '.join(called)}), or those with these numbers, counted from 1 "
             f"({', '.join(counted)}): write {_called(called)} or {_called(counted)}.",
             source,

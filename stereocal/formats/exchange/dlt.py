@@ -102,7 +102,8 @@ def _on_origin(behind: Sequence[bool], options: ExchangeOptions) -> tuple[str, .
     other = next(each for each in CORNERS if each != corner)
     return (
         f"The world's origin lies behind the {which} camera, if points are counted from the "
-        f"{corner.replace('-', ' ')}. If it does not, give --image-origin {other}.",
+        f"{corner.replace('-', ' ')}. If it does not, points are counted from the "
+        f"{other.replace('-', ' ')}: state that (on the command line --image-origin {other}).",
     ) * any(behind)
 
 

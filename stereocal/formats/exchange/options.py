@@ -157,7 +157,7 @@ class UnitError(StereocalError):
         ]
         choice = " or ".join(fitting) or f"{', '.join(UNITS)}; none of them is plausible"
         self.question = f"{found}: state the unit of its lengths, {choice}."
-        super().__init__(f"{found}: state the unit of its lengths, --unit {choice}.")
+        super().__init__(self.question, option=f"--unit {' or '.join(UNITS)}")
 
 
 class OriginError(StereocalError):
@@ -169,9 +169,8 @@ class OriginError(StereocalError):
             "easyWand, Argus and DLTdv5 to 7; or else the world's origin lies behind the cameras."
         )
         self.question = f"{found} Where are they counted from?"
-        super().__init__(
-            f"{found} Give --image-origin lower-left; or, if it lies there, upper-left."
-        )
+        option = "--image-origin lower-left; or, if the world's origin lies there, upper-left"
+        super().__init__(self.question, option=option)
 
 
 def metres_per_unit(

@@ -73,8 +73,9 @@ class CameraPair:
         if len(names) > 2 and options.cameras is None:
             raise StereocalError(
                 f"two cameras are expected; the file has {len(names)} ({', '.join(names)[:200]}): "
-                "choose two with --cameras, as --cameras 1,2.",
+                "choose two.",
                 source,
+                option="--cameras, as --cameras 1,2",
             )
         if self.pose is None:
             raise StereocalError(self.no_pose)
