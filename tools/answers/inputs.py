@@ -1,0 +1,78 @@
+"""The inputs that are neither samples nor made by a command."""
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from stereocal.formats.dataset_files import pack_dataset
+from stereocal.rig.tracks import TimeOffset
+from stereocal.simulation.simulate import field_rig
+from tests.docs.pages import code_of
+from tests.docs.prepared import videos
+from tests.fisheye_rig import recording
+from tests.rigs.moving_bar import move_bar, record
+from tests.tagged_bars import BAR_M, CAMERA, RIG, tagged_bars
+
+ROOT = Path(__file__).parents[2]
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
+def _fisheye(folder: Path) -> None:
+    _write(folder, pack_dataset(recording(120.0, seed=1)[0]))
+
+
+def _moving(folder: Path) -> None:
+    """A bar moved by hand; the secondary camera is 0.3 frames late."""
+    rng = np.random.default_rng(7)
+    bar = move_bar(field_rig(4.5), rng, frames=120, length_m=0.9)
+    _write(folder, pack_dataset(record(bar, rng, 0.15, "moving", offset=TimeOffset(0.3))))
+
+
+def _tags(folder: Path) -> None:
+    files = dict(tagged_bars(5)[0])
+    described = {
+        "format": "stereocal-dataset/1",
+        "name": "tags",
+        "baseline_m": RIG.pose.baseline,
+        "target_distance_m": BAR_M,
+        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
+    }
+    lens = {"format": "stereocal-camera/1", **CAMERA.to_json()}
+    for name, content in {"dataset": described, "primary": lens, "secondary": lens}.items():
+        files[f"{name}.json"] = json.dumps(content).encode()
+    _write(folder, files)
+
+
+def _plan(folder: Path) -> None:
+    """The plan that a page of the documentation shows."""
+    for code in code_of(ROOT / "docs" / "howto" / "plan.md"):
+        if code.language == "json":
+            (folder / "plan.json").write_text(code.text, encoding="utf-8")
+
+
+def _scripts(folder: Path) -> None:
+    shutil.copy(Path(__file__).with_name("library.py"), folder)
+
+
+def _cases(folder: Path) -> None:
+    shutil.copytree(ROOT / "tests" / "cases", folder, dirs_exist_ok=True)
+
+
+MADE: Mapping[str, Callable[[Path], None]] = {
+    "cases": _cases,
+    "fisheye": _fisheye,
+    "moving": _moving,
+    "plan": _plan,
+    "scripts": _scripts,
+    "tags": _tags,
+    "videos": videos,
+}
+"""How each is written into its empty folder."""
