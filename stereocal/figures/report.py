@@ -115,9 +115,10 @@ def _procedure(settings: EvaluationSettings, units: str) -> tuple[str, ...]:
 def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> str:
     rows = []
     for dataset in datasets:
-        lines, points = contents_table(dataset)["Read"], dataset.correspondences
+        points = dataset.correspondences
+        *_, baseline, known_length = contents_table(dataset)["Read"]
         counts = {"Frames": len(points.frames), "Pairs": len(points), "Bars": len(points.bars)}
-        lengths = {"Baseline": lines["Baseline"], "Bar": lines["Distance between the targets"]}
+        lengths = {"Baseline": baseline, "Bar": known_length}
         rows.append({**counts, **lengths, "SHA-256 of its numbers": dataset.sha256})
     table = pd.DataFrame(rows, index=pd.Index([dataset.name for dataset in datasets], name="Name"))
     notes = [f"{d.name}: {d.notes}" for d in datasets if d.notes]

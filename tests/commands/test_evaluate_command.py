@@ -46,3 +46,10 @@ def test_figures_reach_the_parameter_files(tmp_path: Path) -> None:
     threshold = RigParameters.load(tmp_path / "parameters_2d.json").matching_threshold_px
     assert threshold is not None
     assert threshold == json.loads(summary.read_text())["methods"]["2d"]["threshold_px"]
+
+
+def test_two_cameras_of_a_rig_are_evaluated(tmp_path: Path) -> None:
+    """Their known lengths are of an object with three targets, not of a bar."""
+    options = ["--pair", "2-3", "--runs", "1", "--no-refined", "--out", str(tmp_path)]
+    assert main(["evaluate", str(SAMPLES / "rig"), *options]) == 0
+    assert "<td>0.39 m</td>" in (tmp_path / "report.html").read_text()
