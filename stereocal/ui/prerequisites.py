@@ -28,7 +28,7 @@ def missing_of(project: Project) -> str:
         if ProjectApplication(project).asking("bars") is None:
             return missing
         return missing.replace("the table of points", "the points (press *Use these points*)")
-    if holds_board(project):
+    if missing and holds_board(project):
         return "the boards in the photographs (press *Find the boards*)"
     targets = "the targets in the photographs (press *Find the targets*)"
     return missing.replace("the table of points", targets)

@@ -51,6 +51,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     app.run()
     assert "9 boards of 8x6 inner corners are in photographs of both" in messages(app)
     assert project.settings["held"] == "board"
+    assert "Find the boards" not in told(app, "warning")
     assert not [each for each in app.button if each.key in ("held_yes", "held_bar")]
     assert not app.exception
     badges = [item.value for item in app.markdown if "badge" in item.value]
