@@ -37,11 +37,26 @@ def show_pairing(store: ProjectPhotographs) -> None:
     pairing = proposal.pairing
     sentence = f"{count(len(store.photographs), 'photograph')}. {pairing.sentence}"
     (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
+    _show_same(store)
     _show_ways(store, proposal)
     _show_slips(store, proposal)
     _show_found_slip(store)
     _show_pictures(store, proposal)
     edit_pairs(store)
+
+
+def _show_same(store: ProjectPhotographs) -> None:
+    """Pairs whose two photographs are one: those of one camera were given for both."""
+    files, pairs = store.photographs, [row.pair for row in store.rows]
+    same = [pair for pair in pairs if files.get(pair.primary) == files.get(pair.secondary)]
+    if same:
+        first, second = map(escape_markdown, short_names([same[0].primary, same[0].secondary]))
+        text, button = st.columns([6, 2], vertical_alignment="center")
+        text.warning(
+            f"{first} and {second} are the same photograph, and so are both of {len(same)} of the "
+            f"{len(pairs)} pairs. Those of one camera were given for both: give each camera's own."
+        )
+        button.button("Remove all photographs", on_click=callback(store.clear), key="pair_clear")
 
 
 def _take(store: ProjectPhotographs, choice: Choice) -> None:

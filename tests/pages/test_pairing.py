@@ -115,3 +115,20 @@ def test_edited_pairs_return_with_the_way_before(home: Path) -> None:
     assert len(store.rows) == 3
     app.button(key="pair_undo").click().run()
     assert store.rows == edited
+
+
+def test_photographs_of_one_camera_given_for_both_are_named_and_removed(home: Path) -> None:
+    store, bars = ProjectPhotographs(Project.create(home)), bar_set(6)
+    images = [png(pair.primary, None) for pair in bars.pairs]
+    for side in ("left", "right"):
+        names = [f"{side}_{i}.png" for i in range(len(images))]
+        store.add({name: store.keep(name, own) for name, own in zip(names, images, strict=True)})
+    app = go(session(store.project), "data")
+    assert "left_0 and right_0" in told(app, "warning")
+    app.button(key="pair_clear").click().run()
+    assert not store.photographs and not app.exception
+
+
+def test_photographs_of_two_cameras_are_not_called_the_same(home: Path) -> None:
+    app = go(session(stored(home, 6, 5, timed=False).project), "data")
+    assert not [each for each in app.button if each.key == "pair_clear"]
