@@ -1,19 +1,23 @@
 """The site is built without a warning, no link is dead, and pictures are those of make pictures."""
 
 import importlib.util
+import io
 import re
 import subprocess
 import sys
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image, ImageColor
 
 import stereocal
 from docs.drawings.__main__ import DRAWINGS, FOLDER, draw
 from docs.screenshots import PAGES as SCREENS
-from docs.screenshots import PICTURES, STORY, THEMES, WIDTHS
+from docs.screenshots import PICTURES, STORY, THEMES, WIDTHS, keep
 from stereocal.figures.story import ROWS, read_story
+from stereocal.figures.style import METHOD_COLOURS
 from tests.docs.pages import PAGES, name_of
 from tests.terminal import ROOT
 
@@ -74,6 +78,23 @@ def test_every_picture_is_made_by_the_command() -> None:
     story = {f"{name}.png" for name in STORY}
     assert {path.name for path in PICTURES.glob("*.*")} == screens | story
     assert {path.name for path in FOLDER.glob("*")} == {f"{name}.svg" for name in DRAWINGS}
+
+
+def test_a_picture_tells_the_sets_apart(tmp_path: Path) -> None:
+    """However few the points of one are, and however many shades the page has."""
+    rare, *others = (
+        np.array(ImageColor.getrgb(METHOD_COLOURS[m])) for m in ("3d", "2d", "refined")
+    )
+    shade = np.linspace(0, 1, 600)[:, None, None]
+    page = np.concatenate(
+        [(1 - shade) * 255 + shade * own + np.zeros((1, 300, 1)) for own in others], 1
+    )
+    page[100:104, 100:104] = rare
+    packed = io.BytesIO()
+    Image.fromarray(page.astype(np.uint8)).save(packed, "PNG")
+    keep(packed.getvalue(), tmp_path / "page.png")
+    kept = np.asarray(Image.open(tmp_path / "page.png").convert("RGB"), int)
+    assert np.abs(kept[102, 102] - rare).max() <= 20
 
 
 def test_every_picture_that_is_shown_is_there_and_has_words() -> None:
