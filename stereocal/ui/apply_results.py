@@ -119,12 +119,12 @@ def _show_result(
     _show_frames(store, outcome, tables)
     with st.container(horizontal=True):
         for name in (outcome.matched, POINTS):
-            _download(files[name], name, primary=True)
+            _download(files[name], name)
     return tables
 
 
-def _download(file: StoredFile, name: str, primary: bool = False) -> None:
-    offer(f"Download {name}", file.read_bytes, name, f"download_{name}", primary=primary)
+def _download(file: StoredFile, name: str) -> None:
+    offer(f"Download {name}", file.read_bytes, name, f"download_{name}")
 
 
 def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None) -> None:

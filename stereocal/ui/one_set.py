@@ -216,7 +216,6 @@ def _show_download(project: Project, answer: Answer, calibrated_now: bool) -> No
             lambda: answer.sets["refined"].dumps(),
             name,
             "download_refined",
-            primary="refined" in answer.recommendation.use.values(),
             disabled=not calibrated_now,
             help=told,
         )

@@ -299,3 +299,16 @@ def test_large_counts_are_written_alike(app: AppTest, home: Path) -> None:
     assert f"{len(many):,}" in app.table[-1].value.to_string()
     shown = "".join([messages(app), app.table[-1].value.to_string()])
     assert str(len(many)) not in shown
+
+
+@pytest.mark.parametrize("page", ["data", "validate", "one_set", "apply", "check", "plan"])
+def test_one_button_of_a_page_stands_out(page: str, home: Path) -> None:
+    app = go(session(placed(FULL, home)), page)
+    buttons = [*app.get("button"), *app.get("download_button")]
+    assert [each.proto.label for each in buttons if each.proto.type == "primary"][1:] == []
+
+
+def test_a_plan_without_a_project_is_kept_by_the_button_that_stands_out(app: AppTest) -> None:
+    go(app, "plan")
+    assert app.button(key="plan_start").proto.type == "primary"
+    assert app.button(key="next").proto.type == "secondary"
