@@ -137,8 +137,7 @@ def _traces(
         np.array([np.zeros(3), result.pose.inverse().T])[:, seen],
         "%{text} camera",
         mode="markers+text" if above else "markers",
-        # On a narrow page the names reach into the map, where only grey is seen in both themes.
-        text=[f'<span style="color:{NEUTRAL}">{name}</span>' for name in CAMERAS],
+        text=list(CAMERAS),
         textposition="middle right",
         cliponaxis=False,
         marker={"symbol": "square", "size": 11, "color": NEUTRAL},

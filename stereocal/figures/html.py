@@ -28,6 +28,7 @@ td { font-variant-numeric: tabular-nums; }
 .data td:not(:last-child) { white-space: nowrap; }
 .data td:last-child { font-family: monospace; overflow-wrap: anywhere; min-width: 20ch; }
 .main-svg > g:not(.hoverlayer) text { fill: var(--ink) !important; }
+.textpoint text { paint-order: stroke; stroke: var(--page); stroke-width: 3px; }
 .narrow { display: none; }
 .sets { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; }
 .sets > div { min-width: 0; }

@@ -36,6 +36,9 @@ button:focus-visible, a:focus-visible, summary:focus-visible {
 }
 [data-testid=stCaptionContainer] { color: inherit; opacity: 0.8; }
 [data-testid=stPlotlyChart] svg :not(.hovertext) > text { fill: currentColor !important; }
+[data-testid=stPlotlyChart] .textpoint text {
+  paint-order: stroke; stroke: Canvas; stroke-width: 3px;
+}
 [data-testid=stCode] span { color: inherit !important; }
 button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important; }
 [data-testid=stButtonGroup] [data-selected], [data-testid=stSliderThumbValue] {
@@ -58,10 +61,11 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
 </style>"""
 """Streamlit cuts off long lists of file types, and shows no focus on a chosen button. Its captions,
 figures, commands and chosen values have texts with a contrast of 2.3 to 4.2 with the page; 4.5 is
-the least that can be read well (WCAG 2.1, 1.4.3). What is shown only under the mouse is no stop of
-the Tab key: the toolbars of three figures were 18 stops before the first button of Start. Without a
-mouse they would lie over the figures for good; fingers move and zoom without them, and only the one
-button that saves a figure stays."""
+the least that can be read well (WCAG 2.1, 1.4.3). Labels of points have a rim of the page's colour:
+a photograph below them is dark in one place and light in the next. What is shown only under the
+mouse is no stop of the Tab key: the toolbars of three figures were 18 stops before the first button
+of Start. Without a mouse they would lie over the figures for good; fingers move and zoom without
+them, and only the one button that saves a figure stays."""
 ARRIVAL = """<script>/* {} */
 (() => {
   const main = document.querySelector('[data-testid=stMain]')

@@ -94,6 +94,31 @@ def test_pages_fit_a_narrow_screen_and_axe_finds_nothing(
     assert not any(problems.values()), json.dumps(problems, indent=1)
 
 
+LABELS = """() => [...document.querySelectorAll('.textpoint text')].map((text) => {
+    const grey = (colour) => Math.max(...colour.match(/\\d+/g).slice(0, 3).map(Number))
+    const style = getComputedStyle(text)
+    const inner = text.querySelector('tspan') ?? text
+    return [grey(getComputedStyle(inner).fill), style.stroke === 'none' ? null : grey(style.stroke)]
+})"""
+"""How light the labels of points are, and their rims; 0 to 255."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_labels_of_points_are_read_on_a_photograph(
+    browser: Browser, app_url: str, finished: str, settled: Settled, scheme: Any
+) -> None:
+    """Whatever is below: the label and its rim are far apart."""
+    context = browser.new_context(color_scheme=scheme)
+    page = context.new_page()
+    for path in ("calibrate", "plan"):
+        page.goto(f"{app_url}/{path}?project={finished}")
+        settled(page)
+        expect(page.locator(".textpoint text").first).to_be_attached(timeout=LONGEST_MS)
+        for label, rim in page.evaluate(LABELS):
+            assert rim is not None and abs(label - rim) > 150, (path, label, rim)
+    context.close()
+
+
 FOCUSED = """async () => {
     let element = document.activeElement
     if (!element || element === document.body) return null
