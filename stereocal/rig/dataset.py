@@ -302,6 +302,14 @@ class Dataset:
 
     def __post_init__(self) -> None:
         bar = "distance between the targets"
+        refuse(
+            (
+                self.baseline_is_free and self.baseline_m > LONGEST_PLAUSIBLE_M,
+                f"By a {bar} of {self.target_distance_m:g} m the cameras are {self.baseline_m:g} m "
+                "apart: this looks like millimetres. Give the distance in metres "
+                f"({self.target_distance_m / 1000:g}).",
+            )
+        )
         check_length("baseline", self.baseline_m)
         check_length(bar, self.target_distance_m)
         if not self.baseline_is_free:

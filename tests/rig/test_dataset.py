@@ -94,6 +94,11 @@ class TestLengths:
         with pytest.raises(StereocalError, match=says):
             replace(EXACT, **cast(Any, {name: value}))
 
+    def test_a_bar_in_millimetres_is_named_where_it_gives_the_baseline(self) -> None:
+        scaled = {"baseline_m": 1000 * BASELINE_M, "target_distance_m": 1000 * BAR_M}
+        with pytest.raises(StereocalError, match=rf"Give the distance in metres \({BAR_M:g}\)"):
+            replace(EXACT, **cast(Any, scaled), baseline_sigma_m=np.inf)
+
     def test_a_frames_own_distance_goes_before_the_data_sets(self) -> None:
         """Given with A, with B, with both, and with none."""
         nan = np.nan
