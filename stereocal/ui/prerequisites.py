@@ -4,12 +4,13 @@ import streamlit as st
 
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Inputs
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_if_measured
-from stereocal.ui.messages import end_here
+from stereocal.ui.messages import end_here, readable
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import begin_project, current_project
 from stereocal.ui.rig_pairs import pair_buttons
@@ -31,6 +32,8 @@ def missing_of(project: Project) -> str:
     if missing and holds_board(project):
         return "the boards in the photographs (press *Find the boards*)"
     targets = "the targets in the photographs (press *Find the targets*)"
+    if readable(lambda: ProjectPhotographs(project).frames, told=False) is not None:
+        targets = "targets that are used (the frames on *Data* say why none are)"
     return missing.replace("the table of points", targets)
 
 

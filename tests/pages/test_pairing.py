@@ -98,6 +98,7 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     ended(store.project, "photographs")
     app.run()
     assert "IMG_1006 has no partner" in messages(app)
+    assert "press *Find the targets*" not in told(app, "warning")  # they were searched for
     assert messages(app).count("No target is seen by both cameras") <= 1
     assert "lies along the epipolar lines" not in messages(app) + told(app, "caption")
     app.button(key="pair_mend_found").click().run()
