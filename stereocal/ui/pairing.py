@@ -53,8 +53,8 @@ def _show_same(store: ProjectPhotographs) -> None:
         first, second = map(escape_markdown, short_names([same[0].primary, same[0].secondary]))
         text, button = st.columns([6, 2], vertical_alignment="center")
         text.warning(
-            f"{first} and {second} are the same photograph, and so are both of {len(same)} of the "
-            f"{len(pairs)} pairs. Those of one camera were given for both: give each camera's own."
+            f"Both photographs are the same in {len(same)} of {len(pairs)} pairs, such as {first} "
+            f"and {second}: those of one camera were given for both. Give each camera's own."
         )
         button.button("Remove all photographs", on_click=callback(store.clear), key="pair_clear")
 
