@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import cv2
 import numpy as np
@@ -96,9 +96,11 @@ def compare(old: Path, new: Path, only: Collection[str]) -> tuple[int, list[str]
         one, other = before.get(name), after.get(name)
         if one is None or other is None:
             folder, lacking = (old, new) if other is None else (new, old)
-            case = name.partition("/")[0]
-            alone = name if (lacking / case).is_dir() else case
-            lines.append(f"{alone}: only in {folder}")
+            *case, _ = PurePosixPath(name).parts[: 3 if name.startswith("inputs/") else 2]
+            if lacking.joinpath(*case).is_dir():
+                lines.append(f"{name}: only in {folder}")
+            elif len(case) == 1:  # which inputs there are depends on the cases
+                lines.append(f"{case[0]}: only in {folder}")
         elif one != other:
             kind = next(kind for kind in KINDS if fnmatchcase(name, kind.files))
             found = difference(kind.read(one), kind.read(other), kind.tolerance)
