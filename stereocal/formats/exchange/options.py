@@ -150,14 +150,15 @@ class UnitError(StereocalError):
 
     def __init__(self, found: str, baseline: float) -> None:
         low, high = POSSIBLE_M
-        fitting = [
-            f"{unit} ({baseline * scale:g} m)"
+        fitting = {
+            unit: f"{unit} ({baseline * scale:g} m)"
             for unit, scale in UNITS.items()
             if low <= baseline * scale <= high
-        ]
-        choice = " or ".join(fitting) or f"{', '.join(UNITS)}; none of them is plausible"
+        }
+        none = f"{', '.join(UNITS)}; none of them is plausible"
+        choice = " or ".join(fitting.values()) or none
         self.question = f"{found}: state the unit of its lengths, {choice}."
-        super().__init__(self.question, option=f"--unit {' or '.join(UNITS)}")
+        super().__init__(self.question, option=f"--unit {' or '.join(fitting or UNITS)}")
 
 
 class OriginError(StereocalError):
