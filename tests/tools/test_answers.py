@@ -20,6 +20,8 @@ def test_a_case_kept_twice_is_the_same_and_a_changed_digit_is_found(
         assert main(["keep", str(folder), "--only", CASE]) == 0
     assert (new / CASE / "exit").read_text() == "0\n"
     assert "wrote parameters.json" in (new / CASE / "stdout").read_text()
+    (old / "inputs" / "of_another_case").mkdir()
+    (old / "inputs" / "of_another_case" / "table.csv").write_text("frame\n")
     file = new / CASE / "parameters.json"
     text = file.read_text()
     (created,) = re.findall(r'"created": "(.*)"', text)
