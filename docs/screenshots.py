@@ -55,7 +55,8 @@ def keep(screenshot: bytes, path: Path) -> None:
     """Save a picture in few colours."""
     picture = Image.open(io.BytesIO(screenshot)).convert("RGB")
     path.parent.mkdir(parents=True, exist_ok=True)
-    few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    # Without k-means, it moves the colours of large areas by some levels.
+    few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, 5, dither=Image.Dither.NONE)
     few.save(path, optimize=True)
     print(path)
 
