@@ -14,9 +14,9 @@ from typing import Any, TypeVar
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.formats.camera_file import read_camera
-from stereocal.formats.correspondences_csv import Table, read_table
-from stereocal.formats.dataset_files import parse_zip
+from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.correspondences_csv import Table, read_table, write_table
+from stereocal.formats.dataset_files import TABLE, parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
 from stereocal.projects.database import NOT_THERE, DamagedError
@@ -34,6 +34,12 @@ INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated
 VALUES = tuple(
     each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
 )
+NAMES: dict[Slot, str] = {
+    "primary": "primary.json",
+    "secondary": "secondary.json",
+    "correspondences": TABLE,
+}
+"""Slots, and the names of their files."""
 OF_TABLE = ("exchanged", "put_back", "left_out")
 """Corrections of frames, valid for one table of points."""
 KEPT: dict[type, Latest[Any]] = {
@@ -41,6 +47,28 @@ KEPT: dict[type, Latest[Any]] = {
     for kind, most in ((Camera, 64), (Table, 8), (Dataset, 32), (Calibration, 8), (Evaluation, 8))
 }
 """In memory. The keys of what was read from files have their labels: messages name them."""
+
+
+def packed(dataset: Dataset) -> dict[Slot, bytes]:
+    """The files of a data set."""
+    return {
+        "primary": write_camera(dataset.primary),
+        "secondary": write_camera(dataset.secondary),
+        "correspondences": write_table(dataset.correspondences),
+    }
+
+
+def stated_in(dataset: Dataset) -> dict[str, Any]:
+    """What a data set states beside its files, as values of the inputs."""
+    free = dataset.baseline_is_free
+    return {
+        "name": dataset.name,
+        "baseline_m": dataset.baseline_m,
+        "baseline_free": free,
+        "baseline_sigma_m": None if free else dataset.baseline_sigma_m,
+        "target_distance_m": dataset.target_distance_m,
+        "target_distance_sigma_m": dataset.target_distance_sigma_m,
+    }
 
 
 class Project:

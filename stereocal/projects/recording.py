@@ -7,7 +7,6 @@ from itertools import combinations
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import cameras_in
 from stereocal.formats.archives.gather import is_table
-from stereocal.formats.dataset_files import TABLE, pack_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, find_description, parse_recording
 from stereocal.network.pairs import pair_name
@@ -15,7 +14,7 @@ from stereocal.network.rig_file import RIG, RigFile
 from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.project import INPUT, Project, ProjectPart
+from stereocal.projects.project import INPUT, Project, ProjectPart, packed, stated_in
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 
@@ -23,12 +22,6 @@ RECORDING, RIG_FILES = "recording", "rig"
 """Parts of a project: the files of the data set, and those that were computed from it."""
 PARTS, REPLACED = "several", "several_replaced"
 """Files of cameras and a table that are no data set yet, and those that a later one replaced."""
-NAMES: dict[Slot, str] = {
-    "correspondences": TABLE,
-    "primary": "primary.json",
-    "secondary": "secondary.json",
-}
-"""Slots of a pair, and the names of their files."""
 PAIRS, SOURCE = "pairs.zip", "the recording of this project"
 OF_RIG, REFINED = "of_rig", "refined_of_rig"
 """Settings of a pair: the digests of the recording and of the rig that it is of, and with which its
@@ -153,22 +146,14 @@ class ProjectRecording(ProjectPart):
             raise StereocalError("This project has no recording of several cameras: no pairs.")
         rig, pair = self.rig, recording.pair_named(name)
         dataset = data_of_pair(recording, pair, rig)
-        packed, inputs, free = pack_pair(dataset), project.inputs, dataset.baseline_is_free
+        inputs = project.inputs
         files: dict[Slot, tuple[str, bytes]] = {
-            slot: (f"{dataset.name}, {slot}", packed[own])
-            for slot, own in NAMES.items()
-            if hashlib.sha256(packed[own]).hexdigest() != inputs.files.get(slot)
+            slot: (f"{dataset.name}, {slot}", content)
+            for slot, content in packed(dataset).items()
+            if hashlib.sha256(content).hexdigest() != inputs.files.get(slot)
         }
         with self.database.transaction():
-            project.give(
-                files,
-                name=inputs.name or dataset.name,
-                baseline_m=dataset.baseline_m,
-                baseline_free=free,
-                baseline_sigma_m=None if free else dataset.baseline_sigma_m,
-                target_distance_m=dataset.target_distance_m,
-                target_distance_sigma_m=dataset.target_distance_sigma_m,
-            )
+            project.give(files, **stated_in(dataset) | {"name": inputs.name or dataset.name})
             refined = None
             if rig is not None and {*pair} <= {*rig.names}:
                 refined = settings_of_pair(dataset, pair, rig).to_json()

@@ -1,6 +1,5 @@
 """What the pages store of uploads: data sets, tables, camera files; and uploads taken once."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -14,7 +13,7 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 from stereocal.errors import RefusedRowsError
 from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
-from stereocal.formats.dataset_files import TABLE, pack_pair, parse_dataset, parse_survey
+from stereocal.formats.dataset_files import TABLE, parse_dataset, parse_survey
 from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
 from stereocal.formats.recording_files import find_description
@@ -22,9 +21,10 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import Project
+from stereocal.projects.project import NAMES, Project, packed, stated_in
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.photograph_files import of_the_bar
@@ -165,18 +165,15 @@ def give_dataset(
     Raises:
         StereocalError: it is invalid; the project is unchanged.
     """
-    store = ProjectPhotographs(project)
-    description = find_description(files, source)
+    description, found = find_description(files, source), of_the_bar(photographs)
+    folder = description.folder
     if description.is_recording:
         if len(description.entries.get("cameras") or ()) > 2:
-            folder = description.folder
             own = {name: content for name, content in files.items() if name.startswith(folder)}
             ProjectRecording(project).give(own, source)
-            return
-        files = pack_pair(parse_dataset(files, source, lens_model=lens_model))
-        description = find_description(files, source)
-    folder = description.folder
-    found = of_the_bar(photographs)
+        else:
+            give_pair(project, parse_dataset(files, source, lens_model=lens_model), found)
+        return
     given: dict[Slot, tuple[str, bytes]] = {}
     read: dict[Slot, Camera | Table] = {}
     if found and folder + TABLE not in files:
@@ -190,18 +187,29 @@ def give_dataset(
         # That of a fisheye must state it.
         content = write_camera(camera) if camera.is_fisheye else files[folder + name]
         given[which], read[which] = (name, content), camera
-    free = survey.baseline_sigma_m == math.inf
-    kept = store.give(
-        given,
-        found,
-        read,
-        name=survey.name,
-        baseline_m=survey.baseline_m,
-        target_distance_m=survey.target_distance_m,
-        baseline_sigma_m=None if free else survey.baseline_sigma_m,
-        baseline_free=free,
-        target_distance_sigma_m=survey.target_distance_sigma_m,
-    )
+    _replace(project, survey, given, found, read)
+
+
+def give_pair(
+    project: Project, dataset: Dataset, found: Photographs = MappingProxyType({})
+) -> None:
+    """Replace a project's data by a data set.
+
+    Args:
+        found: its photographs, which are stored already.
+    """
+    given = {slot: (NAMES[slot], content) for slot, content in packed(dataset).items()}
+    _replace(project, dataset, given, found, {})
+
+
+def _replace(
+    project: Project,
+    dataset: Dataset,
+    given: Mapping[Slot, tuple[str, bytes]],
+    found: Photographs,
+    read: Mapping[Slot, Camera | Table],
+) -> None:
+    kept = ProjectPhotographs(project).give(given, found, read, **stated_in(dataset))
     if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")
 

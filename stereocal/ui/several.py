@@ -20,6 +20,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
@@ -28,7 +29,7 @@ from stereocal.ui import jobs
 from stereocal.ui.boards import press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import settle
-from stereocal.ui.intake import give_dataset
+from stereocal.ui.intake import give_pair
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import callback, readable, show_stale
 from stereocal.ui.moments import ask_held, moment_search
@@ -169,7 +170,7 @@ def _show(found: EveryCamera) -> None:
 def _calibrate(store: ProjectRecording, recording: Recording) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
     if len(recording.cameras) == 2:
-        give_dataset(store.project, pack_recording(recording), recording.name)
+        give_pair(store.project, with_baseline_found(recording.pair(*recording.cameras)))
         for name in store.parts:
             store.drop_part(name)
         return
