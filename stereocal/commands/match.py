@@ -4,7 +4,6 @@ Options for point files of other programs are the same as the questions on the p
 """
 
 import argparse
-import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -36,7 +35,7 @@ from stereocal.matching.matching import match_points
 from stereocal.matching.matching_files import match_tables
 from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import POINT
-from stereocal.matching.point_table import PARQUET, PointTable
+from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.matching.several_files import match_rig
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
@@ -114,23 +113,18 @@ def run(parsed: argparse.Namespace) -> None:
     given = [option for name, option in WITH_LAYOUT.items() if getattr(parsed, name) is not None]
     if parsed.layout is None and given:
         raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
-    with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-        primary, secondary = (
-            _ours(getattr(parsed, which))
-            if parsed.layout is None
-            else _theirs(parsed, which, getattr(rig, which), Path(folder))
-            for which in CAMERAS
-        )
-        about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth or ANY_DEPTH)
-        files = partial(
-            match_tables,
-            *about,
-            parsed.unmatched,
-            sigma_px=parsed.sigma_px,
-            names=parsed.names or AUTO,
-        )
-        with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
-            matched = with_bar("frames", partial(files, executor=executor))
+    primary, secondary = (
+        _ours(getattr(parsed, which))
+        if parsed.layout is None
+        else _theirs(parsed, which, getattr(rig, which))
+        for which in CAMERAS
+    )
+    about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth or ANY_DEPTH)
+    files = partial(
+        match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px, names=parsed.names or AUTO
+    )
+    with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
+        matched = with_bar("frames", partial(files, executor=executor))
     sentences = matched.chosen.sentence(), matched.sentence()
     report(*sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
 
@@ -155,7 +149,7 @@ def _ours(path: Path) -> PointTable:
     try:
         return PointTable(path, POINT)
     except StereocalError as error:
-        if not path.is_file() or path.suffix.lower() in PARQUET:
+        if not path.is_file() or is_parquet(path):
             raise
         content = point_text(path.read_bytes(), str(path))
         name = layout_name(content, str(path))
@@ -165,10 +159,8 @@ def _ours(path: Path) -> PointTable:
         raise StereocalError(hint) from error
 
 
-def _theirs(
-    parsed: argparse.Namespace, which: CameraName, camera: Camera, folder: Path
-) -> PointTable:
-    """A table of another program, converted into `folder`."""
+def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> PointTable:
+    """A table of another program."""
     source, at = str(getattr(parsed, which)), CAMERAS.index(which)
     content = point_text(read_whole(source), source)
     if parsed.layout == BY_HAND:
@@ -199,9 +191,8 @@ def _theirs(
     if any(each.likelihood is not None for each in layout.columns):
         told += f", points below likelihood {own.least_likelihood:g} left out"
     print(f"{told}.")
-    written = folder / f"{which}.csv"
-    table.to_csv(written, index=False, lineterminator="\n")
-    return PointTable(written, POINT, source)
+    table.index += 2  # lines, of a table with one line above
+    return PointTable(table, POINT, source)
 
 
 def _camera(text: str | None, cameras: tuple[str, ...], which: int, source: str) -> str | None:

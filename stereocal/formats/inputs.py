@@ -11,7 +11,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.recording_files import parse_recording, read_points
 from stereocal.matching.pairs import PIXELS
-from stereocal.matching.point_table import PARQUET, PointTable
+from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import LensModel
 from stereocal.rig.dataset import Dataset
@@ -81,7 +81,7 @@ def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
     A table does not state the length of its bars: it is taken for that of the calibration.
     """
     table = PointTable(path, PIXELS, label)
-    if TARGET not in table.names or path.suffix.lower() in PARQUET:
+    if TARGET not in table.names or is_parquet(path):
         return images_of_pairs(table, rig)
     length = rig.inputs.get("target_distance_m")
     if not isinstance(length, float):

@@ -64,23 +64,23 @@ class Contents:
 
 
 class PointTable:
-    """A table on disk.
+    """A table on disk, or one that was read.
 
     Args:
-        path: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
+        source: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
         numbers: names of the columns that must hold finite numbers.
         label: name of the table in messages; None: its path.
     """
 
-    def __init__(self, path: Path, numbers: Sequence[str], label: str | None = None) -> None:
-        self.path = path
-        self.label = label or str(path)
+    def __init__(
+        self, source: Path | pd.DataFrame, numbers: Sequence[str], label: str | None = None
+    ) -> None:
+        self.source = source
         self.numbers = tuple(numbers)
-        self.is_parquet = path.suffix.lower() in PARQUET
+        self.label = label or ("the table" if isinstance(source, pd.DataFrame) else str(source))
         self.dialect = Dialect()
         try:
-            Limits.from_environment().check_size(path.stat().st_size, self.label)
-            names = self._parquet_names() if self.is_parquet else self._csv_names()
+            names = self._names()
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             reason = getattr(error, "strerror", None) or error
             raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
@@ -172,17 +172,18 @@ class PointTable:
 
     def _chunks(self) -> Iterator[pd.DataFrame]:
         rows = min(BLOCK_ROWS, max(1, BLOCK_CELLS // max(len(self.names), 1)))
-        chunks = (
-            self._parquet_chunks(rows)
-            if self.is_parquet
-            else chunks_of_file(self.path, self.names, self.dialect, rows, self.label)
-        )
+        if isinstance(self.source, pd.DataFrame):
+            chunks = iter([self.source.copy(deep=False)])
+        elif is_parquet(self.source):
+            chunks = self._parquet_chunks(self.source, rows)
+        else:
+            chunks = chunks_of_file(self.source, self.names, self.dialect, rows, self.label)
         yield from map(self._converted, chunks)
 
-    def _parquet_chunks(self, rows: int) -> Iterator[pd.DataFrame]:
+    def _parquet_chunks(self, path: Path, rows: int) -> Iterator[pd.DataFrame]:
         """The rows in blocks, with an index from 1."""
         start = 1
-        batches = self._parquet_file().iter_batches(batch_size=rows)
+        batches = self._parquet_file(path).iter_batches(batch_size=rows)
         while True:
             try:
                 batch = next(batches, None)
@@ -198,22 +199,28 @@ class PointTable:
             start += len(chunk)
             yield chunk
 
-    def _parquet_file(self) -> Any:
+    def _parquet_file(self, path: Path) -> Any:
         parquet = _parquet_library()
         try:
-            return parquet.ParquetFile(self.path)
+            return parquet.ParquetFile(path)
         except (*DAMAGED, NotImplementedError) as error:  # pyarrow's own errors are ValueErrors
             raise StereocalError(f"{self.label}: this is not a Parquet file ({error}).") from error
 
-    def _parquet_names(self) -> list[str]:
-        file = self._parquet_file()
-        Limits.from_environment().check_rows(file.metadata.num_rows, self.label)
+    def _names(self) -> list[str]:
+        if isinstance(self.source, pd.DataFrame):
+            return [str(name) for name in self.source.columns]
+        limits = Limits.from_environment()
+        limits.check_size(self.source.stat().st_size, self.label)
+        if not is_parquet(self.source):
+            return self._csv_names(self.source)
+        file = self._parquet_file(self.source)
+        limits.check_rows(file.metadata.num_rows, self.label)
         return [str(name) for name in file.schema_arrow.names]
 
-    def _csv_names(self) -> list[str]:
-        with self.path.open("rb") as binary:
+    def _csv_names(self, path: Path) -> list[str]:
+        with path.open("rb") as binary:
             encoding = encoding_of(binary.read(2))
-        with self.path.open(encoding=encoding, newline="") as file:
+        with path.open(encoding=encoding, newline="") as file:
             lines = head_of(file.read(HEAD_CHARACTERS))
         if not "".join(lines).strip():
             raise StereocalError(
@@ -259,12 +266,17 @@ class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
 
 
+def is_parquet(path: Path) -> bool:
+    """Whether a file is Parquet, by its name."""
+    return path.suffix.lower() in PARQUET
+
+
 class TableWriter:
     """Collects rows and writes them in large blocks; created by `open_table`."""
 
-    def __init__(self, path: Path, columns: list[str] | None, is_parquet: bool) -> None:
+    def __init__(self, path: Path, columns: list[str] | None, as_parquet: bool) -> None:
         self._path, self._columns = path, columns
-        self._parquet: Any = _parquet_library() if is_parquet else None
+        self._parquet: Any = _parquet_library() if as_parquet else None
         self.file: Any = None
         self._waiting: list[pd.DataFrame] = []
         self._rows = 0
@@ -309,7 +321,7 @@ def open_table(path: Path, columns: list[str] | None = None) -> Iterator[TableWr
         columns: of the table; None: those of the first rows.
     """
     with write_in_parts(path) as temporary:
-        writer = TableWriter(temporary, columns, path.suffix.lower() in PARQUET)
+        writer = TableWriter(temporary, columns, is_parquet(path))
         try:
             yield writer
             writer.write()

@@ -21,7 +21,7 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.pairs import POINT
-from stereocal.matching.point_table import PARQUET, PointTable
+from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.matching.rig_application import RigApplication, apply_rig
 from stereocal.network.rig_file import RIG, RigFile, is_rig
 from stereocal.projects.database import DamagedError
@@ -117,7 +117,7 @@ class ProjectApplication(ProjectPart):
 
     def offer_points(self, side: Asked, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered."""
-        parquet = Path(label).suffix.lower() in PARQUET
+        parquet = is_parquet(Path(label))
         content = content if parquet else point_text(content, label)
         if not parquet and layout_of(content, label).program != OURS:
             self.ask(side, label, content)
