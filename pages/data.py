@@ -1,6 +1,5 @@
 """Data: upload of points, cameras and two lengths."""
 
-from stereocal.system.numbers import count
 from stereocal.ui.menu import page_head
 
 page_head("Data", "Which points did the cameras see, and what did you measure?")
@@ -13,6 +12,7 @@ from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.tables import contents_table
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.recording import ProjectRecording
+from stereocal.system.numbers import count
 from stereocal.ui import lengths
 from stereocal.ui.door import data_door
 from stereocal.ui.figure import show_figure

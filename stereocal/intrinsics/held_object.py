@@ -185,8 +185,8 @@ def _boards(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     board of known size is found where its outer squares are narrow or something hides them."""
     known = [{look.name: look.board for look in own if look.board} for own in looks]
     every = [board for own in known for board, _ in own.values()]
-    for size in {_size(board) for board in every}:
-        alike = [board for board in every if _size(board) == size]
+    for size in {board.size for board in every}:
+        alike = [board for board in every if board.size == size]
         # The side of a marker is measured anew in each photograph, and rows end with the last
         # marker that was read.
         board = replace(
@@ -194,7 +194,7 @@ def _boards(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
             marker=round(float(np.median([one.marker for one in alike])), 2),
         )
         first = [
-            {name: at for name, (own, at) in of_camera.items() if _size(own) == size}
+            {name: at for name, (own, at) in of_camera.items() if own.size == size}
             for of_camera in known
         ]
         if any(_places(own, of) > 1 for own, of in zip(first, looks, strict=True)):
@@ -204,13 +204,6 @@ def _boards(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
             )
             if _moves(seen, looks):
                 yield board, seen
-
-
-def _size(board: ProposedBoard) -> tuple[int, int | str]:
-    """What boards share that may be one."""
-    if board.dictionary is None:
-        return board.columns, board.rows
-    return board.columns, board.dictionary.partition("_")[0]
 
 
 def _found(board: ProposedBoard, looks: Sequence[_Look]) -> Iterator[tuple[str, FloatArray]]:

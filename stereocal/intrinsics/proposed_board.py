@@ -16,6 +16,7 @@ from stereocal.intrinsics.board_corners import (
     are_crossings,
     halved,
     outer_squares,
+    plain_squares,
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
@@ -37,14 +38,6 @@ CROSSINGS, OF_SQUARE = 0.75, 0.3
 this is looked at."""
 
 
-PLAIN = 0.12
-"""Most spread of the levels within a square of a chessboard, over the contrast of its squares. In
-99 photographs it was 0.047 or less where the corners were right; where small markers were in the
-squares, too small to be read, it was 0.205 or more."""
-WITHIN = np.linspace(0.25, 0.75, 5)
-"""Places within a square at which this is looked at, in squares."""
-
-
 @dataclass(frozen=True)
 class ProposedBoard:
     """Inner corners of a board, and the markers of a ChArUco board."""
@@ -57,6 +50,14 @@ class ProposedBoard:
 
     def __str__(self) -> str:
         return f"{self.columns}x{self.rows}"
+
+    @property
+    def size(self) -> tuple[int, int | str]:
+        """What two share that may be one board: of a ChArUco board, the last rows of markers may
+        not be read."""
+        if self.dictionary is None:
+            return self.columns, self.rows
+        return self.columns, self.dictionary.rpartition("_")[0]
 
 
 def proposed_board(photographs: Photographs) -> ProposedBoard | None:
@@ -113,26 +114,12 @@ def chessboard_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArra
     grid = np.asarray(corners, dtype=np.float64).reshape(*meta.shape, 2)
     spacing = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
     crossings = are_crossings(grey, grid.reshape(-1, 2), OF_SQUARE * spacing)
-    if crossings.mean() < CROSSINGS or not outer_squares(grid, grey) or not _plain(grid, grey):
+    if crossings.mean() < CROSSINGS or not (
+        outer_squares(grid, grey) and plain_squares(grid, grey)
+    ):
         return None
     raw = scale * grid.reshape(-1, 2) + 0.5 * (scale - 1.0)
     return ProposedBoard(max(meta.shape), min(meta.shape)), raw
-
-
-def _plain(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> bool:
-    """Whether squares of both colours between corners (rows, columns, 2) px are of one level."""
-    along, down = (at.ravel()[:, None] for at in np.meshgrid(WITHIN, WITHIN))
-    above, below = (
-        row[:, :-1, None] * (1 - along) + row[:, 1:, None] * along for row in (grid[:-1], grid[1:])
-    )
-    at = (above * (1 - down) + below * down).astype(np.float32)
-    u, v = np.moveaxis(at.reshape(-1, len(along), 2), 2, 0)
-    levels = cv2.remap(grey, u, v, cv2.INTER_LINEAR).astype(np.float64)
-    spread = levels.std(axis=1).reshape(len(grid) - 1, -1)
-    like_first = np.add.outer(*(np.arange(n) for n in spread.shape)) % 2 == 0
-    largest = max(np.median(spread[like_first]), np.median(spread[~like_first]))
-    low, high = np.percentile(levels, [5, 95])
-    return bool(largest <= PLAIN * (high - low))
 
 
 def charuco_of(markers: Markers) -> tuple[ProposedBoard, FloatArray] | None:

@@ -28,7 +28,7 @@ SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does", "lie": "lie
 
 def count(n: int, what: str, verb: str = "") -> str:
     """`1 frame`, `1,150 frames`; with a verb in the plural `1 frame is`, `25 frames are`."""
-    counted = f"{n:,} {what}" if n == 1 else f"{n:,} {what}s"
+    counted = f"{n:,} {what}{'s' * (n != 1)}"
     return f"{counted} {SINGULAR[verb] if n == 1 else verb}" if verb else counted
 
 

@@ -171,13 +171,12 @@ def _search(seen: Seen) -> None:
             length = setting(project, "length_m", seen.length_m, Number(0.0, or_none=True))
             label = "Distance between targets A and B (m)"
             length_m = length.number_input(label, format="%.10g") or None
-            ready = length_m is not None
+            ready = ready and length_m is not None
         keep = partial(_keep, seen, length_m)
         work = moment_search(store, seen.cameras, moments, held, keep, length_m=length_m)
         found = project.settings.get(FOUND_BY)
         if found is not None and found != work.digest:
             st.warning("The photographs or what is held have changed. Find the targets again.")
-        ready &= held is not None
         press_search(work, "targets", "find_new", found is not None, ready)
 
 

@@ -21,14 +21,17 @@ Held = Target | BoardPattern
 def ask_held(
     store: ProjectPhotographs, moments: several.Moments, fold: bool
 ) -> tuple[Held | None, bool]:
-    """What is held, and whether its size is stated, which is asked here of a board alone.
+    """What is held, and whether it can be searched for: of a board, its size must be stated.
 
     Args:
         fold: once it is said.
     """
     pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
-    target = ask_what_is_held(store, pairs, fold)
-    return held_board(store.project) if holds_board(store.project) else (target, True)
+    held: Held | None = ask_what_is_held(store, pairs, fold)
+    stated = True
+    if holds_board(store.project):
+        held, stated = held_board(store.project)
+    return held, held is not None and stated
 
 
 def moment_search(

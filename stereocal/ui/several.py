@@ -202,9 +202,8 @@ def _search(
     """What is held, the press, and what was not found."""
     project = store.project
     found_by = project.settings.get(FOUND_BY)
-    held, stated = ask_held(store, moments, found_by is not None)
+    held, ready = ask_held(store, moments, found_by is not None)
     work = moment_search(store, cameras, moments, held, partial(_keep, store))
-    ready = held is not None and stated
     press_search(work, "targets", "find_everywhere", found_by is not None, ready)
     if found_by is None:
         return

@@ -7,7 +7,7 @@ import pytest
 
 from stereocal.detection.target import Balls, Tags
 from stereocal.intrinsics.held_object import HeldObject, held_object
-from stereocal.intrinsics.proposed_board import chessboard_in
+from stereocal.intrinsics.proposed_board import ProposedBoard, chessboard_in
 from tests.bar_photographs import bar_set
 from tests.lens import png
 from tools.photographs.balls import ColourPhotograph
@@ -75,6 +75,15 @@ def test_a_hand_on_the_last_row_makes_no_smaller_board() -> None:
                     cv2.fillConvexPoly(image, four[0].astype(np.int32), (140, 160, 190))
     held = held_object([{name: png(own[name]) for name in own} for own in cameras])
     assert held is not None and str(held.what) == str(HELD_BOARD)
+
+
+def test_boards_that_may_be_one() -> None:
+    whole = ProposedBoard(8, 6, "DICT_4X4_50")
+    assert ProposedBoard(8, 5, "DICT_4X4_50").size == whole.size
+    assert ProposedBoard(8, 6, "DICT_4X4_100").size == whole.size
+    others = ProposedBoard(8, 6, "DICT_5X5_50"), ProposedBoard(7, 6, "DICT_4X4_50")
+    assert whole.size not in [each.size for each in (*others, ProposedBoard(8, 6))]
+    assert ProposedBoard(8, 5).size != ProposedBoard(8, 6).size
 
 
 def test_what_one_camera_sees_or_what_does_not_move_is_not_proposed() -> None:
