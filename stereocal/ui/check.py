@@ -4,7 +4,6 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
 
 import numpy as np
 import streamlit as st
@@ -33,6 +32,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import take_one
+from stereocal.ui.menu import button_type
 from stereocal.ui.messages import callback, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.texts import escape_markdown
@@ -164,8 +164,7 @@ def show_check(chosen: Chosen) -> None:
         with st.container(horizontal=True):
             use = callback(partial(_use, chosen.project, repaired))
             label, used = "Use the repaired parameters", _are_in_use(chosen.project, repaired)
-            kind: Literal["primary", "secondary"] = "secondary" if used else "primary"
-            st.button(label, type=kind, key="use_repaired", on_click=use)
+            st.button(label, type=button_type(not used), key="use_repaired", on_click=use)
             offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired")
         apply = "In use: Apply matches and measures with the repaired parameters."
         until = "To match and to measure on the page Apply, until the rig is calibrated again."

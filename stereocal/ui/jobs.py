@@ -24,6 +24,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import Cluster, cluster, scheduler_of
 from stereocal.system.tasks import EndingError
+from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, callback, clear_refusal, show_stale
 from stereocal.ui.texts import escape_markdown
 
@@ -191,8 +192,7 @@ def start_button(
         start(work)
 
     disabled = disabled or is_running(work.project, work.kind)
-    kind: Literal["primary", "secondary"] = "primary" if primary else "secondary"
-    st.button(label, key=key, type=kind, disabled=disabled, on_click=press)
+    st.button(label, key=key, type=button_type(primary), disabled=disabled, on_click=press)
 
 
 def _drive(job: Job, run: Callable[[Job], bool]) -> None:

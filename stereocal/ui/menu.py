@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
@@ -41,6 +41,11 @@ PRESS_FIRST = "press_first"
 """Of the session: the page that is drawn has a result that is lost unless a button keeps it."""
 STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
+
+
+def button_type(stands_out: bool) -> Literal["primary", "secondary"]:
+    """Of a button: the one thing to do next stands out."""
+    return "primary" if stands_out else "secondary"
 
 
 def pages_shown(states: Mapping[str, PageState]) -> dict[str, dict[str, str]]:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
-from typing import Literal
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -23,7 +22,15 @@ from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
-from stereocal.ui.menu import OTHER_ADDRESSES, PRESS_FIRST, RIG, STATES, pages_shown, show_menu
+from stereocal.ui.menu import (
+    OTHER_ADDRESSES,
+    PRESS_FIRST,
+    RIG,
+    STATES,
+    button_type,
+    pages_shown,
+    show_menu,
+)
 from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
@@ -157,8 +164,7 @@ def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
     if following is not None:
         label, on = f"Next: {titles[following]}", partial(go_to, following)
         icon = ":material/arrow_forward:"
-        kind: Literal["primary", "secondary"] = "secondary" if first else "primary"
-        st.button(label, key="next", type=kind, icon=icon, on_click=on)
+        st.button(label, key="next", type=button_type(not first), icon=icon, on_click=on)
 
 
 def go_to(name: str) -> None:

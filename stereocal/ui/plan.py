@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import PurePath
-from typing import Any, Literal
+from typing import Any
 
 import streamlit as st
 
@@ -26,7 +26,7 @@ from stereocal.ui.fields import Field, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import CAMERA_KINDS, take_new
 from stereocal.ui.jobs import pool
-from stereocal.ui.menu import PRESS_FIRST
+from stereocal.ui.menu import PRESS_FIRST, button_type
 from stereocal.ui.messages import ask_if_fisheye, callback
 from stereocal.ui.navigation import go_to
 from stereocal.ui.plan_fields import LONGEST_NAME, plan_field, show_plan
@@ -131,8 +131,9 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
             "are measured. The forecast is then shown beside the result."
         )
         st.session_state[PRESS_FIRST] = project is None  # the plan is lost with the tab
-        kind: Literal["primary", "secondary"] = "primary" if project is None else "secondary"
-        st.button("Start a project from it", "plan_start", told, begin, type=kind)
+        st.button(
+            "Start a project from it", "plan_start", told, begin, type=button_type(project is None)
+        )
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
         offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")
         report = partial(figures.plan_report, found)

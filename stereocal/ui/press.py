@@ -7,7 +7,7 @@ that is stored when it starts; if another one is stored meanwhile, it begins aga
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any
 
 import streamlit as st
 
@@ -20,6 +20,7 @@ from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.ui import jobs
 from stereocal.ui.forms import form_values, settings_of
+from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
@@ -95,7 +96,7 @@ class Press:
         if result is None:
             st.info("No result yet. The settings are good as they are: press Calibrate.")
         label = "Calibrate again" if result else "Calibrate"
-        kind: Literal["primary", "secondary"] = "secondary" if result and not changed else "primary"
+        kind = button_type(bool(changed) or result is None)
         st.button(label, type=kind, key="run", on_click=calibrate_next, args=("all",))
 
     def press(self, errors_first: bool = False, note: Callable[[str], object] = st.info) -> None:

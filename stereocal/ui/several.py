@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
 
 import pandas as pd
 import streamlit as st
@@ -30,7 +29,7 @@ from stereocal.ui.boards import press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import settle
 from stereocal.ui.intake import give_pair
-from stereocal.ui.menu import PRESS_FIRST
+from stereocal.ui.menu import PRESS_FIRST, button_type
 from stereocal.ui.messages import callback, readable, show_stale
 from stereocal.ui.moments import ask_held, moment_search
 from stereocal.ui.navigation import go_to
@@ -83,8 +82,7 @@ def several_in(project: Project) -> None:
     is_used = found.digest == sorted(store.digest)
     if store.is_given:
         st.session_state[PRESS_FIRST] = not is_used
-    kind: Literal["primary", "secondary"] = "secondary" if is_used else "primary"
-    st.button(title, type=kind, key="several_run", on_click=calibrate)
+    st.button(title, type=button_type(not is_used), key="several_run", on_click=calibrate)
 
 
 @callback
