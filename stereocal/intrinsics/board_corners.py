@@ -25,9 +25,9 @@ OF_OUTER = 0.65
 within them: simulated squares of 0.3 to 0.5 gave an RMS error of 0.02 to 0.03 px with it, and 0.3
 to 1.0 px with the window of a board of full squares."""
 PLAIN = 0.12
-"""Most spread of the levels within a square of a chessboard, over the contrast of its squares. In
-99 photographs it was 0.047 or less where the corners were right; where small markers were in the
-squares, too small to be read, it was 0.205 or more."""
+"""Most spread of the levels within a square of a chessboard, over the contrast of its squares. It
+was 0.030 or less in 94 photographs whose whole grid was found, and 0.047, 0.18 and 0.36 at most in
+9 more; where small markers were in the squares, too small to be read, it was 0.205 or more."""
 WITHIN = np.linspace(0.25, 0.75, 5)
 """Places within a square at which this is looked at, in squares."""
 HALF_CIRCLE = 16
