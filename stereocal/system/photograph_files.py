@@ -6,7 +6,7 @@ their content, never under their own name.
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
@@ -72,35 +72,21 @@ def unpack_photographs(
 ) -> dict[str, Path]:
     """Unpack the photographs of a zip into the folder `store`, one at a time, with their times."""
     found = {}
-    for member, content, modified in _zipped(source, name, progress):
-        suffix = PurePosixPath(member).suffix.lower()
-        path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
-        with disk_errors(f"{member} cannot be stored"):
-            store.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-            if modified is not None:
-                os.utime(path, (modified, modified))
-        found[member] = path
-    return found
-
-
-def zipped_photographs(
-    source: Path | bytes, name: str, progress: Progress | None = None
-) -> Iterator[tuple[str, bytes]]:
-    """The name and content of each photograph in a zip."""
-    for member, content, _ in _zipped(source, name, progress):
-        yield member, content
-
-
-def _zipped(
-    source: Path | bytes, name: str, progress: Progress | None
-) -> Iterator[tuple[str, bytes, float | None]]:
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if is_photograph(member)]
-        for done, member in enumerate(names):
-            yield member, opened.read(member), opened.modified(member)
+        for done, member in enumerate(names, start=1):
+            content, modified = opened.read(member), opened.modified(member)
+            suffix = PurePosixPath(member).suffix.lower()
+            path = store / f"{hashlib.sha256(content).hexdigest()[:32]}{suffix}"
+            with disk_errors(f"{member} cannot be stored"):
+                store.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+                if modified is not None:
+                    os.utime(path, (modified, modified))
+            found[member] = path
             if progress:
-                progress(done + 1, len(names))
+                progress(done, len(names))
+    return found
 
 
 def for_worker(path: FileContent, executor: Executor) -> PhotographFile:

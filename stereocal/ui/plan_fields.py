@@ -1,7 +1,7 @@
 """The controls of the Plan page, and the plan that they state."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -187,7 +187,7 @@ def _show_camera(project: Project | None, which: CameraName, stated: Stated) -> 
     known = (
         name
         for name, common in COMMON.items()
-        if isinstance(stated, SensorLens) and common.lens(stated.focal_mm) == stated
+        if isinstance(stated, SensorLens) and replace(common, focal_mm=stated.focal_mm) == stated
     )
     values: dict[str, Any] = {"camera": next(known, OTHER)}
     # A sensor that is typed has the usual lens.
@@ -211,7 +211,7 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
     own, told = _focal(project, which, chosen), "The lens's own, not the 35 mm equivalent."
     focal = own.number_input("Focal length (mm)", right, step=1.0, help=told)
     if chosen != OTHER:
-        return COMMON[chosen].lens(focal)
+        return replace(COMMON[chosen], focal_mm=focal)
     width, height, across, down = (
         plan_field(project, name, which).number_input(_SENSOR[name], place)
         for name, place in zip(_SENSOR, st.columns(4), strict=True)

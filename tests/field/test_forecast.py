@@ -123,10 +123,9 @@ def test_another_baseline_keeps_the_aim() -> None:
 
 def test_two_gopros_in_wide_mode() -> None:
     """From the Plan's list: 118 degrees across the image."""
-    listed = COMMON["GoPro HERO, 4K video, Wide"]
-    lens = listed.lens(listed.focal_mm)
+    lens = COMMON["GoPro HERO, 4K video, Wide"]
     middle = lens.camera.K[1, 2]
-    edges = lens.camera.undistort([[-0.5, middle], [listed.image_size[0] - 0.5, middle]])[:, 0]
+    edges = lens.camera.undistort([[-0.5, middle], [lens.image_size[0] - 0.5, middle]])[:, 0]
     assert np.degrees(np.ptp(np.arctan(edges))) == pytest.approx(118.0, abs=1.0)
     pair = plan(stated_primary=lens, stated_secondary=lens, near_m=1.0, far_m=4.0, bar_m=0.4)
     found = expect(replace(pair, stated_pose=AimedPose(1.0, 10.0, 0.0)))

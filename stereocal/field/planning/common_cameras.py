@@ -11,33 +11,16 @@ camera of an iPhone 13 (26 mm on full frame).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from stereocal.field.planning.plan import SensorLens
-from stereocal.rig.camera import LensModel
 
 
-@dataclass(frozen=True)
-class CommonCamera:
-    """A camera without its lens."""
-
-    sensor_mm: tuple[float, float]
-    image_size: tuple[int, int]
-    focal_mm: float
-    """Of its own lens, or a usual one."""
-    model: LensModel = "brown"
-
-    def lens(self, focal_mm: float) -> SensorLens:
-        """The camera with a lens."""
-        return SensorLens(focal_mm, self.sensor_mm, self.image_size, self.model)
-
-
-def _pitch(width: int, height: int, micrometres: float, focal_mm: float) -> CommonCamera:
+def _pitch(width: int, height: int, micrometres: float, focal_mm: float) -> SensorLens:
     sensor = (round(width * micrometres / 1000, 4), round(height * micrometres / 1000, 4))
-    return CommonCamera(sensor, (width, height), focal_mm)
+    return SensorLens(focal_mm, sensor, (width, height))
 
 
-COMMON: Mapping[str, CommonCamera] = {
+COMMON: Mapping[str, SensorLens] = {
     "IDT M5 (2336 x 1728, 7 µm)": _pitch(2336, 1728, 7.0, 50.0),
     "Photron Mini AX (1024 x 1024, 20 µm)": _pitch(1024, 1024, 20.0, 50.0),
     "Phantom VEO 710 (1280 x 800, 20 µm)": _pitch(1280, 800, 20.0, 50.0),
@@ -53,14 +36,15 @@ COMMON: Mapping[str, CommonCamera] = {
     "Raspberry Pi camera 3 (4608 x 2592)": _pitch(4608, 2592, 1.4, 4.74),
     "Raspberry Pi HQ (4056 x 3040)": _pitch(4056, 3040, 1.55, 6.0),
     "Raspberry Pi global shutter (1456 x 1088)": _pitch(1456, 1088, 3.45, 6.0),
-    "Full frame, photographs (6000 x 4000)": CommonCamera((36.0, 24.0), (6000, 4000), 50.0),
-    "Full frame, 4K video, full width": CommonCamera((36.0, 20.25), (3840, 2160), 50.0),
-    "APS-C, photographs (6000 x 4000)": CommonCamera((23.5, 15.6667), (6000, 4000), 35.0),
-    "APS-C, 4K video, full width": CommonCamera((23.5, 13.2188), (3840, 2160), 35.0),
-    "APS-C, Full HD video, full width": CommonCamera((23.5, 13.2188), (1920, 1080), 35.0),
-    "Micro four thirds, 4K video, full width": CommonCamera((17.3, 9.7313), (3840, 2160), 25.0),
-    "1 inch, 4K video, full width": CommonCamera((13.2, 7.425), (3840, 2160), 8.8),
-    "GoPro HERO, 4K video, Linear": CommonCamera((6.17, 3.4706), (3840, 2160), 3.26),
-    "GoPro HERO, 4K video, Wide": CommonCamera((6.17, 3.4706), (3840, 2160), 2.99, "fisheye"),
+    "Full frame, photographs (6000 x 4000)": SensorLens(50.0, (36.0, 24.0), (6000, 4000)),
+    "Full frame, 4K video, full width": SensorLens(50.0, (36.0, 20.25), (3840, 2160)),
+    "APS-C, photographs (6000 x 4000)": SensorLens(35.0, (23.5, 15.6667), (6000, 4000)),
+    "APS-C, 4K video, full width": SensorLens(35.0, (23.5, 13.2188), (3840, 2160)),
+    "APS-C, Full HD video, full width": SensorLens(35.0, (23.5, 13.2188), (1920, 1080)),
+    "Micro four thirds, 4K video, full width": SensorLens(25.0, (17.3, 9.7313), (3840, 2160)),
+    "1 inch, 4K video, full width": SensorLens(8.8, (13.2, 7.425), (3840, 2160)),
+    "GoPro HERO, 4K video, Linear": SensorLens(3.26, (6.17, 3.4706), (3840, 2160)),
+    "GoPro HERO, 4K video, Wide": SensorLens(2.99, (6.17, 3.4706), (3840, 2160), "fisheye"),
     "Phone, 1.7 µm, photographs (4032 x 3024)": _pitch(4032, 3024, 1.7, 5.1),
 }
+"""With the focal length of their own lens, or of a usual one."""

@@ -9,6 +9,7 @@ import re
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.reading import (
+    ONE_LENS,
     CameraFormat,
     CameraPair,
     Files,
@@ -65,7 +66,7 @@ def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraP
         where = f"{file.name}, {row[0]}"
         cameras.append(camera_of(K, lens, (width, height), False, options, k, where))
     no_pose = f"{file.name}: a camera profile has no pose."
-    words = chosen.words if chosen else "one lens for both cameras"
+    words = chosen.words if chosen else ONE_LENS
     return CameraPair(cameras[0], cameras[1], None, no_pose, "Argus profile", words, chosen)
 
 

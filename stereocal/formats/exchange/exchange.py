@@ -8,16 +8,16 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.formats.camera_file import K_NAMES, read_camera
+from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.argus_profile import ARGUS
 from stereocal.formats.exchange.dlt import DLT
 from stereocal.formats.exchange.matlab import MATLAB
 from stereocal.formats.exchange.options import ExchangeOptions, Unit
-from stereocal.formats.exchange.reading import STORAGES, CameraFormat, CameraPair, Files
+from stereocal.formats.exchange.reading import STORAGES, CameraFormat, CameraPair, Files, lenses_of
 from stereocal.formats.exchange.ros import ROS, is_ros
 from stereocal.formats.exchange.text_formats import ANIPOSELIB, CALISCOPE, COLMAP
 from stereocal.formats.exchange.writing import OUR_UNIT, ExchangeFormat, Posed, fewer_coefficients
-from stereocal.formats.exchange.yaml_formats import KALIBR, ONE_LENS, OPENCV, SINGLE_FILES
+from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.rig.geometry import Pose
@@ -56,14 +56,7 @@ def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> Camera
     """The cameras of two files, or a nominal lens for both."""
     if len(files) > 2:
         raise StereocalError(f"{source}: {len(files)} camera files; give one or two.")
-    cameras = [
-        read_camera(file.content, file.name, options.lens_model, size)
-        for file, size in zip(files, options.image_sizes, strict=False)
-    ]
-    words = ONE_LENS if len(cameras) == 1 else ""
-    no_pose = f"{source}: files of single cameras have no pose."
-    names = files[0].name, files[-1].name
-    return CameraPair(cameras[0], cameras[-1], None, no_pose, SINGLE_FILES, words, files=names)
+    return lenses_of(files, options, f"{source}: files of single cameras have no pose.")
 
 
 def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
@@ -91,12 +84,6 @@ def format_of(name: str, content: bytes) -> str | None:
     file = ForeignFile(name, content)
     found = (key for key, each in READ.items() if each.recognises and each.recognises(file))
     return next(found, None)
-
-
-def has_both_cameras(name: str, content: bytes) -> bool:
-    """Whether a single file has both cameras; errors as `format_of`."""
-    found = format_of(name, content)
-    return found is not None and not READ[found].one_camera
 
 
 def camera_names(name: str, content: bytes) -> tuple[str, ...]:

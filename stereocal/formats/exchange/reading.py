@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.formats.camera_file import agreed_size, lens_model_of
+from stereocal.formats.camera_file import agreed_size, lens_model_of, read_camera
 from stereocal.formats.exchange.chosen_cameras import Chosen
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
 from stereocal.formats.file_storage import ForeignFile
@@ -18,6 +18,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.rotations import ROTATION_TOLERANCE
 from stereocal.system.arrays import LARGEST
 
+ONE_LENS = "one lens for both cameras"
 STORAGES = (".yaml", ".yml", ".xml", ".json")
 Files = Sequence[ForeignFile]
 
@@ -97,6 +98,20 @@ class CameraFormat:
     """Whether each file has one camera."""
     unit: Unit | None = None
     """Unit of all its files, by its documentation."""
+
+
+def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> CameraPair:
+    """The lenses of two files of one camera each, or of one file for both.
+
+    Args:
+        no_pose: why there is no pose.
+    """
+    cameras = [
+        read_camera(file.content, file.name, options.lens_model, size)
+        for file, size in zip(files, options.image_sizes, strict=False)
+    ]
+    words, names = ONE_LENS * (len(files) == 1), (files[0].name, files[-1].name)
+    return CameraPair(cameras[0], cameras[-1], None, no_pose, "camera files", words, files=names)
 
 
 def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFile:

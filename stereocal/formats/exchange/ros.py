@@ -7,18 +7,26 @@ frame. Other programs write P = K [R | t] of the camera itself, with the rectifi
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import PurePath
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import K_NAMES, read_camera
+from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.projection import decomposed
-from stereocal.formats.exchange.reading import STORAGES, CameraPair, Files, array_of, pose_of
+from stereocal.formats.exchange.reading import (
+    STORAGES,
+    CameraPair,
+    Files,
+    array_of,
+    lenses_of,
+    pose_of,
+)
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, numbers
-from stereocal.formats.exchange.yaml_formats import ONE_LENS, SINGLE_FILES, rectification
+from stereocal.formats.exchange.yaml_formats import rectification
 from stereocal.formats.file_storage import ForeignFile, find_node
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -96,20 +104,8 @@ def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
             pose = _pose_of_pair(files, source, notes)
         except StereocalError as error:  # cameras that were calibrated one by one
             no_pose = str(error)
-    cameras = [
-        read_camera(file.content, file.name, options.lens_model, size)
-        for file, size in zip(files, options.image_sizes, strict=False)
-    ]
-    return CameraPair(
-        cameras[0],
-        cameras[-1],
-        pose,
-        no_pose,
-        "ROS" if pose else SINGLE_FILES,
-        ONE_LENS if len(files) == 1 else "",
-        files=(files[0].name, files[-1].name),
-        notes=tuple(notes),
-    )
+    lenses = replace(lenses_of(files, options, no_pose), notes=tuple(notes))
+    return lenses if pose is None else replace(lenses, pose=pose, program="ROS")
 
 
 def _ordered(files: Files, options: ExchangeOptions) -> Files:

@@ -51,9 +51,6 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "R": ("R", "rotation", "rotation_matrix"),
     "T": ("T", "translation", "translation_vector"),
 }
-ONE_LENS = "one lens for both cameras"
-SINGLE_FILES = "camera files"
-"""Program and words of cameras that were calibrated one by one."""
 
 
 def write_opencv(two: Sequence[Posed], _options: ExchangeOptions) -> dict[str, bytes]:
