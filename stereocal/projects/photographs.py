@@ -7,8 +7,6 @@ from types import MappingProxyType
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import write_camera
-from stereocal.formats.correspondences_csv import Table, write_table
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
@@ -25,9 +23,9 @@ from stereocal.projects.pair_rows import (
     taken_of,
     with_new,
 )
-from stereocal.projects.project import ProjectPart
-from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.projects.project import ProjectPart, packed, packed_table
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, plain
 from stereocal.system.taken import Taken
@@ -36,8 +34,6 @@ BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
 FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
-Given = tuple[dict[Slot, tuple[str, bytes]], dict[Slot, Camera | Table]]
-"""Files by slot: name and content; and what was read from them."""
 _PROPOSED: Latest[Proposal] = Latest(16)
 
 
@@ -156,7 +152,6 @@ class ProjectPhotographs(ProjectPart):
         self,
         files: Mapping[Slot, tuple[str, bytes]],
         found: Mapping[str, StoredFile],
-        read: Mapping[Slot, Camera | Table] | None = None,
         **values: Any,
     ) -> bool:
         """Replace the project's data by a whole data set, in one transaction.
@@ -165,7 +160,7 @@ class ProjectPhotographs(ProjectPart):
         and their corrections stay.
 
         Args:
-            files, read, values: as for `Project.give`.
+            files, values: as for `Project.give`.
             found: its stored photographs.
 
         Returns:
@@ -173,15 +168,15 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             again = bool(found) and self.photographs == found and "correspondences" not in files
-            own: Given = ({}, {})
+            own: dict[Slot, tuple[str, bytes]] = {}
             if again:
                 with suppress(StereocalError):  # no target was found, or none is used
-                    own = _table(correspondences_of(self.frames or []), TABLE_LABEL)
-            read = {**(read or {}), **own[1]}
+                    rows = correspondences_of(self.frames or [])
+                    own["correspondences"] = TABLE_LABEL, packed_table(rows)
             try:
-                self.project.give({**files, **own[0]}, ("correspondences",), read, **values)
+                self.project.give({**files, **own}, ("correspondences",), **values)
             except RefusedRowsError as error:
-                if not own[0]:
+                if not own:
                     raise
                 # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error
@@ -275,17 +270,19 @@ class ProjectPhotographs(ProjectPart):
                 to keep those.
             search: a digest of the search.
         """
-        files, read = _table(found.correspondences, BOARDS_LABEL)
+        labels: dict[Slot, str] = {"correspondences": BOARDS_LABEL}
         if lenses is not None:
-            for which, camera in zip(CAMERAS, (found.primary, found.secondary), strict=True):
-                files[which], read[which] = (lenses, write_camera(camera)), camera
+            labels |= dict.fromkeys(CAMERAS, lenses)
+        files = {
+            slot: (labels[slot], each) for slot, each in packed(found).items() if slot in labels
+        }
         values: dict[str, Any] = {"target_distance_m": found.target_distance_m}
         why = {str(frame): why for frame, why in doubtful.items()}
         about = {"boards_found": sentence, "boards_doubtful": why, "found_by": search}
         with self.database.transaction():
             if self.project.inputs.baseline_m is None:
                 values["baseline_free"] = True
-            self.project.give(files, read=read, **values)
+            self.project.give(files, **values)
             self.database.keep_values(BAR, about)
             self.database.keep_result("frames", None)
 
@@ -293,8 +290,8 @@ class ProjectPhotographs(ProjectPart):
         with self.database.transaction():
             self.database.keep_result("frames", pack_frames(frames))
             try:
-                table, read = _table(correspondences_of(frames), TABLE_LABEL)
-                self.project.give(table, read=read)
+                table = packed_table(correspondences_of(frames))
+                self.project.give({"correspondences": (TABLE_LABEL, table)})
             except DiskFullError:
                 raise
             except StereocalError as error:
@@ -305,8 +302,3 @@ class ProjectPhotographs(ProjectPart):
     def _value(self, name: str, default: Any = "") -> Any:
         found = self.database.values(BAR).get(name)
         return default if found is None else found
-
-
-def _table(rows: Correspondences, label: str) -> Given:
-    """A table of points as a file, and as it is."""
-    return {"correspondences": (label, write_table(rows))}, {"correspondences": Table(rows, [])}

@@ -6,6 +6,7 @@ not read again.
 """
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -14,9 +15,9 @@ from typing import Any, TypeVar
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
-from stereocal.formats.dataset_files import TABLE, parse_zip
+from stereocal.formats.dataset_files import TABLE, pack_pair, parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
 from stereocal.projects.database import NOT_THERE, DamagedError
@@ -46,15 +47,27 @@ KEPT: dict[type, Latest[Any]] = {
     kind: Latest(most)
     for kind, most in ((Camera, 64), (Table, 8), (Dataset, 32), (Calibration, 8), (Evaluation, 8))
 }
-"""In memory. The keys of what was read from files have their labels: messages name them."""
+"""In memory, by the digests of the contents."""
+
+
+def as_read(content: bytes, read: Camera | Table) -> bytes:
+    """The content of a file from which `read` was read: no project reads it again."""
+    KEPT[type(read)].keep(hashlib.sha256(content).hexdigest(), read)
+    return content
+
+
+def packed_table(rows: Correspondences) -> bytes:
+    """The file of a table of points, which is not read again."""
+    return as_read(write_table(rows), Table(rows, []))
 
 
 def packed(dataset: Dataset) -> dict[Slot, bytes]:
-    """The files of a data set."""
+    """The files of a data set, which are not read again."""
+    files, rows = pack_pair(dataset), dataset.correspondences
+    read: list[Camera | Table] = [dataset.primary, dataset.secondary, Table(rows, [])]
     return {
-        "primary": write_camera(dataset.primary),
-        "secondary": write_camera(dataset.secondary),
-        "correspondences": write_table(dataset.correspondences),
+        slot: as_read(files[name], each)
+        for (slot, name), each in zip(NAMES.items(), read, strict=True)
     }
 
 
@@ -121,28 +134,22 @@ class Project:
             raise DamagedError("What was given to the project is damaged.") from error
 
     def give(
-        self,
-        files: Mapping[Slot, tuple[str, bytes]],
-        drop: Sequence[Slot] = (),
-        read: Mapping[Slot, Camera | Table] | None = None,
-        **values: Any,
+        self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any
     ) -> None:
         """Store files (slot to name and content) and values in one transaction; inputs that would
         be invalid are refused, and the project is unchanged.
 
         Args:
             drop: slots to empty first.
-            read: what was read from files already.
         """
         stored: dict[str, StoredFile] = {}
         for slot, (label, content) in files.items():  # before the transaction: others wait for it
-            own = (read or {}).get(slot)
-            if own is None and slot == "correspondences":
-                own = read_table(content, label)
-            elif own is None:
-                own = read_camera(content, label, "brown")
+            digest = hashlib.sha256(content).hexdigest()
+            if slot == "correspondences":
+                _once(Table, digest, partial(read_table, content, label))
+            else:
+                _once(Camera, digest, partial(read_camera, content, label, "brown"))
             stored[slot] = self.database.keep_file(content, label)
-            _keep(stored[slot], own)
         with self.database.transaction():
             before = self.inputs
             self.database.forget_files(INPUT, [slot for slot in drop if slot not in files])
@@ -236,7 +243,9 @@ class Project:
         file = self._file(inputs, slot)
         if file is None:
             return None
-        return _read_once(Camera, file, partial(read_camera, lens_model="brown"))
+        return _once(
+            Camera, file.sha256, lambda: read_camera(file.read_bytes(), file.label, "brown")
+        )
 
     # Settings and results
 
@@ -333,7 +342,7 @@ class Project:
         with self.database.transaction():
             at = len(self.database.files(FURTHER))
             file = self.database.give(FURTHER, f"{at:06d}", label, content)
-        _keep(file, dataset)
+        KEPT[Dataset].keep(_key(file), dataset)
 
     def drop_datasets(self) -> None:
         with self.database.freeing():
@@ -342,7 +351,7 @@ class Project:
     @property
     def more_datasets(self) -> list[Dataset]:
         files = self.database.files(FURTHER).values()
-        return [_read_once(Dataset, file, partial(parse_zip, lens_model="brown")) for file in files]
+        return [_once(Dataset, _key(file), partial(_parse_stored, file)) for file in files]
 
 
 class ProjectPart:
@@ -362,18 +371,16 @@ def _once(kind: type[T], key: str, make: Callable[[], T]) -> T:
     return found
 
 
-def _read_once(kind: type[T], file: StoredFile, read: Callable[[bytes, str], T]) -> T:
-    return _once(kind, _key(file), lambda: read(file.read_bytes(), file.label))
-
-
-def _keep(file: StoredFile, read: Camera | Table | Dataset) -> None:
-    KEPT[type(read)].keep(_key(file), read)
-
-
 def _key(file: StoredFile) -> str:
+    """Of a data set, which is named after its file."""
     return f"{file.sha256} {file.label}"
+
+
+def _parse_stored(file: StoredFile) -> Dataset:
+    return parse_zip(file.read_bytes(), file.label, "brown")
 
 
 def _rows(file: StoredFile) -> Correspondences:
     """The rows of a table, all of which must be valid."""
-    return _read_once(Table, file, read_table).strict(file.label)
+    table = _once(Table, file.sha256, lambda: read_table(file.read_bytes(), file.label))
+    return table.strict(file.label)

@@ -21,9 +21,9 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import NAMES, Project, packed, stated_in
+from stereocal.projects.project import NAMES, Project, as_read, packed, stated_in
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES
@@ -87,17 +87,17 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     """Store camera files; what they do not say of their lenses is asked, once for all."""
 
     def take(model: LensModel | None, size: ImageSize | None) -> None:
-        stored, read = dict(files), dict[Slot, Camera | Table]()
+        stored = dict(files)
         for slot, (name, content) in files.items():
             try:
-                read[slot] = camera = read_camera(content, name, model)
+                camera = read_camera(content, name, model)
                 asked = model == "fisheye"
             except ImageSizeError:
-                read[slot] = camera = read_camera(content, name, model, size)
+                camera = read_camera(content, name, model, size)
                 asked = True
             # The stored file must state what was asked.
-            stored[slot] = name, write_camera(camera) if asked else content
-        _try_files(stored, read)
+            stored[slot] = name, as_read(write_camera(camera) if asked else content, camera)
+        _try_files(stored)
 
     ask_about_lens(take)
 
@@ -133,13 +133,11 @@ def _try_dataset(
         _offer_rest(error, files[name], use)
 
 
-def _try_files(
-    files: Mapping[Slot, tuple[str, bytes]], read: Mapping[Slot, Camera | Table] | None = None
-) -> None:
+def _try_files(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     """Store files; if rows of the table are refused, offer to leave them out."""
     project = project_to_write()
     try:
-        project.give(files, read=read)
+        project.give(files)
     except RefusedRowsError as error:
         table = files.get("correspondences") or project.table
         if table is None:  # another tab has just removed it
@@ -175,19 +173,18 @@ def give_dataset(
             give_pair(project, parse_dataset(files, source, lens_model=lens_model), found)
         return
     given: dict[Slot, tuple[str, bytes]] = {}
-    read: dict[Slot, Camera | Table] = {}
     if found and folder + TABLE not in files:
         survey = parse_survey(files, source, lens_model)
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
-        given["correspondences"] = (TABLE, files[folder + TABLE])
-        read["correspondences"] = Table(survey.correspondences, [])
+        table = as_read(files[folder + TABLE], Table(survey.correspondences, []))
+        given["correspondences"] = TABLE, table
     for which, camera in zip(CAMERAS, (survey.primary, survey.secondary), strict=True):
         name: str = description.entries["cameras"][which]
         # That of a fisheye must state it.
         content = write_camera(camera) if camera.is_fisheye else files[folder + name]
-        given[which], read[which] = (name, content), camera
-    _replace(project, survey, given, found, read)
+        given[which] = name, as_read(content, camera)
+    _replace(project, survey, given, found)
 
 
 def give_pair(
@@ -199,17 +196,13 @@ def give_pair(
         found: its photographs, which are stored already.
     """
     given = {slot: (NAMES[slot], content) for slot, content in packed(dataset).items()}
-    _replace(project, dataset, given, found, {})
+    _replace(project, dataset, given, found)
 
 
 def _replace(
-    project: Project,
-    dataset: Dataset,
-    given: Mapping[Slot, tuple[str, bytes]],
-    found: Photographs,
-    read: Mapping[Slot, Camera | Table],
+    project: Project, dataset: Dataset, given: Mapping[Slot, tuple[str, bytes]], found: Photographs
 ) -> None:
-    kept = ProjectPhotographs(project).give(given, found, read, **stated_in(dataset))
+    kept = ProjectPhotographs(project).give(given, found, **stated_in(dataset))
     if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")
 

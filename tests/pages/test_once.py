@@ -39,9 +39,17 @@ def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
     return calls
 
 
+def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a restart of the server."""
+    for kind in project_module.KEPT:
+        monkeypatch.setitem(project_module.KEPT, kind, Latest(8))
+    st.cache_resource.clear()
+
+
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """The tables of points that were parsed."""
+    forget(monkeypatch)
     return counted(monkeypatch, f"{correspondences_csv.__name__}.read_rows")
 
 
@@ -102,13 +110,6 @@ def test_detected_points_are_no_table_to_be_parsed(home: Path, tables: list[obje
 def same(first: Correspondences, second: Correspondences, name: str) -> bool:
     a, b = (np.asarray(getattr(each, name)) for each in (first, second))
     return bool(a.tobytes() == b.tobytes())
-
-
-def forget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As after a restart of the server."""
-    for kind in project_module.KEPT:
-        monkeypatch.setitem(project_module.KEPT, kind, Latest(8))
-    st.cache_resource.clear()
 
 
 def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_again(
