@@ -39,7 +39,7 @@ from stereocal.system.described import check_described, described, descriptions
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.system.records import settings_of
-from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks
 
 MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
@@ -350,7 +350,7 @@ def evaluate(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     chunk: int | None = None,
-    pieces: Pieces[list[Run]] | None = None,
+    earlier: Earlier[list[Run]] | None = None,
 ) -> list[list[Run]] | None:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
 
@@ -359,7 +359,7 @@ def evaluate(
         cancelled: asked while they are computed; if true, what is left is dropped.
         chunk: runs of one task; None: few of a long recording, for progress and so that others get
             a turn.
-        pieces: chunks that were finished before, and where more are kept.
+        earlier: chunks that were finished before, and where more are kept.
 
     Returns:
         The runs by data set, in order; None if cancelled.
@@ -370,7 +370,7 @@ def evaluate(
     total = settings.runs * len(datasets)
     by_dataset: list[list[Run]] = [[] for _ in datasets]
     try:
-        with closing(run_tasks(tasks, executor, total, progress, cancelled, pieces)) as finished:
+        with closing(run_tasks(tasks, executor, total, progress, cancelled, earlier)) as finished:
             for task, of_chunk in finished:
                 _, _, number, *_ = task.arguments
                 by_dataset[number] += of_chunk
@@ -394,7 +394,7 @@ def _tasks(
         for first in range(0, settings.runs, size):
             runs = range(first, min(first + size, settings.runs))
             key = f"{digest} {runs.start}-{runs.stop}"
-            yield Task(key, evaluate_runs, (dataset, settings, number, runs, whole), len(runs))
+            yield Task(evaluate_runs, (dataset, settings, number, runs, whole), len(runs), key)
 
 
 def evaluate_runs(

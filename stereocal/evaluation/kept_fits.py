@@ -50,7 +50,9 @@ def evaluate_with_kept_fits(
     seed = settings.calibration.search.seed
     # Of the paper's methods only the essential matrix is used here: the searches end at once.
     usual = replace(settings.calibration, search=SearchSettings(seed=seed, maximum_moves=1))
-    fits = evaluate(datasets, replace(settings, calibration=usual), executor, progress, pieces=kept)
+    fits = evaluate(
+        datasets, replace(settings, calibration=usual), executor, progress, earlier=kept
+    )
     assert fits is not None
     return [
         [stacked(run, _refined_part(fit)) for run, fit in zip(*of_dataset, strict=True)]

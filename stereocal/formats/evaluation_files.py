@@ -152,7 +152,9 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
     arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
     for at, of_one in enumerate(runs):
         arrays |= _arrays(of_one, at)
-    return _packed(arrays)
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)
+    return packed.getvalue()
 
 
 def _arrays(runs: Sequence[Run], at: int) -> dict[str, Any]:
@@ -166,12 +168,6 @@ def _arrays(runs: Sequence[Run], at: int) -> dict[str, Any]:
         f"bars{at}": np.array([run.lengths.shape[1] for run in runs]),
         f"lengths{at}": np.concatenate([run.lengths for run in runs], axis=1),
     }
-
-
-def _packed(arrays: Mapping[str, Any]) -> bytes:
-    packed = io.BytesIO()
-    np.savez_compressed(packed, **arrays)
-    return packed.getvalue()
 
 
 def unpack_evaluation(content: bytes) -> Evaluation:
@@ -203,13 +199,3 @@ def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
         raise ValueError(counts.shape)
     parts = np.split(lengths, np.cumsum(bars)[:-1], axis=1)
     return [Run(*own) for own in zip(counts, nans, parts, angles, px, strict=True)]
-
-
-def pack_runs(runs: Sequence[Run]) -> bytes:
-    """Some runs of one data set, as in an evaluation: 5 ms and 9 kB for 10, computed in 110 ms."""
-    return _packed(_arrays(runs, 0))
-
-
-def unpack_runs(content: bytes) -> list[Run]:
-    """The exact runs of `pack_runs`; a ValueError or LookupError if the content is damaged."""
-    return _runs(read_arrays(content, "The runs"), 0)

@@ -1,5 +1,6 @@
 """Find the targets of all frames: detect in each photograph, then label A and B."""
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -26,7 +27,7 @@ from stereocal.system.photograph import (
 )
 from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.records import of_plain, pack
-from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks
 
 STAGES = ("photographs checked", "photographs searched for targets")
 
@@ -53,7 +54,7 @@ def detect_frames(
     begin: Callable[[str], None],
     progress: Progress,
     cancelled: Callable[[], bool] = lambda: False,
-    pieces: Pieces[Any] | None = None,
+    earlier: Earlier[Any] | None = None,
     target: Target = BAR,
 ) -> list[Frame] | None:
     """Check the photographs, find the targets, and label A and B.
@@ -62,7 +63,7 @@ def detect_frames(
         photographs: files on disk by name, read one at a time.
         cameras: primary and secondary; the photographs must have their image size.
         begin: called with each stage of `STAGES` when it begins.
-        pieces: checkpoint of earlier results by file name, which must identify the content.
+        earlier: checkpoint of earlier results by file name, which must identify the content.
         target: what is on the bar.
 
     Returns:
@@ -72,7 +73,7 @@ def detect_frames(
     names = {str(camera): [getattr(pair, camera) for pair in pairs] for camera in CAMERAS}
     lenses: dict[str, Camera] = dict(zip(CAMERAS, cameras, strict=True))
     seen = search_photographs(
-        names, photographs, lenses, executor, begin, progress, cancelled, pieces, target
+        names, photographs, lenses, executor, begin, progress, cancelled, earlier, target
     )
     return None if seen is None else label_frames(pairs, seen, cameras, target)
 
@@ -85,7 +86,7 @@ def search_photographs(
     begin: Callable[[str], None],
     progress: Progress,
     cancelled: Callable[[], bool],
-    pieces: Pieces[Any] | None,
+    earlier: Earlier[Any] | None,
     target: Target,
 ) -> dict[str, Any] | None:
     """As `detect_frames`, in the photographs (`names`) of each camera, without the labels.
@@ -113,13 +114,19 @@ def search_photographs(
         progress(done + 1, len(there))
     begin(STAGES[1])
     searched = {name: path for name, path in there.items() if name not in problems}
+    looked_for = {
+        camera: hashlib.sha256(pack([target, lens.to_json()])).hexdigest()
+        for camera, lens in cameras.items()
+    }
     tasks = (
         Task(
-            path.name, _search, (target, cameras[camera_of[name]], for_worker(path, executor), name)
+            _search,
+            (target, cameras[camera_of[name]], for_worker(path, executor), name),
+            key=f"{path.name} {looked_for[camera_of[name]]}",
         )
         for name, path in searched.items()
     )
-    every = run_tasks(tasks, executor, len(searched), progress, cancelled, pieces)
+    every = run_tasks(tasks, executor, len(searched), progress, cancelled, earlier)
     try:
         with closing(every) as finished:
             found = dict(zip(searched, (found for _, found in finished), strict=True))

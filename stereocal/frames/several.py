@@ -30,7 +30,7 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.taken import Taken
-from stereocal.system.tasks import Pieces, Progress
+from stereocal.system.tasks import Earlier, Progress
 
 Moments = Mapping[int, Mapping[str, str]]
 """By frame and camera, the photograph."""
@@ -136,13 +136,13 @@ def find_everywhere(
     begin: Callable[[str], None],
     progress: Progress,
     cancelled: Callable[[], bool] = lambda: False,
-    pieces: Pieces[Any] | None = None,
+    earlier: Earlier[Any] | None = None,
 ) -> Everywhere | None:
     """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
     in all: the recording of a bar of 1 m; None if cancelled."""
     names = names_by_camera(moments, cameras)
     seen = search_photographs(
-        names, photographs, cameras, executor, begin, progress, cancelled, pieces, target
+        names, photographs, cameras, executor, begin, progress, cancelled, earlier, target
     )
     if seen is None:
         return None

@@ -31,7 +31,7 @@ from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
-from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks
 
 MINIMUM_SPACING_PX = 5.0
 """Closer corners overlap: the board is seen edge-on or too far away."""
@@ -130,7 +130,7 @@ def find_boards(
     executor: Executor,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    pieces: Pieces[BoardView | Refused] | None = None,
+    earlier: Earlier[BoardView | Refused] | None = None,
 ) -> BoardSearch | None:
     """Find the boards in one camera's photographs; each worker holds one photograph at a time.
 
@@ -138,7 +138,7 @@ def find_boards(
         photographs: files by name.
         progress: called with the number of photographs done and the total.
         cancelled: polled during the search.
-        pieces: checkpoint of earlier results by file name, which must identify the content.
+        earlier: checkpoint of earlier results by file name, which must identify the content.
 
     Returns:
         Boards and refused photographs, in order of name; None if cancelled.
@@ -147,11 +147,15 @@ def find_boards(
         raise StereocalError("There are no photographs of the board.")
     of_pattern = hashlib.sha256(repr(pattern).encode()).hexdigest()[:16]
     tasks: Iterator[Task[BoardView | Refused]] = (
-        Task(f"{own.name} {of_pattern} {name}", _search, (for_worker(own, executor), pattern, name))
+        Task(
+            _search,
+            (for_worker(own, executor), pattern, name),
+            key=f"{own.name} {of_pattern} {name}",
+        )
         for name, own in photographs.items()
     )
     found: dict[str, BoardView | Refused] = {}
-    every = run_tasks(tasks, executor, len(photographs), progress, cancelled, pieces)
+    every = run_tasks(tasks, executor, len(photographs), progress, cancelled, earlier)
     try:
         with closing(every) as finished:
             for _, result in finished:

@@ -38,7 +38,7 @@ from stereocal.rig.camera import (
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.described import check_described, described
-from stereocal.system.tasks import Pieces, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 """Of the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
@@ -220,7 +220,6 @@ def calibrate_lens(
     executor: Executor,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    pieces: Pieces[FloatArray] | None = None,
     without_each: bool = False,
 ) -> LensCalibration | None:
     """Calibrate all draws on any executor; the result depends on the settings only.
@@ -228,7 +227,6 @@ def calibrate_lens(
     Args:
         progress: called with the number of draws done and the total.
         cancelled: polled during the computation.
-        pieces: checkpoint of finished draws.
         without_each: whether to calibrate without each of the photographs too.
 
     Returns:
@@ -243,15 +241,15 @@ def calibrate_lens(
     if without_each:
         chunks += [np.delete(every, at, axis=1) for at in range(len(views))]
         total += len(views)
-    of_views, own = digest_of(search, settings), replace(search, refused=())
+    own = replace(search, refused=())
     # Every draw would try all starts, or two neighbouring ones might end in different lenses.
     start = _started(search, settings) if settings.model == "fisheye" else None
     given = own, settings, start
     tasks = (
-        Task(f"{of_views} {number}", solve_draws, (*given, chunk), len(chunk) * (number > 0))
+        Task(solve_draws, (*given, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
     )
-    every_draw = run_tasks(tasks, executor, total, progress, cancelled, pieces)
+    every_draw = run_tasks(tasks, executor, total, progress, cancelled)
     try:
         with closing(every_draw) as finished:
             found = np.vstack([part for _, part in finished])

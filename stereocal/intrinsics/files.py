@@ -13,7 +13,6 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration, LensSettings
 from stereocal.rig.board_pattern import BoardPattern
-from stereocal.rig.compiled import FloatArray
 from stereocal.system.arrays import read_arrays, shaped
 from stereocal.system.records import of_plain, pack, unpack
 
@@ -153,8 +152,3 @@ def pack_board(result: BoardView | Refused) -> bytes | None:
 def unpack_board(content: bytes) -> BoardView | Refused:
     """The exact result of `pack_board`; ValueError if the content is damaged."""
     return cast(BoardView | Refused, unpack(content, cast(Any, BoardView | Refused)))
-
-
-def unpack_draws(content: bytes) -> FloatArray:
-    """(n, 9): parameters of draws that `pack` has stored; ValueError if they are damaged."""
-    return unpack(content, FloatArray).reshape(-1, len(PARAMETERS))

@@ -33,7 +33,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import Photographs
-from stereocal.system.tasks import Pieces, Progress
+from stereocal.system.tasks import Earlier, Progress
 
 SAME_PLACE_PX = 1.0
 """Two boards whose corners lie closer together than this in both images stand at one place."""
@@ -125,14 +125,14 @@ def find_stereo_boards(
     begin: Begin = lambda _: None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    pieces: Pieces[BoardView | Refused] | None = None,
+    earlier: Earlier[BoardView | Refused] | None = None,
     pairing: Pairing | None = None,
 ) -> StereoBoards | None:
     """The boards in the photographs of two cameras, which are told apart by their names.
 
     Args:
         begin: called with the name of each stage.
-        progress, cancelled, pieces: as for `find_boards`.
+        progress, cancelled, earlier: as for `find_boards`.
         pairing: which photographs belong together; None: by their names.
 
     Returns:
@@ -149,7 +149,7 @@ def find_stereo_boards(
     searches = []
     for own, stage in zip(files, STAGES, strict=False):
         begin(stage)
-        search = find_boards(own, pattern, executor, progress, cancelled, pieces)
+        search = find_boards(own, pattern, executor, progress, cancelled, earlier)
         if search is None:
             return None
         searches.append(search)
@@ -218,7 +218,7 @@ def boards_everywhere(
     begin: Begin,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    pieces: Pieces[BoardView | Refused] | None = None,
+    earlier: Earlier[BoardView | Refused] | None = None,
 ) -> several.Everywhere | None:
     """The boards in the photographs of three cameras and more, as `find_everywhere`."""
     searches: dict[str, BoardSearch] = {}
@@ -226,7 +226,7 @@ def boards_everywhere(
         if names:
             begin(BOARDS_STAGE)
             own = {name: photographs[name] for name in names}
-            search = find_boards(own, pattern, executor, progress, cancelled, pieces)
+            search = find_boards(own, pattern, executor, progress, cancelled, earlier)
             if search is None:
                 return None
             _check_size(camera, cameras[camera], search)

@@ -114,7 +114,6 @@ def match_tables(
     total = len(np.union1d(contents[0].frames, contents[1].frames))
     tasks = (
         Task(
-            f"matched {block[0][0]} to {block[-1][0]}",
             _match_block,
             (rig, block, chosen.threshold_px, depths_m, renamed, chosen.noise, known),
             len(block),

@@ -211,13 +211,7 @@ def reconstruct_table(
     contents = pairs.check(look)
     noise = noise_of_pairs(rig, pd.concat(sample), sigma_px)
     tasks = (
-        Task(
-            f"measured {block.index[0]} to {block.index[-1]}",
-            _measure_block,
-            (rig, block, world, noise),
-            len(block),
-        )
-        for block in pairs.blocks()
+        Task(_measure_block, (rig, block, world, noise), len(block)) for block in pairs.blocks()
     )
     measured = run_tasks(tasks, executor, contents.rows, progress, cancelled, ahead=AHEAD)
     errors, outside = [], 0

@@ -21,7 +21,7 @@ from stereocal.errors import StereocalError
 
 LOCK_TIMEOUT_S = 120.0
 """Ten times what another tab needs to store 900 MB."""
-VERSION = 2
+VERSION = 3
 SCHEMA = """
 CREATE TABLE value (part TEXT, name TEXT, json TEXT NOT NULL, PRIMARY KEY (part, name));
 CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL);
@@ -32,21 +32,26 @@ CREATE TABLE named (part TEXT, name TEXT, sha256 TEXT NOT NULL REFERENCES file (
 CREATE INDEX named_file ON named (sha256);
 CREATE TABLE edit (number INTEGER PRIMARY KEY, json TEXT NOT NULL);
 CREATE TABLE result (kind TEXT PRIMARY KEY, content BLOB NOT NULL, sha256 TEXT NOT NULL);
-CREATE TABLE job (kind TEXT PRIMARY KEY, digest TEXT NOT NULL, record TEXT NOT NULL,
-    server TEXT NOT NULL, at INTEGER NOT NULL DEFAULT 0, done INTEGER NOT NULL DEFAULT 0,
-    total INTEGER NOT NULL DEFAULT 0, sentence TEXT NOT NULL DEFAULT '',
-    cancel INTEGER NOT NULL DEFAULT 0);
-CREATE TABLE finished (kind TEXT REFERENCES job (kind) ON DELETE CASCADE, stage TEXT, key TEXT,
-    content BLOB NOT NULL, PRIMARY KEY (kind, stage, key));
+CREATE TABLE job (kind TEXT PRIMARY KEY, server TEXT NOT NULL);
+CREATE TABLE found (kind TEXT, key TEXT, content BLOB NOT NULL, PRIMARY KEY (kind, key));
 """
 """value: lengths, settings and other JSON. file, content: contents; two tables, so that a new date
 does not rewrite a large content. named: what each content is used for. edit: corrections that can
-be undone. result: what was computed. job, finished: jobs and their checkpoints."""
+be undone. result: what was computed. job: what runs. found: by an unfinished search, by
+photograph."""
 MIGRATIONS = {
     1: (
         "ALTER TABLE result ADD COLUMN sha256 TEXT NOT NULL DEFAULT ''",
         "UPDATE result SET sha256 = sha256(content)",
-    )
+    ),
+    2: (
+        "DROP TABLE finished",
+        "ALTER TABLE job RENAME TO job_2",
+        "CREATE TABLE job (kind TEXT PRIMARY KEY, server TEXT NOT NULL)",
+        "INSERT INTO job SELECT kind, server FROM job_2 WHERE sentence = ''",
+        "DROP TABLE job_2",
+        "CREATE TABLE found (kind TEXT, key TEXT, content BLOB NOT NULL, PRIMARY KEY (kind, key))",
+    ),
 }
 """What brings a file of a version to the next."""
 VACUUMED = 2000

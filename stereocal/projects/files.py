@@ -39,7 +39,7 @@ FREE = (
     "(SELECT 1 FROM named WHERE named.sha256 = ?1)"
 )
 """Deletes a content without a name."""
-PAIRED = {"value": "part", "named": "part", "result": "kind", "job": "kind"}
+PAIRED = {"value": "part", "named": "part", "result": "kind", "job": "kind", "found": "kind"}
 """Tables, and their columns with a scope."""
 PAIR = "pair "
 """Scopes are this, the name of a pair, and a slash."""

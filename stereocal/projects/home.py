@@ -28,7 +28,7 @@ from stereocal.projects.database import (
     set_journal,
 )
 from stereocal.projects.files import SUFFIX, Store, is_id, new_database, private_folder, store_of
-from stereocal.projects.jobs import forget_released, interrupted
+from stereocal.projects.jobs import forget_released, has_interrupted
 from stereocal.projects.photographs import (
     BOARDS_LABEL,
     FOUND_LABELS,
@@ -78,7 +78,7 @@ def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed
 def listed(project: Project) -> Listed:
     changed = changed_at(project.database.path)
     try:
-        return Listed(project.id, title_of(project), changed, bool(interrupted(project.database)))
+        return Listed(project.id, title_of(project), changed, has_interrupted(project.database))
     except DamagedError:
         return Listed(project.id, "", changed, damaged=True)
     except StereocalError as error:
@@ -118,6 +118,7 @@ def duplicate(home: Path, project_id: str) -> Project:
     def fill(database: Store) -> None:
         with database.transaction() as db:
             db.execute("DELETE FROM job")
+            db.execute("DELETE FROM found")
         Project(database).rename(f"{title_of(source)} (copy)")
 
     return Project(new_database(home, fill, lambda path: copy_database(source.database, path)))

@@ -194,17 +194,14 @@ class ProjectPhotographs(ProjectPart):
 
     @property
     def found_by(self) -> str:
-        """The `search` of the last `keep_found`; empty if none."""
+        """The `search` of the last `keep_boards`; empty if none."""
         return str(self._value("found_by"))
 
-    def keep_found(
-        self, found: Sequence[Frame], searched: Mapping[str, StoredFile], search: str = ""
-    ) -> None:
+    def keep_found(self, found: Sequence[Frame], searched: Mapping[str, StoredFile]) -> None:
         """Store the result of a search; decisions of the user made meanwhile stay.
 
         Args:
             searched: the photographs when the search began.
-            search: a digest of the search.
 
         Raises:
             StereocalError: photographs of these frames have changed meanwhile, and nothing is
@@ -220,7 +217,6 @@ class ProjectPhotographs(ProjectPart):
                 )
             with suppress(StereocalError):  # damaged frames are replaced
                 found = keep_corrections(found, self.frames or ())
-            self.database.keep_values(BAR, {"found_by": search})
             refused = self._keep_frames(found)
         # Frames without a target to use are shown as such.
         if refused is not None and any(frame.use and frame.targets_in_both for frame in found):

@@ -4,17 +4,15 @@ import multiprocessing
 import os
 import re
 import signal
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 from stereocal.errors import StereocalError
 from stereocal.version import __version__
 
-P = ParamSpec("P")
-T = TypeVar("T")
 SCHEDULER = "STEREOCAL_SCHEDULER"
 """Environment variable with the address of the cluster for a server's jobs."""
 LONGEST_TO_CONNECT = "10s"
@@ -33,7 +31,10 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
     if workers is not None and workers < 1:
         raise StereocalError(f"The number of workers is {workers}: it must be at least 1.")
     if scheduler is not None:
-        with cluster(scheduler) as remote:
+        with _client(scheduler) as client:
+            # pure=False: Dask does not hash the arguments to find equal calls.
+            remote = client.get_executor(pure=False)
+            remote._max_workers = sum(client.ncores().values())
             yield remote
         return
     if workers is None:
@@ -78,36 +79,9 @@ class _Spawn(SpawnContext):
     Process = _Process
 
 
-class Cluster(Executor):
-    """The workers of a Dask cluster, possibly on computers without access to our disk."""
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-        # pure=False: Dask does not hash the arguments to find equal calls.
-        self._executor: Executor = client.get_executor(pure=False)
-
-    @property
-    def tasks_at_once(self) -> int:
-        """Threads of all workers, at least 1."""
-        return max(1, int(sum(self._client.ncores().values())))
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether the scheduler answers."""
-        return bool(self._client.status == "running")
-
-    def submit(
-        self, function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs
-    ) -> Future[T]:
-        return self._executor.submit(function, *arguments, **named)
-
-    def shutdown(self, *_: Any, **__: Any) -> None:
-        """Disconnect; the cluster keeps running."""
-        self._client.close()
-
-
-def cluster(address: str) -> Cluster:
-    """The workers of the Dask scheduler at an address, such as tcp://host:8786."""
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    """A client of a Dask scheduler whose workers have this version of stereocal."""
     try:
         import dask
         import distributed
@@ -121,27 +95,29 @@ def cluster(address: str) -> Cluster:
         client = connect(address, timeout=LONGEST_TO_CONNECT)
     except (OSError, TimeoutError, ValueError) as error:
         raise StereocalError(f"The scheduler at {address} cannot be reached ({error}).") from error
-    try:
-        versions = set(client.run(_version).values())
-    except Exception as error:  # any error raised on a worker without stereocal
-        client.close()
-        raise StereocalError(
-            f"The workers of {address} cannot import stereocal ({error}): install it on them."
-        ) from error
-    if versions != {__version__}:
-        client.close()
-        there = ", ".join(sorted(versions)) or "no workers"
-        raise StereocalError(
-            f"The cluster at {address} has {there}, and this is stereocal {__version__}: start "
-            "workers with the same version."
-        )
-    return Cluster(client)
+    with client:
+        try:
+            versions = set(client.run(_version).values())
+        except Exception as error:  # any error raised on a worker without stereocal
+            raise StereocalError(
+                f"The workers of {address} cannot import stereocal ({error}): install it on them."
+            ) from error
+        if versions != {__version__}:
+            there = ", ".join(sorted(versions)) or "no workers"
+            raise StereocalError(
+                f"The cluster at {address} has {there}, and this is stereocal {__version__}: start "
+                "workers with the same version."
+            )
+        yield client
+
+
+def is_cluster(executor: Executor) -> bool:
+    """Whether an executor is that of a cluster, whose workers may have no access to our disk."""
+    return type(executor).__module__.partition(".")[0] == "distributed"
 
 
 def tasks_at_once(executor: Executor) -> int:
     """How many tasks an executor computes at the same time."""
-    if isinstance(executor, Cluster):
-        return executor.tasks_at_once
     # Thread and process pools have no public name for it.
     return int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
 

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.system.executors import Cluster
+from stereocal.system.executors import is_cluster
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES, FileContent, PhotographFile
 from stereocal.system.tasks import Progress
@@ -91,7 +91,7 @@ def unpack_photographs(
 
 def for_worker(path: FileContent, executor: Executor) -> PhotographFile:
     """The photograph as an argument of a task: by path if the worker can read this disk."""
-    if not isinstance(executor, Cluster):
+    if not is_cluster(executor):
         return path
     try:
         return path.read_bytes()

@@ -35,21 +35,21 @@ POLL_S = 0.2
 class Task(Generic[T]):
     """A function call; function and arguments can be pickled."""
 
-    key: str
-    """Identifies everything that the result depends on."""
     function: Callable[..., T]
     arguments: tuple[Any, ...]
     size: int = 1
     """Amount of progress: runs, rows."""
+    key: str = ""
+    """For `Earlier`: identifies everything that the result depends on."""
 
 
-class Pieces(Protocol[T]):
-    """A checkpoint: results of finished tasks by their keys."""
+class Earlier(Protocol[T]):
+    """Results of an earlier run that was not finished, by the keys of their tasks."""
 
     def get(self, key: str, /) -> T | None:
         """The result; None if it is not stored or cannot be read."""
 
-    def keep(self, key: str, piece: T, /) -> None:
+    def keep(self, key: str, result: T, /) -> None:
         """Store a result."""
 
 
@@ -67,7 +67,7 @@ def run_tasks(
     total: int,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    pieces: Pieces[T] | None = None,
+    earlier: Earlier[T] | None = None,
     ahead: int = AHEAD,
 ) -> Generator[tuple[Task[T], T], None, None]:
     """Yield each task with its result, in the order of the tasks.
@@ -79,7 +79,7 @@ def run_tasks(
         executor: None: the calling thread.
         total: sum of the sizes of all tasks, for `progress`, which is called as each task ends.
         cancelled: polled at least every `POLL_S`.
-        pieces: checkpoint to read and store results.
+        earlier: tasks whose results it has are not computed; gets the results of all.
         ahead: largest number of tasks begun but not yielded, which limits memory.
 
     Raises:
@@ -88,23 +88,36 @@ def run_tasks(
         StereocalError: a worker process or the cluster was lost.
         Also any exception of a task, when its turn comes.
     """
-    work = _Work(tasks, executor, pieces, ahead)
-    done = 0
+    waiting, done, report = iter(tasks), 0, progress or (lambda _done, _total: None)
+    most = 1 if executor is None else tasks_at_once(executor) + SPARE
+    begun: deque[tuple[Task[T], Future[T]]] = deque()
+    at_work: dict[Future[T], Task[T]] = {}
     try:
         while True:
             _stop_if(cancelled)
-            for task in (*work.begin(), *work.ended()):
-                done += task.size
-                if progress is not None:
-                    progress(done, total)
-                _stop_if(cancelled)  # several may have ended at once
-            if not work.begun:
+            while len(at_work) < most and len(begun) < ahead:
+                if (task := next(waiting, None)) is None:
+                    break
+                known = None if earlier is None else earlier.get(task.key)
+                future = _begun(task, executor) if known is None else _ended(known)
+                begun.append((task, future))
+                at_work[future] = task
+            if not begun:
                 return
-            while work.begun and work.begun[0][1].done():
-                task, future = work.begun.popleft()
+            wait(at_work, POLL_S, FIRST_COMPLETED)
+            for future in [future for future in at_work if future.done()]:
+                task = at_work.pop(future)
+                if not future.cancelled() and future.exception() is None:
+                    if earlier is not None:
+                        earlier.keep(task.key, future.result())
+                    done += task.size
+                    report(done, total)
+                _stop_if(cancelled)  # several may have ended at once
+            while begun and begun[0][1].done():
+                task, future = begun.popleft()
                 yield task, _result(future)
     finally:
-        for _, future in work.begun:
+        for _, future in begun:
             future.cancel()
 
 
@@ -113,66 +126,20 @@ def _stop_if(cancelled: Callable[[], bool] | None) -> None:
         raise StoppedError
 
 
-class _Work(Generic[T]):
-    def __init__(
-        self,
-        tasks: Iterable[Task[T]],
-        executor: Executor | None,
-        pieces: Pieces[T] | None,
-        ahead: int,
-    ) -> None:
-        self._tasks = iter(tasks)
-        self._executor = executor
-        self._most = 1 if executor is None else tasks_at_once(executor) + SPARE
-        self._pieces = pieces
-        self._ahead = ahead
-        self._at_work: dict[Future[T], Task[T]] = {}
-        self.begun: deque[tuple[Task[T], Future[T]]] = deque()
-        """In the order of the tasks, until they are yielded."""
-
-    def begin(self) -> list[Task[T]]:
-        """Begin as many tasks as allowed; returns those found in the checkpoint."""
-        finished = []
-        while len(self._at_work) < self._most and len(self.begun) < self._ahead:
-            task = next(self._tasks, None)
-            if task is None:
-                break
-            kept = None if self._pieces is None else self._pieces.get(task.key)
-            if kept is not None:
-                self.begun.append((task, _ready(kept)))
-                finished.append(task)
-            else:
-                future = self._submit(task)
-                self.begun.append((task, future))
-                self._at_work[future] = task
-        return finished
-
-    def ended(self) -> list[Task[T]]:
-        """Wait up to `POLL_S` for tasks to end and store their results; returns these tasks."""
-        finished = []
-        wait(self._at_work, POLL_S, FIRST_COMPLETED)
-        for future in [future for future in self._at_work if future.done()]:
-            task = self._at_work.pop(future)
-            if not future.cancelled() and future.exception() is None:
-                if self._pieces is not None:
-                    self._pieces.keep(task.key, future.result())
-                finished.append(task)
-        return finished
-
-    def _submit(self, task: Task[T]) -> Future[T]:
-        if self._executor is None:
-            return _ready(task.function(*task.arguments))
-        try:
-            return self._executor.submit(task.function, *task.arguments)
-        except BrokenExecutor as error:
-            raise _lost(error) from error
-        except RuntimeError as error:
-            raise EndingError from error
+def _begun(task: Task[T], executor: Executor | None) -> Future[T]:
+    if executor is None:
+        return _ended(task.function(*task.arguments))
+    try:
+        return executor.submit(task.function, *task.arguments)
+    except BrokenExecutor as error:
+        raise _lost(error) from error
+    except RuntimeError as error:
+        raise EndingError from error
 
 
-def _ready(found: T) -> Future[T]:
+def _ended(result: T) -> Future[T]:
     future: Future[T] = Future()
-    future.set_result(found)
+    future.set_result(result)
     return future
 
 

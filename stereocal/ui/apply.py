@@ -184,7 +184,7 @@ def bring_up_to_date(
 
     result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
     current = result is not None and result[0].digest == work.digest
-    job = jobs.Work(project, "apply", STAGES, {"application": work.digest}, run)
+    job = jobs.Work(project, "apply", STAGES, run)
     label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
     short, doing = work.expected_seconds <= INSTANT_S, "Matching and measuring."
     last = "Cancelled. What is shown is the last finished result."

@@ -34,7 +34,7 @@ def press_search(work: jobs.Work, what: str, key: str, found: bool, ready: bool)
     again = " again" * found
     jobs.start_button(work, f"Find the {what}{again}", key, primary=not found, disabled=not ready)
     cancelled = "Cancelled. What was found before is unchanged."
-    jobs.show_job(work.project, work.kind, cancelled, work)
+    jobs.show_job(work.project, work.kind, cancelled)
 
 
 def held_board(project: Project) -> tuple[BoardPattern | None, bool]:
@@ -68,7 +68,7 @@ def boards_in(store: ProjectPhotographs) -> None:
         "cameras": [camera.to_json() for camera in given or ()],
     }
     run = partial(_find, store, pairing, pattern, given)
-    work = jobs.Work(project, "photographs", stereo_boards.STAGES, about, run)
+    work = jobs.Work(project, "photographs", stereo_boards.STAGES, run, jobs.digest_of(about))
     press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
     refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
     if refused if found else jobs.has_failed(project, "photographs"):
@@ -140,9 +140,9 @@ def _find(
 ) -> bool:
     """Find the boards and the lenses, and store them; False if cancelled."""
     control = job.progress, lambda: job.cancelled
-    pieces = job.checkpoints("boards", pack_board, unpack_board)
+    earlier = job.found_before(pack_board, unpack_board)
     boards = stereo_boards.find_stereo_boards(
-        store.photographs, pattern, job.executor, job.begin, *control, pieces, pairing
+        store.photographs, pattern, job.executor, job.begin, *control, earlier, pairing
     )
     if boards is None:
         return False
@@ -162,6 +162,6 @@ def _find(
         }
     data = stereo_boards.recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
     label = None if given else OF_BOARDS
-    store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.digest)
+    store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.work.digest)
     settle(store.project)
     return True

@@ -1,9 +1,11 @@
 """Background jobs: they continue when the page is left, and can be cancelled.
 
-Jobs are stored in the project (`projects.jobs`). If the server ends before a job does, its page
-offers to resume it.
+Projects store which jobs run (`projects.jobs`). If the server ends before a job does, its page says
+so, and its button begins it again.
 """
 
+import hashlib
+import json
 import logging
 import os
 import threading
@@ -11,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any, Literal, ParamSpec, TypeVar
 
 import streamlit as st
@@ -19,10 +21,10 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.files import Store
-from stereocal.projects.jobs import Checkpoints, Record, RunningJob
+from stereocal.projects.jobs import FoundBefore
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
-from stereocal.system.executors import Cluster, cluster, scheduler_of
+from stereocal.system.executors import engine, scheduler_of
 from stereocal.system.tasks import EndingError
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, callback, clear_refusal, show_stale
@@ -43,57 +45,10 @@ Kind = Literal[
     "rig",
 ]
 UNFORESEEN = "Unexpected error. Earlier results are unchanged; the server's log says more."
+INTERRUPTED = "The server stopped while this ran, and it was not finished. Start it again."
 UNEVEN = "steps"
 """A stage whose parts take differently long: it has no time left to state."""
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass
-class Job:
-    """A job of this server. Its thread writes; pages only read."""
-
-    stages: tuple[str, ...]
-    """What is counted, in order: a progress bar each."""
-    executor: Executor
-    """Computes its tasks."""
-    at: int = 0
-    total: int = 0
-    done: int = 0
-    state: str = "running"
-    """running, done, cancelled, failed, or interrupted by the end of the server."""
-    sentence: str = ""
-    """Why it failed."""
-    cancelled: bool = False
-    kept: RunningJob | None = None
-    """The stored job; None for work done while the page is drawn."""
-    started: float = field(default_factory=time.monotonic)
-    begun_with: int = 0
-    """How much of the stage was done before `started`."""
-
-    def begin(self, stage: str) -> None:
-        """Begin a stage."""
-        self.at, self.done, self.total = self.stages.index(stage), 0, 0
-        self.started, self.begun_with = time.monotonic(), 0
-
-    def progress(self, done: int, total: int) -> None:
-        """Report how much of the stage is done."""
-        if self.total == 0 and done > 1:
-            # Checkpoints, or a first chunk: no measure of the speed.
-            self.started, self.begun_with = time.monotonic(), done
-        self.done, self.total = done, total
-        if self.kept is not None and not self.kept.progress(self.at, done, total):
-            self.cancelled = True
-
-    def checkpoints(
-        self, stage: str, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
-    ) -> Checkpoints[T] | None:
-        """The checkpoints of a stage; None for a job that is not stored."""
-        return None if self.kept is None else self.kept.checkpoints(stage, pack, unpack)
-
-    @property
-    def digest(self) -> str:
-        """As `Work.digest`; empty for a job that is not stored."""
-        return "" if self.kept is None else self.kept.record.digest
 
 
 @dataclass(frozen=True)
@@ -104,27 +59,62 @@ class Work:
     kind: Kind
     stages: tuple[str, ...]
     """What is counted, in words: "photographs read"."""
-    about: Mapping[str, Any]
-    """All that the result depends on, as JSON: digests of inputs, and settings."""
-    run: Callable[[Job], bool]
+    run: Callable[["Job"], bool]
     """Does the work, calls `Job.progress`, checks `Job.cancelled`, and stores the result in the
     project. False if cancelled."""
-
-    @property
-    def digest(self) -> str:
-        """Identifies the work."""
-        return stored_jobs.digest_of(self.kind, self.about)
+    digest: str = ""
+    """`digest_of` what the result depends on, for pages that compare it."""
 
 
-@st.cache_resource(show_spinner=False)
+def digest_of(about: Mapping[str, Any]) -> str:
+    """Of what a result depends on, as JSON, and of the software."""
+    content = f"{json.dumps(about, sort_keys=True)} {stored_jobs.SOFTWARE}"
+    return hashlib.sha256(content.encode()).hexdigest()[:32]
+
+
+@dataclass
+class Job:
+    """Work that this server does. Its thread writes; pages only read."""
+
+    work: Work
+    executor: Executor
+    """Computes its tasks."""
+    at: int = 0
+    """Number of the stage."""
+    total: int = 0
+    done: int = 0
+    state: Literal["running", "done", "cancelled", "failed"] = "running"
+    sentence: str = ""
+    """Why it failed."""
+    cancelled: bool = False
+    started: float = field(default_factory=time.monotonic)
+    begun_with: int = 0
+    """How much of the stage was done before `started`."""
+
+    def begin(self, stage: str) -> None:
+        """Begin a stage."""
+        self.at, self.done, self.total = self.work.stages.index(stage), 0, 0
+        self.started, self.begun_with = time.monotonic(), 0
+
+    def progress(self, done: int, total: int) -> None:
+        """Report how much of the stage is done; a removed project cancels the job."""
+        if self.total == 0 and done > 1:
+            # Found before, or a first chunk: no measure of the speed.
+            self.started, self.begun_with = time.monotonic(), done
+        self.done, self.total = done, total
+        self.cancelled |= self.work.project.database.marker.exists()
+
+    def found_before(
+        self, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
+    ) -> FoundBefore[T]:
+        """What such a search has found if it was not finished."""
+        return FoundBefore(self.work.project.database, self.work.kind, pack, unpack)
+
+
+@cache
 def pool() -> ThreadPoolExecutor:
     """The server's thread pool, shared by all sessions; jobs take turns (`system.tasks`)."""
     return ThreadPoolExecutor(ServerSettings.from_environment().workers)
-
-
-@st.cache_resource(show_spinner=False, validate=lambda found: found.is_connected)
-def _cluster(address: str) -> Cluster:
-    return cluster(address)
 
 
 def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
@@ -132,15 +122,14 @@ def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) 
     return pool().submit(function, *arguments, **named).result()
 
 
-@st.cache_resource(show_spinner=False)
-def _jobs() -> dict[tuple[Store, Kind], Job]:
-    """The last job of each kind of each project that this server ran."""
-    return {}
+JOBS: dict[tuple[Store, Kind], Job] = {}
+"""The last job of each kind of each project that this server ran."""
+_STARTING = threading.Lock()
 
 
 def job_of(project: Project, kind: Kind) -> Job | None:
     """The last job of this kind; None before the first."""
-    return _jobs().get((project.database, kind))
+    return JOBS.get((project.database, kind))
 
 
 def is_running(project: Project, kind: Kind) -> bool:
@@ -148,38 +137,29 @@ def is_running(project: Project, kind: Kind) -> bool:
     job = job_of(project, kind)
     if job is not None and job.state == "running":
         return True
-    found = stored_jobs.find(project.database, kind)
-    return found is not None and found[0] == "running"
+    return stored_jobs.state(project.database, kind) == "elsewhere"
 
 
 def has_failed(project: Project, kind: Kind) -> bool:
     """Whether the last job of this kind ended in an error."""
-    job, found = job_of(project, kind), stored_jobs.find(project.database, kind)
-    if found is not None:
-        return found[0] == "failed"
+    job = job_of(project, kind)
     return job is not None and job.state == "failed"
 
 
-def can_go_on(work: Work) -> bool:
-    """Whether this work was interrupted."""
-    found = stored_jobs.find(work.project.database, work.kind)
-    return found is not None and found[0] == "interrupted" and found[1].digest == work.digest
-
-
 def start(work: Work) -> None:
-    """Begin or resume a job, unless one of its kind is running (a callback)."""
-    if is_running(work.project, work.kind):
-        return
-    job, database = Job(work.stages, pool()), work.project.database
-    try:
-        job.kept = stored_jobs.begin(database, work.kind, work.stages, work.about)
-        if job.kept is None:
+    """Begin a job, unless one of its kind is running (a callback)."""
+    job = Job(work, pool())
+    with _STARTING:
+        if is_running(work.project, work.kind):
             return
-    except StereocalError as error:
-        job.sentence, job.state = str(error), "failed"
-    _jobs()[database, work.kind] = job
-    if job.kept is not None:
-        threading.Thread(target=_drive, args=(job, work.run), daemon=True, name=work.kind).start()
+        try:
+            if not stored_jobs.begin(work.project.database, work.kind):
+                return
+        except StereocalError as error:
+            job.sentence, job.state = str(error), "failed"
+        JOBS[work.project.database, work.kind] = job
+    if job.state == "running":
+        threading.Thread(target=_drive, args=(job,), daemon=True, name=work.kind).start()
 
 
 def start_button(
@@ -195,27 +175,28 @@ def start_button(
     st.button(label, key=key, type=button_type(primary), disabled=disabled, on_click=press)
 
 
-def _drive(job: Job, run: Callable[[Job], bool]) -> None:
-    kept, state = job.kept, "failed"
-    assert kept is not None
+def _drive(job: Job) -> None:
     try:
         if address := scheduler_of(os.environ):
-            job.executor = _cluster(address)  # in the thread: it may take seconds to answer
-        ended = "done" if run(job) else "cancelled"
-        kept.end()
-        state = ended
+            with engine(scheduler=address) as job.executor:
+                ended = job.work.run(job)
+        else:
+            ended = job.work.run(job)
+        _end(job, "done" if ended else "cancelled")
     except StereocalError as error:
-        job.sentence = str(error)
-        kept.fail(job.sentence)
-    except EndingError:  # after a restart its page offers to resume it
-        state = "interrupted"
+        _end(job, "failed", str(error))
+    except EndingError:
+        pass  # after a restart its page says that it was interrupted
     except Exception:
         # Otherwise no page would show an error of this thread.
         _LOG.exception("A job ended in an error that nobody foresaw.")
-        job.sentence = UNFORESEEN
-        kept.fail(job.sentence)
-    finally:
-        job.kept, job.state = None, state
+        _end(job, "failed", UNFORESEEN)
+
+
+def _end(job: Job, state: Literal["done", "cancelled", "failed"], sentence: str = "") -> None:
+    job.sentence = sentence
+    stored_jobs.end(job.work.project.database, job.work.kind, failed=state == "failed")
+    job.state = state
 
 
 def bring_up_to_date(
@@ -236,80 +217,46 @@ def bring_up_to_date(
         spinner, label, key: of short work, and of the button.
         cancelled: message for a cancelled job.
     """
-    if current:
-        discard_finished(work)
-    elif short:
+    if not current and short:
         with ErrorsShown(), st.spinner(spinner):
-            work.run(Job(work.stages, pool()))
+            work.run(Job(work, pool()))
             stale = ""
         show_stale(stale)
-    else:
+    elif not current:
         show_stale(stale)
-        if not (is_running(work.project, work.kind) or can_go_on(work)):
+        if not is_running(work.project, work.kind):
             start_button(work, label, key)
-    show_job(work.project, work.kind, cancelled, work)
+    show_job(work.project, work.kind, cancelled)
 
 
-def show_job(project: Project, kind: Kind, cancelled: str, work: Work | None) -> None:
+def show_job(project: Project, kind: Kind, cancelled: str) -> None:
     """Show a running job with a Cancel button, or how the last one ended.
 
     Args:
         cancelled: message for a cancelled job.
-        work: the work that the page asks for now: an interrupted job resumes only if it is equal.
     """
+    job, stored = job_of(project, kind), stored_jobs.state(project.database, kind)
     if is_running(project, kind):
         # Only now: a permanent timer would interrupt every longer run of the page.
         _show_progress(project, kind)
-        return
-    job, found = job_of(project, kind), stored_jobs.find(project.database, kind)
-    if found is not None and found[0] == "interrupted":
-        _show_interrupted(project, kind, found[1], work)
-    elif found is not None:
-        st.error(escape_markdown(found[1].sentence))
+    elif stored == "interrupted":
+        st.warning(INTERRUPTED)
+        away = callback(partial(abandon, project, kind))
+        st.button("Discard", key=f"discard_{kind}", on_click=away)
     elif job is not None and job.state == "failed":
         st.error(escape_markdown(job.sentence))
     elif job is not None and job.state == "cancelled":
         st.info(cancelled)
 
 
-def _show_interrupted(project: Project, kind: Kind, record: Record, work: Work | None) -> None:
-    same = work is not None and record.digest == work.digest
-    so_far = "It had just begun."
-    if record.total:
-        stage = record.stages[record.at].split()[0]
-        step = f" in step {record.at + 1} of {len(record.stages)}" * (len(record.stages) > 1)
-        so_far = f"{record.done} of {record.total} {stage} were finished{step}."
-    if not same:
-        so_far += (
-            " The data, the settings or the program have changed since, so it can only be started "
-            "again; or set them back, and it can go on."
-        )
-    st.warning(f"The server stopped while this ran. {so_far}")
-    with st.container(horizontal=True):
-        if same:
-            st.button("Go on", type="primary", key=f"go_on_{kind}", on_click=start, args=(work,))
-        away = callback(partial(discard, project, kind))
-        st.button("Discard", key=f"discard_{kind}", on_click=away)
-
-
-def discard(project: Project, kind: Kind) -> None:
-    """Delete a job that is not running, with its checkpoints."""
-    stored_jobs.discard(project.database, kind)
-    _jobs().pop((project.database, kind), None)
-
-
 def abandon(project: Project, kind: Kind) -> None:
-    """Cancel a running job, or delete its checkpoints."""
-    if is_running(project, kind):
-        stored_jobs.ask_to_stop(project.database, kind)
-    else:
-        discard(project, kind)
-
-
-def discard_finished(work: Work) -> None:
-    """Delete an interrupted job whose result is already stored."""
-    if can_go_on(work):
-        discard(work.project, work.kind)
+    """Cancel a job of this server, and forget how an earlier one ended and what it found."""
+    job = job_of(project, kind)
+    if job is not None and job.state == "running":
+        job.cancelled = True
+    elif not is_running(project, kind):
+        stored_jobs.end(project.database, kind)
+        JOBS.pop((project.database, kind), None)
 
 
 @st.fragment(run_every=0.5)
@@ -318,25 +265,19 @@ def _show_progress(project: Project, kind: Kind) -> None:
     if not is_running(project, kind):
         st.rerun()
     job, left = job_of(project, kind), ""
-    shown: Job | Record | None = job
     if job is None or job.state != "running":
-        found = stored_jobs.find(project.database, kind)
-        shown, key = found and found[1], f"stop_{kind}"
-        stop: Callable[[], None] = callback(partial(abandon, project, kind))
-    else:
-        key, stop = f"cancel_{kind}", partial(setattr, job, "cancelled", True)
-        counted = job.done - job.begun_with
-        if counted > 0 and job.stages[job.at] != UNEVEN:
-            pace = (time.monotonic() - job.started) / counted
-            left = f", about {pace * (job.total - job.done):.0f} s left"
-    if shown is None:
+        st.info("Another server with the same projects is computing this.")
         return
-    for number, stage in enumerate(shown.stages):
-        if number < shown.at:
+    counted, stages = job.done - job.begun_with, job.work.stages
+    if counted > 0 and stages[job.at] != UNEVEN:
+        pace = (time.monotonic() - job.started) / counted
+        left = f", about {pace * (job.total - job.done):.0f} s left"
+    for number, stage in enumerate(stages):
+        if number < job.at:
             st.progress(1.0, f"{stage.capitalize()}: all")
-        elif number == shown.at and (shown.done or (shown.total and stage == UNEVEN)):
-            words = f"{shown.done} of {shown.total} {stage}{left}"
-            st.progress(shown.done / max(shown.total, 1), words)
+        elif number == job.at and (job.done or (job.total and stage == UNEVEN)):
+            words = f"{job.done} of {job.total} {stage}{left}"
+            st.progress(job.done / max(job.total, 1), words)
         else:
-            st.progress(0.0, "Starting" if number == shown.at else f"{stage.capitalize()}: not yet")
-    st.button("Cancel", key=key, on_click=stop)
+            st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
+    st.button("Cancel", key=f"cancel_{kind}", on_click=partial(setattr, job, "cancelled", True))

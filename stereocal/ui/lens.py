@@ -1,7 +1,6 @@
 """The Lenses page: board photographs or a camera file, the lens calibration, and its results."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -28,7 +27,6 @@ from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.described import descriptions
 from stereocal.system.numbers import count, rounded
-from stereocal.system.records import pack
 from stereocal.ui import intake, jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, setting, some_of
@@ -136,7 +134,7 @@ def from_photographs(which: CameraName) -> ProjectLens | None:
     title = f"Photographs of the board by the {which} camera, or a zip of them"
     kinds, key = intake.PHOTOGRAPH_KINDS, f"upload_boards_{which}"
     intake.emptied_uploader(title, kinds, key, take, counter=_ROUND)
-    project, work = current_project(), None
+    project = current_project()
     if project is None:
         return None
     store, key = ProjectLens(project, which), f"no_boards_{which}"
@@ -149,13 +147,13 @@ def from_photographs(which: CameraName) -> ProjectLens | None:
         left.markdown(f"Of the {which} camera: {count(len(photographs), 'photograph')}.")
         right.button("Remove them", key, on_click=clear)
         with ErrorsShown():
-            work = _act(store, board_form(project), _lens_form(project))
+            _act(store, board_form(project), _lens_form(project))
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
         st.button("Remove them", key, on_click=clear)
         return None
     last = "Cancelled. What is shown is the last finished lens."
-    jobs.show_job(project, JOB_KINDS[which], last, work)
+    jobs.show_job(project, JOB_KINDS[which], last)
     return store
 
 
@@ -172,7 +170,7 @@ def _lens_form(project: Project) -> LensSettings:
     return LensSettings(**values)
 
 
-def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> jobs.Work:
+def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> None:
     """The photographs to leave out, and the press; returns what it begins."""
     search, lens = readable(lambda: store.search), readable(lambda: store.calibration)
     leave_out: list[str] = []
@@ -186,21 +184,12 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> j
         made_with = lens and (lens.settings, [view.name for view in lens.search.views])
         current = made_with == (settings, left)
     kind = JOB_KINDS[store.which]
-    about = {
-        "photographs": {name: path.name for name, path in store.photographs.items()},
-        "leave_out": list(leave_out),
-        "pattern": asdict(pattern),
-        "settings": asdict(settings),
-    }
     run = partial(_calibrate, store, pattern, settings, leave_out)
-    work = jobs.Work(store.project, kind, STAGES, about, run)
-    if current:
-        jobs.discard_finished(work)
+    work = jobs.Work(store.project, kind, STAGES, run)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     if lens is not None and not current and not jobs.is_running(store.project, kind):
         show_stale("form or photographs")
     jobs.start_button(work, label, f"calibrate_{store.which}", primary=lens is None)
-    return work
 
 
 def _calibrate(
@@ -213,14 +202,13 @@ def _calibrate(
     control = job.executor, job.progress, lambda: job.cancelled
     search = store.search
     if search is None or search.pattern != pattern:
-        boards = job.checkpoints("boards", files.pack_board, files.unpack_board)
+        boards = job.found_before(files.pack_board, files.unpack_board)
         search = find_boards(store.photographs, pattern, *control, boards)
         if search is None:
             return False
         store.keep_search(search)
     job.begin(STAGES[1])
-    draws = job.checkpoints("draws", pack, files.unpack_draws)
-    lens = calibrate_lens(search.without(leave_out), settings, *control, pieces=draws)
+    lens = calibrate_lens(search.without(leave_out), settings, *control)
     if lens is None:
         return False
     store.keep_calibration(lens)
@@ -229,7 +217,7 @@ def _calibrate(
 
 def _clear(store: ProjectLens) -> None:
     # First: a running job needs the photographs.
-    jobs.discard(store.project, JOB_KINDS[store.which])
+    jobs.abandon(store.project, JOB_KINDS[store.which])
     store.clear()
     st.session_state[_ROUND] += 1
 

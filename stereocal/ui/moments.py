@@ -62,16 +62,16 @@ def moment_search(
         control = job.executor, job.begin, job.progress, lambda: job.cancelled
         photographs = store.photographs
         if isinstance(held, BoardPattern):
-            boards = job.checkpoints("boards", pack_board, unpack_board)
+            boards = job.found_before(pack_board, unpack_board)
             found = boards_everywhere(moments, photographs, cameras, held, *control, boards)
         elif held is not None:
-            seen = job.checkpoints("detections", pack_detection, unpack_detection)
+            seen = job.found_before(pack_detection, unpack_detection)
             found = several.find_everywhere(moments, photographs, cameras, held, *control, seen)
         else:
             found = None
         if found is not None:
-            keep(found, job.digest)
+            keep(found, job.work.digest)
         return found is not None
 
     stages = (BOARDS_STAGE,) if isinstance(held, BoardPattern) else STAGES
-    return jobs.Work(store.project, "photographs", stages, about, run)
+    return jobs.Work(store.project, "photographs", stages, run, jobs.digest_of(about))

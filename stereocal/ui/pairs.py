@@ -81,7 +81,7 @@ def rows_of(table: pd.DataFrame) -> list[PairRow]:
 
 @callback
 def clear(store: ProjectPhotographs) -> None:
-    jobs.discard(store.project, "photographs")  # first: a running job needs the photographs
+    jobs.abandon(store.project, "photographs")  # first: a running job needs the photographs
     store.clear()
     forget_table()
 

@@ -13,7 +13,6 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.records import plain
 from stereocal.ui import holding, jobs
 from stereocal.ui.boards import boards_in, press_search
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
@@ -71,10 +70,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
             f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
             " to tell A from B."
         )
-    work = _work(store, pairs, target or BAR)
-    # The cheap test first: the digest of thousands of pairs is slow.
-    if frames is not None and jobs.can_go_on(work) and store.found_by == work.digest:
-        jobs.discard(project, "photographs")
+    run = partial(_find, store, pairs, target or BAR, holding.held_text(project))
+    work = jobs.Work(project, "photographs", STAGES, run)
     ready = bool(rows) and not lacking and target is not None
     press_search(work, "targets", "find_targets", frames is not None, ready)
     if frames is None:
@@ -86,17 +83,6 @@ def _find_targets(store: ProjectPhotographs) -> None:
     elif project.settings.get(holding.FOUND, "bar2x2") != holding.held_text(project):
         show_stale("what you hold")
     show_frames(store, frames, running)
-
-
-def _work(store: ProjectPhotographs, pairs: Sequence[Pair], target: Target) -> jobs.Work:
-    files = {name: path.name for name, path in store.photographs.items()}
-    about = {
-        "pairs": [[p.frame, *((n, files.get(n)) for n in (p.primary, p.secondary))] for p in pairs],
-        "cameras": [camera and camera.to_json() for camera in store.project.cameras],
-        **({} if target == BAR else {"target": plain(target)}),
-    }
-    run = partial(_find, store, pairs, target, holding.held_text(store.project))
-    return jobs.Work(store.project, "photographs", STAGES, about, run)
 
 
 def _find(
@@ -114,12 +100,12 @@ def _find(
         job.begin,
         job.progress,
         lambda: job.cancelled,
-        pieces=job.checkpoints("detections", pack_detection, unpack_detection),
+        earlier=job.found_before(pack_detection, unpack_detection),
         target=target,
     )
     if found is None:
         return False
     store.project.keep_settings({holding.FOUND: held})
     holding.settle(store.project)
-    store.keep_found(found, searched, job.digest)
+    store.keep_found(found, searched)
     return True

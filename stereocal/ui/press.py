@@ -12,7 +12,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
@@ -25,7 +25,7 @@ from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.stale import since_calibration
-from stereocal.ui.validation import digests_of, evaluated, is_short, kept_protocol
+from stereocal.ui.validation import is_short, kept_protocol
 from stereocal.workflow import calibrate
 
 KIND: jobs.Kind = "calibration"
@@ -51,7 +51,7 @@ class Press:
     @cached_property
     def work(self) -> jobs.Work:
         """As a job."""
-        large, given = is_long(self.dataset), [self.settings.to_json(), self.protocol.to_json()]
+        large = is_long(self.dataset)
 
         def run(job: jobs.Job) -> bool:
             def step(name: str) -> None:
@@ -65,8 +65,7 @@ class Press:
             job.begin("runs")
             return self._validate(job)
 
-        about = {"dataset": digests_of(self.dataset), "settings": given}
-        return jobs.Work(self.project, KIND, STAGES if large else STAGES[1:], about, run)
+        return jobs.Work(self.project, KIND, STAGES if large else STAGES[1:], run)
 
     def show(self, only_if_stale: bool = False) -> None:
         """Do what was pressed; what has changed since the result, and the button.
@@ -121,7 +120,7 @@ class Press:
         else:
             shown = ErrorsShown(lambda why: note(f"Not validated: {why}"))
             with shown, st.spinner("Validating."):
-                self._validate(jobs.Job(STAGES, jobs.pool()))
+                self._validate(jobs.Job(self.work, jobs.pool()))
 
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> Calibration:
         how: dict[str, Any] = {"trace": True, "progress": step, "refined": None}
@@ -152,7 +151,8 @@ class Press:
                     calibration_frames=min(self.protocol.calibration_frames, most),
                     splits="runs",  # of which the tiles are, whatever Validate shows
                 )
-                runs = evaluated([kept], settings, job, partial(is_over, digest))
+                over = partial(is_over, digest)
+                runs = evaluate([kept], settings, job.executor, job.progress, over)
                 if runs is not None:
                     own = [calibration.dataset.sha256]
                     found = Evaluation(runs, settings, [kept.name], own)
@@ -189,4 +189,4 @@ def show_progress(project: Project, work: jobs.Work | None) -> None:
     done = job is not None and job.state == "done"
     if work is not None and done and project.calibration and not project.calibration_evaluation:
         jobs.start(work)
-    jobs.show_job(project, KIND, "Cancelled: the result has no validation.", work)
+    jobs.show_job(project, KIND, "Cancelled: the result has no validation.")

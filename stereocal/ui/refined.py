@@ -176,7 +176,7 @@ def wait_for_answer(project: Project) -> bool:
     if not jobs.is_running(project, "calibration"):
         return False
     st.info("The calibration is being validated: its files come with their thresholds.")
-    jobs.show_job(project, "calibration", "Cancelled: the result has no validation.", None)
+    jobs.show_job(project, "calibration", "Cancelled: the result has no validation.")
     return True
 
 
@@ -234,12 +234,12 @@ def _when_made(
     found = _made().get(key)
     if found is not None:
         return found
-    work = jobs.Work(project, kind, (counted,), {"key": key}, run)
+    work = jobs.Work(project, kind, (counted,), run)
     last = jobs.job_of(work.project, work.kind)
     ended = last is not None and last.state in ("failed", "cancelled")
     if not ended:  # what was made is kept in memory: after a restart it is made again
         jobs.start(work)
-    jobs.show_job(work.project, work.kind, "Cancelled.", work)
+    jobs.show_job(work.project, work.kind, "Cancelled.")
     if ended:
         jobs.start_button(work, "Compute it", f"again_{work.kind}", primary=False)
     return None

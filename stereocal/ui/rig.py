@@ -59,8 +59,7 @@ def work_of(project: Project, time_offsets: bool) -> jobs.Work:
         store.keep_rig(found.dumps(), pack_zip(files))
         return True
 
-    about = {"recording": store.digest, "time_offsets": time_offsets}
-    return jobs.Work(project, KIND, ("steps",), about, run)
+    return jobs.Work(project, KIND, ("steps",), run)
 
 
 def show_page() -> None:
@@ -82,7 +81,7 @@ def show_page() -> None:
     with left:
         label = "Calibrate all again" if rig else "Calibrate all"
         jobs.start_button(work, label, "rig_run", primary=rig is None)
-    jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.", work)
+    jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.")
     if rig is None:
         frames = count(len({*recording.frame.tolist()}), "frame")
         pairs = escape_markdown(recording.describe_pairs())

@@ -1,9 +1,8 @@
 """The Validate page: choice of data and protocol, computation and results."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import Any
 
 import streamlit as st
 
@@ -11,7 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, Run, Splits, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.formats.evaluation_files import Evaluation, pack_runs, unique_names, unpack_runs
+from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
@@ -153,9 +152,8 @@ def bring_up_to_date(
     current, short = is_current(last, datasets, settings), is_short(datasets, settings)
     if not (current or short) and wait_for_answer(project):
         return  # the press on Calibrate ends in a validation
-    about = {"datasets": list(map(digests_of, datasets)), "settings": settings.to_json()}
     run = partial(_validate, project, datasets, settings)
-    work = jobs.Work(project, "evaluation", STAGES, about, run)
+    work = jobs.Work(project, "evaluation", STAGES, run)
     label = f"Validate ({settings.runs * len(datasets)} runs)"
     cancelled, stale = "Cancelled. What is shown is the last finished validation.", ""
     if last is not None and not current:
@@ -180,11 +178,6 @@ def is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:
     return settings.runs * frames / 25 <= INSTANT
 
 
-def digests_of(dataset: Dataset) -> list[Any]:
-    """All of a data set that a validation depends on."""
-    return [dataset.sha256, dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
-
-
 def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
 ) -> bool:
@@ -197,12 +190,12 @@ def _validate(
     calibration = readable(lambda: project.calibration, told=False)
     kept = [each.dataset for each in screenings_of(datasets, settings.calibration, calibration)]
     runs: Runs | None
-    if job.kept is None:  # while the page is drawn
+    if is_short(datasets, settings):  # while the page is drawn
         last, own = _last(project), replace(settings, refined=None)
         paper = last.runs if last is not None and is_current(last, datasets, own) else None
         runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, yield_to_clicks, paper)
     else:
-        runs = evaluated(kept, settings, job, lambda: job.cancelled)
+        runs = evaluate(kept, settings, job.executor, job.progress, lambda: job.cancelled)
     return _keep(project, datasets, settings, runs)
 
 
@@ -214,17 +207,6 @@ def _keep(
         digests = [dataset.sha256 for dataset in datasets]
         project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
     return runs is not None
-
-
-def evaluated(
-    datasets: Sequence[Dataset],
-    settings: EvaluationSettings,
-    job: jobs.Job,
-    cancelled: Callable[[], bool],
-) -> Runs | None:
-    """Evaluate in a job; None if cancelled."""
-    pieces = job.checkpoints("runs", pack_runs, unpack_runs)
-    return evaluate(datasets, settings, job.executor, job.progress, cancelled, pieces=pieces)
 
 
 def _last(project: Project) -> Evaluation | None:

@@ -36,7 +36,7 @@ MISSING = (
 
 def show_frames_taken(project: Project) -> None:
     """The progress of the job that takes frames, and what it found."""
-    jobs.show_job(project, "video", "Cancelled. No frame was taken.", None)
+    jobs.show_job(project, "video", "Cancelled. No frame was taken.")
     said = project.settings.get(REPORT)
     if isinstance(said, list) and not jobs.is_running(project, "video"):
         show = st.warning if project.settings.get(FRAMES_MISSING) else st.success
@@ -99,10 +99,6 @@ def take_videos(
         except OSError as error:
             raise StereocalError(f"{error.strerror or error}.") from error
         project.keep_settings({REPORT: None})
-        about = {
-            "videos": [[name, len(content)] for name, content in videos],
-            "settings": [settings.choice, settings.n, settings.later_s, settings.coloured],
-        }
         first, second = paths
 
         def run(job: jobs.Job) -> bool:
@@ -111,7 +107,7 @@ def take_videos(
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
-        jobs.start(jobs.Work(project, "video", STAGES, about, run))
+        jobs.start(jobs.Work(project, "video", STAGES, run))
         job = jobs.job_of(project, "video")
         if job is not None and job.state != "failed":  # else it may not have been started
             undo.pop_all()

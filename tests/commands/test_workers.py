@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from stereocal.cli import main
-from stereocal.system.executors import cluster
+from stereocal.system.executors import engine, tasks_at_once
 from tests import lens
 from tests.dask_cluster import QUIET
 from tests.dask_cluster import scheduler as scheduler
@@ -85,7 +85,7 @@ def test_photographs_need_no_shared_disk(scheduler: str, tmp_path: Path) -> None
 
     path = tmp_path / "a.png"
     path.write_bytes(b"content")
-    with cluster(scheduler) as executor:
-        assert executor.tasks_at_once == 2
+    with engine(scheduler=scheduler) as executor:
+        assert tasks_at_once(executor) == 2
         assert for_worker(path, executor) == b"content"
         assert for_worker(tmp_path / "none", executor) == tmp_path / "none"

@@ -10,13 +10,13 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
+from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
 from stereocal.ui import press, validation
 from stereocal.ui.refined import answer_of
-from stereocal.ui.validation import evaluated
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import calibrate
 from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told
@@ -136,10 +136,10 @@ def test_nothing_is_offered_before_its_threshold_is_final(
 
     def waiting(*given: Any, **named: Any) -> Any:
         assert may_end.wait(SLOW)
-        return evaluated(*given, **named)
+        return evaluate(*given, **named)
 
     monkeypatch.setattr(validation, "INSTANT", 0)
-    monkeypatch.setattr(press, "evaluated", waiting)
+    monkeypatch.setattr(press, "evaluate", waiting)
     open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     project = project_of(app, home)

@@ -1,6 +1,7 @@
-"""Long work on pages: a job does it, the page follows, and what ended with its server goes on."""
+"""Long work on pages: a job does it, the page follows, and what was interrupted can begin again."""
 
 import threading
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,12 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs as stored_jobs
-from stereocal.projects.home import copy_database
+from stereocal.projects.home import bring_back, remove
 from stereocal.ui import jobs, refined, results, screening, validation
 from tests.pages.stored_projects import SLOW, ended, messages, project_of
 from tests.pages.test_pages import open_sample
-from tests.projects.test_checkpoints import bits
+from tests.projects.test_found_before import bits
+from tests.projects.test_jobs import run_elsewhere
 
 STOPPED = "The server stopped while this ran"
 
@@ -30,78 +32,53 @@ def keys(app: AppTest) -> set[str]:
     return {str(button.key) for button in app.button}
 
 
-@pytest.fixture
-def interrupted(validating: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
-    """A validation whose project is as it was when half of it was finished."""
-    monkeypatch.setattr(stored_jobs, "WRITE_EVERY_S", 0.0)
-    half, release = threading.Event(), threading.Event()
-    progress = jobs.Job.progress
-
-    def then_hold(job: jobs.Job, done: int, total: int) -> None:
-        """The job goes no further than half, however long the page takes."""
-        progress(job, done, total)
-        if done >= 20:
-            half.set()
-            assert release.wait(SLOW)
-
-    app = validating
-    project = project_of(app, home)
-    with monkeypatch.context() as patch:
-        patch.setattr(jobs.Job, "progress", then_hold)
-        app.button(key="validate").click().run()
-        job = jobs.job_of(project, "evaluation")
-        assert job is not None and half.wait(SLOW)
-        copy_database(project.database, home / "as_it_was")
-        job.cancelled = True
-        release.set()
-        assert ended(project, "evaluation").state == "cancelled"
-    (home / "as_it_was").replace(project.database.path)
-    jobs._jobs().clear()
-    return app.run()
-
-
-def test_it_goes_on_to_the_same_result(
-    interrupted: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app, project = interrupted, project_of(interrupted, home)
-    assert STOPPED in messages(app) and "20 of 40 runs were finished." in messages(app)
-    assert "started again" not in messages(app)
-    assert "validate" not in keys(app)
-    computed: list[int] = []
-
-    def counted(*arguments: object) -> object:
-        computed.append(len(arguments[3]))  # type: ignore[arg-type]
-        return evaluate_runs(*arguments)  # type: ignore[arg-type]
-
-    monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", counted)
-    app.button(key="go_on_evaluation").click().run()
-    assert ended(project, "evaluation").state == "done"
-    # Blocks that end at once are all stored before the first of them counts as progress.
-    assert 0 < sum(computed) <= 20
-    app.run()
-    assert STOPPED not in messages(app) and not app.error
-    found = project.evaluation
-    assert found is not None and found.settings.runs == 40
-    dataset = project.dataset
-    assert dataset is not None
-    assert bits(list(found.runs[0])) == bits(evaluate_runs(dataset, found.settings, 0, range(40)))
-
-
-def test_a_job_of_another_server_is_shown_and_can_be_stopped(
-    validating: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_ended_with_its_server_is_said_and_begun_again(
+    validating: AppTest, home: Path
 ) -> None:
     app, project = validating, project_of(validating, home)
-    other = stored_jobs.begin(project.database, "evaluation", ("runs",), {})
-    assert other is not None
-    other.progress(0, 30, 300)
+    assert stored_jobs.begin(project.database, "evaluation")
+    run_elsewhere(project.database).close()
+    assert STOPPED in messages(app.run())
+    assert "validate" in keys(app)
+    app.button(key="validate").click().run()
+    assert ended(project, "evaluation").state == "done"
     app.run()
-    assert "validate" not in keys(app) and STOPPED not in messages(app)
-    app.button(key="stop_evaluation").click().run()
-    monkeypatch.setattr(stored_jobs, "WRITE_EVERY_S", 0.0)
-    assert not other.progress(0, 40, 300)
-    other.end()
+    assert STOPPED not in messages(app) and not app.error
+    found, dataset = project.evaluation, project.dataset
+    assert found is not None and dataset is not None
+    assert bits(list(found.runs[0])) == bits(evaluate_runs(dataset, found.settings, 0, range(40)))
+    assert stored_jobs.begin(project.database, "evaluation")
+    run_elsewhere(project.database).close()
+    app.run().button(key="discard_evaluation").click().run()
+    assert STOPPED not in messages(app)
+
+
+def test_a_job_of_another_server_is_shown(validating: AppTest, home: Path) -> None:
+    app, project = validating, project_of(validating, home)
+    assert stored_jobs.begin(project.database, "evaluation")
+    with closing(run_elsewhere(project.database)):
+        assert "Another server" in messages(app.run())
+        assert "validate" not in keys(app) and STOPPED not in messages(app)
+    stored_jobs.end(project.database, "evaluation")
     app.run()
     assert "validate" in keys(app)
+
+
+def test_a_removed_project_stops_its_job(validating: AppTest, home: Path) -> None:
+    project, begun = project_of(validating, home), threading.Event()
+
+    def until_cancelled(job: jobs.Job) -> bool:
+        while not job.cancelled:
+            job.progress(0, 1)
+            begun.set()
+        return False
+
+    jobs.start(jobs.Work(project, "evaluation", ("runs",), until_cancelled))
+    assert begun.wait(SLOW)
+    remove(home, project.id)
+    assert ended(project, "evaluation").state == "cancelled"
+    bring_back(home, project.id)
+    assert STOPPED in messages(validating.run()) and "validate" in keys(validating)
 
 
 def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
@@ -121,9 +98,6 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     said = messages(app)
     assert "Unexpected error. Earlier results are unchanged" in said and "secret" not in said
     assert "the secret reason" in caplog.text
-    # Also to a server that has been started since.
-    jobs._jobs().clear()
-    assert "Unexpected error. Earlier results are unchanged" in messages(app.run())
 
 
 COMPUTING = (
@@ -150,7 +124,7 @@ def forget() -> None:
     """What a server that starts has not in memory."""
     for cache in (screening._screened, refined.refined_of, refined.outlook_for, refined._made):
         cache.clear()
-    jobs._jobs().clear()
+    jobs.JOBS.clear()
 
 
 def forbid(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,6 @@ from stereocal.evaluation import evaluate as evaluation
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
-from stereocal.projects import jobs as stored_jobs
 from stereocal.projects import project as project_module
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
@@ -23,7 +22,17 @@ from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.latest import Latest
-from tests.pages.stored_projects import FULL, drop, go, messages, placed, project_of, wait_until
+from stereocal.ui import jobs
+from tests.pages.stored_projects import (
+    FULL,
+    drop,
+    ended,
+    go,
+    messages,
+    placed,
+    project_of,
+    wait_until,
+)
 from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
 
 
@@ -186,12 +195,15 @@ def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, pla
 
 def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
-    searching = stored_jobs.begin(project.database, "photographs", ["photographs"], {})
-    assert searching is not None and searching.progress(0, 1, 9)
+
+    def until_cancelled(job: jobs.Job) -> bool:
+        wait_until(lambda: job.cancelled)
+        return False
+
+    jobs.start(jobs.Work(project, "photographs", ("photographs",), until_cancelled))
     give_zip(app, pack_dataset(read_dataset(FIELD)))
     assert not app.exception
-    wait_until(lambda: not searching.progress(0, 2, 9))
-    searching.end()
+    assert ended(project, "photographs").state == "cancelled"
 
 
 def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:

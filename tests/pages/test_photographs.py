@@ -56,9 +56,9 @@ def give_cameras_and_lengths(app: AppTest) -> None:
     app.number_input(key="target_distance_m_value").set_value(0.9).run()
 
 
-def wait_for_the_cancel(*given: object, pieces: object, target: object) -> None:
+def wait_for_the_cancel(*given: object, earlier: object, target: object) -> None:
     """In place of the search."""
-    assert pieces is not None and target is not None
+    assert earlier is not None and target is not None
     cancelled = given[-1]
     assert callable(cancelled)
     wait_until(cancelled)

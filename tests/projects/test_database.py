@@ -195,10 +195,10 @@ WRITER = """
 import sys, os
 from pathlib import Path
 from stereocal.projects.files import Store
-from stereocal.projects.jobs import lock
+from stereocal.projects.jobs import lock_of_server
 
 database = Store(Path(sys.argv[1]))
-print(lock(database.path.parents[1]), flush=True)
+print(lock_of_server(database.path.parents[1]), flush=True)
 for number in range(100_000):
     with database.transaction():
         file = database.keep_file(os.urandom(100_000), "a")
@@ -219,11 +219,11 @@ def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Store) 
             assert process.stdout is not None
             server = process.stdout.readline().strip()
             process.stdout.readline()
-            assert jobs.is_locked(database.path.parents[1], server)
+            assert jobs.is_locked(database.path.parents[1] / "servers" / server)
             time.sleep(rng.uniform(0.0, 0.2))
             process.send_signal(signal.SIGKILL)
             said = max([1, *(int(line) for line in process.stdout.read().split("\n")[:-1] if line)])
-        assert not jobs.is_locked(database.path.parents[1], server)
+        assert not jobs.is_locked(database.path.parents[1] / "servers" / server)
         count = database.values("a")["count"]
         assert said <= count <= said + 1
         assert len(database.files("bar")) == count

@@ -22,7 +22,7 @@ def squares(count: int, taken: list[int] | None = None) -> Iterator[Task[int]]:
     for number in range(count):
         if taken is not None:
             taken.append(number)
-        yield Task(f"{number}", pow, (number, 2))
+        yield Task(pow, (number, 2), key=f"{number}")
 
 
 class ByHand(Executor):
@@ -67,30 +67,30 @@ def test_results_come_in_the_order_of_the_tasks(make: Callable[[], Executor | No
 
 
 class Kept(dict[str, int]):
-    def keep(self, key: str, piece: int) -> None:
-        self[key] = piece
+    def keep(self, key: str, result: int) -> None:
+        self[key] = result
 
 
 def test_what_was_kept_is_not_computed_again() -> None:
-    pieces, steps = Kept({"3": -3, "0": 0}), list[int]()
+    earlier, steps = Kept({"3": -3, "0": 0}), list[int]()
     with ThreadPoolExecutor(2) as threads:
         found = list(
-            run_tasks(squares(6), threads, 6, lambda done, _: steps.append(done), None, pieces)
+            run_tasks(squares(6), threads, 6, lambda done, _: steps.append(done), None, earlier)
         )
     assert [value for _, value in found] == [0, 1, 4, -3, 16, 25]
-    assert pieces == {"0": 0, "1": 1, "2": 4, "3": -3, "4": 16, "5": 25}
+    assert earlier == {"0": 0, "1": 1, "2": 4, "3": -3, "4": 16, "5": 25}
     assert steps == [1, 2, 3, 4, 5, 6]
 
 
 def test_an_error_comes_in_its_turn_and_what_has_ended_is_kept() -> None:
     """Which of several errors is reported does not depend on chance."""
-    pieces = Kept()
-    tasks = [Task(f"{number}", operator.floordiv, (6, number)) for number in (3, 0, 2)]
-    found = run_tasks(tasks, Last(), 3, pieces=pieces)
+    earlier = Kept()
+    tasks = [Task(operator.floordiv, (6, number), key=f"{number}") for number in (3, 0, 2)]
+    found = run_tasks(tasks, Last(), 3, earlier=earlier)
     assert next(found)[1] == 2
     with pytest.raises(ZeroDivisionError):
         next(found)
-    assert pieces == {"3": 2, "2": 3}
+    assert earlier == {"3": 2, "2": 3}
 
 
 def test_a_job_that_begins_waits_for_few_tasks_of_another() -> None:
@@ -99,7 +99,7 @@ def test_a_job_that_begins_waits_for_few_tasks_of_another() -> None:
     gate, stop = threading.Event(), threading.Event()
 
     def job(name: str, count: int) -> None:
-        tasks = (Task(f"{number}", order.append, (name,)) for number in range(count))
+        tasks = (Task(order.append, (name,)) for _ in range(count))
         with suppress(StoppedError):
             list(run_tasks(tasks, pool, count, cancelled=stop.is_set))
 
@@ -122,7 +122,7 @@ def stop_the_process() -> None:
 
 
 def test_a_worker_that_is_killed_is_an_error_in_words() -> None:
-    tasks = (Task(f"{number}", stop_the_process, ()) for number in range(3))
+    tasks = (Task(stop_the_process, ()) for _ in range(3))
     with pytest.raises(StereocalError, match="worker ended"), engine(1) as executor:
         list(run_tasks(tasks, executor, 3))
 
@@ -135,7 +135,7 @@ from stereocal.system.tasks import EndingError, Task, run_tasks
 begun = threading.Event()
 
 def job():
-    tasks = (Task(f"{number}", time.sleep, (0.01,)) for number in range(100_000))
+    tasks = (Task(time.sleep, (0.01,)) for _ in range(100_000))
     try:
         list(run_tasks(tasks, ThreadPoolExecutor(2), 100_000, lambda *_: begun.set()))
     except EndingError:
@@ -147,7 +147,7 @@ begun.wait()
 
 
 def test_a_server_that_ends_does_not_wait_for_its_jobs() -> None:
-    """They are neither finished nor failed then: they can go on."""
+    """They are neither finished nor failed then: they were interrupted."""
     ended = subprocess.run(
         [sys.executable, "-c", SERVER], capture_output=True, text=True, timeout=100, check=True
     )

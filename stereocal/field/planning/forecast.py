@@ -168,7 +168,7 @@ def forecast(
         rigs = int(np.clip(RIGS * FRAMES_OF_RIGS / plan.frames, FEWEST_RIGS, RIGS))
     fit = expect(plan, seed)
     ranges = ((first, min(first + CHUNK, rigs)) for first in range(0, rigs, CHUNK))
-    tasks = [Task(f"{a}-{b}", draw_rigs, (plan, seed, a, b), b - a) for a, b in ranges]
+    tasks = [Task(draw_rigs, (plan, seed, a, b), b - a) for a, b in ranges]
     with closing(run_tasks(tasks, executor, rigs, progress)) as finished:
         parts = zip(*((own.figures, own.position_m) for _, own in finished), strict=True)
         whole = DrawnRigs(*map(np.concatenate, parts))

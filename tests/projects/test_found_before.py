@@ -1,4 +1,4 @@
-"""Checkpoints of jobs: the same to the last bit."""
+"""What searches have found is stored to the last bit."""
 
 import json
 from dataclasses import fields, is_dataclass
@@ -6,22 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.target import Sighting, Spot
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
-from stereocal.formats.evaluation_files import pack_runs, unpack_runs
 from stereocal.frames.search import pack_detection, unpack_detection
 from stereocal.intrinsics.boards import BoardView, Refused, find_board
-from stereocal.intrinsics.files import pack_board, unpack_board, unpack_draws
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.system.photograph import read_photograph
-from stereocal.system.records import pack
-from tests import known_rig as rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"
 
@@ -35,12 +28,6 @@ def bits(value: object) -> object:
     if isinstance(value, list | tuple):
         return [bits(each) for each in value]
     return value.hex() if isinstance(value, float) else value
-
-
-def test_runs_come_back_to_the_last_bit() -> None:
-    settings = EvaluationSettings(calibration_frames=14, refined=RefineSettings())
-    runs = evaluate_runs(rig.dataset(20, 0.3), settings, 0, range(3))
-    assert bits(unpack_runs(pack_runs(runs))) == bits(runs)
 
 
 def test_detections_come_back_to_the_last_bit() -> None:
@@ -76,13 +63,6 @@ def test_boards_come_back_to_the_last_bit() -> None:
     content = pack_board(refused)
     assert content is not None and unpack_board(content) == refused
     assert pack_board(Refused("a", "it cannot be read")) is None
-
-
-@given(st.lists(st.floats(), min_size=9, max_size=9))
-def test_draws_come_back_to_the_last_bit(values: list[float]) -> None:
-    draws = np.array([values])
-    back = unpack_draws(pack(draws))
-    assert np.array_equal(back, draws, equal_nan=True) and back.dtype == draws.dtype
 
 
 def test_settings_that_are_read_in_part_are_written_whole() -> None:
