@@ -8,7 +8,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
-from tests.photographed_rig import png
+from tests.files import encoded
 from tools.photographs.balls import (
     RED,
     YELLOW,
@@ -54,5 +54,5 @@ def ball_bars(
             image = photograph_balls(
                 CAMERA, behind[k], there, BALL_M, (RED, YELLOW), settings, rng, rod_m=0.01
             )
-            files[name], truth[name] = png(image), CAMERA.project(there)
+            files[name], truth[name] = encoded(image), CAMERA.project(there)
     return files, truth

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
+from tests.files import encoded
 from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings
 
@@ -33,9 +33,7 @@ class BarSet:
                 (f"primary/left{pair.frame}", pair.primary),
                 (f"secondary/right{pair.frame}", pair.secondary),
             ):
-                done, content = cv2.imencode(suffix, image)
-                assert done
-                found[name + suffix] = bytes(content)
+                found[name + suffix] = encoded(image, suffix)
         return found
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings, errors_of
@@ -37,6 +36,7 @@ from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip, unzip
 from stereocal.workflow import calibrate
+from tests.files import encoded
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.lens import PATTERN, AtOnce, views
 
@@ -204,7 +204,7 @@ def _give_photographs(project: Project) -> None:
     found = {}
     for at, name in enumerate(names):
         image = np.full((1024, 1600), at, np.uint8)
-        found[name] = store.keep(name, cv2.imencode(".png", image)[1].tobytes())
+        found[name] = store.keep(name, encoded(image))
     store.add(found)
     store.keep_rows(store.rows)
     frames = [
@@ -233,7 +233,7 @@ def _give_boards(project: Project) -> None:
     found = {}
     for at, view in enumerate(seen):
         image = np.full((48, 64), at, np.uint8)
-        content = cv2.imencode(".png", image)[1].tobytes()
+        content = encoded(image)
         found[view.name] = store.keep("a.png", content)
     store.add(found)
     store.keep_search(search)

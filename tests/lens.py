@@ -5,7 +5,6 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch, BoardView
@@ -13,6 +12,7 @@ from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from tests.files import encoded
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import (
     Board,
@@ -108,13 +108,8 @@ def write_boards(folder: Path, count: int, seed: int = 1) -> list[Pose]:
     folder.mkdir(parents=True, exist_ok=True)
     poses = draw_board_poses(SMALL, np.random.default_rng(seed), count, SQUARES, PATTERN.square_m)
     for at, pose in enumerate(poses):
-        (folder / f"{at:02}.png").write_bytes(png(photographed(pose)))
+        (folder / f"{at:02}.png").write_bytes(encoded(photographed(pose)))
     return poses
-
-
-def png(image: Photograph) -> bytes:
-    """The photograph as a file."""
-    return bytes(cv2.imencode(".png", image)[1].tobytes())
 
 
 def names(found: Sequence[Any]) -> list[str]:

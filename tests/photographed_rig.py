@@ -4,13 +4,13 @@ import json
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-import cv2
 import numpy as np
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
+from tests.files import encoded
 from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import PhotographSettings, Placed, chessboard, photograph
@@ -72,25 +72,20 @@ def photographed_rig(frames: int, boards: int, seed: int = 0) -> PhotographedRig
     grey = (110.0, 110.0)
     bars = {}
     for pair in photograph_bars(scene, grey, BAR, OUTDOORS, rng):
-        bars[f"primary/{pair.frame:04}.png"] = png(pair.primary)
-        bars[f"secondary/{pair.frame:04}.png"] = png(pair.secondary)
+        bars[f"primary/{pair.frame:04}.png"] = encoded(pair.primary)
+        bars[f"secondary/{pair.frame:04}.png"] = encoded(pair.secondary)
     squares = (CORNERS[0] + 1, CORNERS[1] + 1)
     board = chessboard(squares, SQUARE_M)
     series = {}
     for which, camera in (("primary", PRIMARY), ("secondary", SECONDARY)):
         poses = draw_board_poses(camera, rng, boards, squares, SQUARE_M)
         series[which] = {
-            f"{at:02}.png": png(photograph(camera, 120.0, [Placed(board, pose)], good_light, rng))
+            f"{at:02}.png": encoded(
+                photograph(camera, 120.0, [Placed(board, pose)], good_light, rng)
+            )
             for at, pose in enumerate(poses, start=1)
         }
     return PhotographedRig(bars, series)
-
-
-def png(image: np.typing.NDArray[np.uint8] | np.typing.NDArray[np.uint16]) -> bytes:
-    """The photograph as a file."""
-    done, content = cv2.imencode(".png", image)
-    assert done
-    return bytes(content)
 
 
 def true_values() -> dict[str, float]:

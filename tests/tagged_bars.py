@@ -9,7 +9,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
-from tests.photographed_rig import png
+from tests.files import encoded
 from tools.photographs.bars import facing, place_visible_bars, rod
 from tools.photographs.rendering import HERE, Board, PhotographSettings, Placed, photograph
 
@@ -58,5 +58,5 @@ def tagged_bars(frames: int, seed: int = 2) -> tuple[dict[str, bytes], dict[str,
         for which, pose in (("primary", HERE), ("secondary", RIG.pose)):
             name = f"{which}/{number:04}.png"
             image, truth[name] = tags_in(CAMERA, pose, ends, poses, PhotographSettings(), rng)
-            files[name] = png(image)
+            files[name] = encoded(image)
     return files, truth

@@ -6,7 +6,8 @@ import numpy as np
 
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tests.photographed_rig import BAR_M, BOARD_M, OUTDOORS, PRIMARY, RIG, SECONDARY, png
+from tests.files import encoded
+from tests.photographed_rig import BAR_M, BOARD_M, OUTDOORS, PRIMARY, RIG, SECONDARY
 from tests.tagged_bars import tag
 from tools.photographs.bars import BarSettings, facing, place_boards, place_visible_bars, rod
 from tools.photographs.rendering import HERE, Placed, photograph, turned
@@ -59,6 +60,6 @@ def photographed_bars(
         for name, camera in CAMERAS.items():
             seen = [one.seen_from(POSES[name]) for one in things]
             file = f"{name}/{number:04}.png"
-            files[file] = png(photograph(camera, 110.0, seen, OUTDOORS, rng))
+            files[file] = encoded(photograph(camera, 110.0, seen, OUTDOORS, rng))
             truth[file] = camera.project(POSES[name].apply(ends))
     return files, truth

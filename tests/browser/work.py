@@ -15,7 +15,8 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.workflow import calibrate
 from tests.bar_photographs import BAR_M, bar_set
-from tests.lens import facing, photographed, png, search
+from tests.files import encoded
+from tests.lens import facing, photographed, search
 
 FRAMES, BOARDS = 14, 12
 NAME = "Meadow of the survey"
@@ -71,7 +72,7 @@ def finished_project(home: Path) -> str:
     assert frames is not None and lens is not None
     store.keep_corrected(frames)
     boards = ProjectLens(project, "primary")
-    first = png(photographed(facing()))
+    first = encoded(photographed(facing()))
     boards.add({"00.png": boards.keep("00.png", first)})
     boards.keep_search(lens.search)
     boards.keep_calibration(lens)

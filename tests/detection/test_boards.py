@@ -14,7 +14,8 @@ from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boa
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed, png
+from tests.files import encoded
+from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed
 from tools.photographs.rendering import Board, Photograph, chessboard
 
 TELLABLE = BoardPattern(8, 5, 0.03)
@@ -183,7 +184,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     board = charuco_board((9, 7))
     for at in range(5):
         image = photographed(facing(spin=0.3 * at), board=board)
-        (path / f"{at:02}.png").write_bytes(png(image))
+        (path / f"{at:02}.png").write_bytes(encoded(image))
     return path
 
 
@@ -191,7 +192,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def half_size(tmp_path: Path) -> Path:
     """A chessboard in 320x240 px, in which the boards that are not there are soon looked for."""
     path = tmp_path / "00.png"
-    path.write_bytes(png(cv2.resize(photographed(facing()), None, fx=0.5, fy=0.5)))  # type: ignore[arg-type]
+    path.write_bytes(encoded(cv2.resize(photographed(facing()), None, fx=0.5, fy=0.5)))
     return path
 
 

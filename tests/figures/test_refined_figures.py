@@ -31,8 +31,9 @@ from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from tests.figures.every_figure import curves_of_field, refined_field
+from tests.files import encoded
 from tests.intrinsics.test_intrinsics import FEW, usual
-from tests.lens import facing, photographed, png
+from tests.lens import facing, photographed
 
 
 def test_every_draw_is_in_its_histogram() -> None:
@@ -63,7 +64,7 @@ def test_preview_takes_the_distortion_away(tmp_path: Path) -> None:
     """An edge of the board is straight in the second picture and bent in the first."""
     lens = usual()
     path = tmp_path / "board.png"
-    path.write_bytes(png(photographed(facing(tilt=0.0, distance_m=0.42))))
+    path.write_bytes(encoded(photographed(facing(tilt=0.0, distance_m=0.42))))
     marked, straight = (
         cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
         for content in preview(path, lens.camera, lens.search.views[0])

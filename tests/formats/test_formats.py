@@ -1,7 +1,5 @@
 """Files in and out: tables, camera files and data sets, sound, broken and hostile."""
 
-import io
-import zipfile
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from itertools import product
@@ -24,6 +22,7 @@ from stereocal.rig.dataset import Correspondences
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.zip_files import unzip
+from tests.files import zipped
 from tests.known_rig import PRIMARY, SECONDARY, dataset
 
 HEADER = "frame,target,u_primary,v_primary,u_secondary,v_secondary"
@@ -33,14 +32,6 @@ NOISY = dataset(6, noise_px=0.3)
 
 def table(*rows: str, header: str = HEADER, end: str = "\n") -> bytes:
     return (end.join([header, *rows]) + end).encode()
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return out.getvalue()
 
 
 def problems_of(content: bytes) -> list[tuple[int, str]]:
@@ -405,6 +396,11 @@ class TestDatasetFiles:
     def test_a_broken_description(self, text: str) -> None:
         with pytest.raises(StereocalError, match=r"^x: dataset\.json"):
             parse_dataset({**self.files, "dataset.json": text.encode()}, "x")
+
+    def test_a_length_that_is_no_number(self) -> None:
+        wrong = self.files["dataset.json"].replace(b'"baseline_m": 2.37', b'"baseline_m": "2.37"')
+        with pytest.raises(StereocalError, match=r"^x: .*baseline_m .*2\.37"):
+            parse_dataset({**self.files, "dataset.json": wrong}, "x")
 
     def test_refused_rows_are_named_with_their_file(self) -> None:
         bad = self.files["correspondences.csv"] + b"99,A,1,2,3,x\n"

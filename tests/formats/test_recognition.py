@@ -2,7 +2,6 @@
 
 import io
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -12,19 +11,14 @@ from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.recognition import recognise
 from stereocal.frames.which_camera import which_camera
 from stereocal.system.photograph import read_photograph
-from tests.lens import SMALL, png
-from tests.pages.test_pages import FIELD, zipped
+from tests.files import encoded, zipped
+from tests.lens import SMALL
+from tests.pages.test_pages import FIELD
 
 GREY = np.full((60, 80), 110, np.uint8)
 FTYP = b"\0\0\0\x18ftyp"
 SUFFIXES = (".png", ".JPG", ".tif", ".bmp", ".pgm")
 WAND = b"\n".join(b"1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for _ in range(4))
-
-
-def encoded(image: np.ndarray, suffix: str) -> bytes:
-    done, content = cv2.imencode(suffix, image)
-    assert done
-    return bytes(content)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +66,7 @@ def sort(files: dict[str, bytes]) -> Dropped[bytes]:
 
 
 def test_the_rest_is_taken_and_each_other_file_is_named() -> None:
-    good = png(GREY)
+    good = encoded(GREY)
     inside = {"field/left/2.png": good, "field/left/10.png": b"cut", "__MACOSX/field/._2.png": b"x"}
     given = sort(
         {
@@ -128,12 +122,12 @@ def test_files_of_both_cameras_with_the_same_names() -> None:
 
 
 def test_a_photograph_of_another_size_is_named_with_what_to_do() -> None:
-    files = {f"{side}{n}.png": png(GREY) for side in ("left", "right") for n in range(4)}
-    files["left2.png"], files["right3.png"] = png(GREY.T), png(GREY[:50])
+    files = {f"{side}{n}.png": encoded(GREY) for side in ("left", "right") for n in range(4)}
+    files["left2.png"], files["right3.png"] = encoded(GREY.T), encoded(GREY[:50])
     turned, small = sort(files).problems
     assert "left2.png: it has 60x80 px" in turned and "without being turned" in turned
     assert "right3.png: it has 80x50 px" in small and "the others" in small
     # Cameras may differ.
-    files = {f"left{n}.png": png(GREY) for n in range(4)}
-    files |= {f"right{n}.png": png(GREY.T) for n in range(4)}
+    files = {f"left{n}.png": encoded(GREY) for n in range(4)}
+    files |= {f"right{n}.png": encoded(GREY.T) for n in range(4)}
     assert not sort(files).problems

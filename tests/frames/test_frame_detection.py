@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.rig.camera import Camera
 from tests.bar_photographs import bar_set, write
+from tests.files import encoded
 
 BARS = bar_set(7)
 CAMERAS = (BARS.rig.primary, BARS.rig.secondary)
@@ -50,10 +50,6 @@ def detect(
         )
 
 
-def png(image: np.ndarray) -> bytes:
-    return bytes(cv2.imencode(".png", image)[1])
-
-
 def away(frame: Frame, camera: int, truth: np.ndarray, swap: bool) -> float:
     found = np.array([(c.u, c.v) for c in frame.centres[camera] if c])
     return float(np.linalg.norm(found - (truth[::-1] if swap else truth), axis=1).max())
@@ -76,12 +72,12 @@ def test_what_is_bad_refuses_its_own_frame(tmp_path: Path) -> None:
     u, v = BARS.pairs[6].centres_secondary[0].astype(int)
     hidden[max(v - 45, 0) : v + 45, max(u - 45, 0) : u + 45] = 110
     bad = FILES | {
-        "primary/left1.png": png(np.zeros((height, width), np.uint8)),
-        "secondary/right2.png": png(np.full((height, width), 255, np.uint8)),
+        "primary/left1.png": encoded(np.zeros((height, width), np.uint8)),
+        "secondary/right2.png": encoded(np.full((height, width), 255, np.uint8)),
         "primary/left3.png": b"a text",
         "secondary/right4.png": FILES["secondary/right4.png"][:-100],
-        "primary/left5.png": png(np.zeros((height // 2, width), np.uint8)),
-        "secondary/right7.png": png(hidden),
+        "primary/left5.png": encoded(np.zeros((height // 2, width), np.uint8)),
+        "secondary/right7.png": encoded(hidden),
     }
     del bad["primary/left6.png"]
     frames = detect(bad, tmp_path)

@@ -25,8 +25,9 @@ from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
 from tests.bar_photographs import write
+from tests.files import encoded
 from tests.frames.test_pairing import shots, walk
-from tests.photographed_rig import BAR_M, png
+from tests.photographed_rig import BAR_M
 from tests.three_cameras import CAMERAS, POSES, TAGS, photographed_bars
 
 FRAMES = {"bar2x2": 12, TAGS: 6}
@@ -52,7 +53,7 @@ def search(files: Mapping[str, bytes], kind: str) -> Everywhere:
 def seen_in_part(kind: str) -> Everywhere:
     """Each camera sees nothing in one frame, and one photograph is missing."""
     files = dict(photographed_bars(kind, FRAMES[kind])[0])
-    blank = png(np.full((600, 800), 110, np.uint8))
+    blank = encoded(np.full((600, 800), 110, np.uint8))
     files |= {"left/0002.png": blank, "mid/0003.png": blank, "right/0004.png": b"damaged"}
     del files["left/0005.png"]
     return search(files, kind)

@@ -9,7 +9,7 @@ from stereocal.detection.target import Balls, Tags
 from stereocal.intrinsics.held_object import HeldObject, held_object
 from stereocal.intrinsics.proposed_board import ProposedBoard, chessboard_in
 from tests.bar_photographs import bar_set
-from tests.lens import png
+from tests.files import encoded
 from tools.photographs.balls import ColourPhotograph
 from tools.photographs.objects import HELD_BOARD, KINDS, SQUARES, TAG_IDS, Kind, photographs_of
 
@@ -22,7 +22,7 @@ LAST_ROW = SQUARES[0] * (SQUARES[1] - 1) // 2
 def proposed(kind: Kind, seed: int) -> HeldObject | None:
     """From renderings with the other objects lying about."""
     photographs = photographs_of(kind, np.random.default_rng(seed))
-    return held_object([{name: png(own[name]) for name in own} for own in photographs])
+    return held_object([{name: encoded(own[name]) for name in own} for own in photographs])
 
 
 def grey_of(image: ColourPhotograph) -> npt.NDArray[np.uint8]:
@@ -73,7 +73,7 @@ def test_a_hand_on_the_last_row_makes_no_smaller_board() -> None:
             for four, number in zip(corners, np.ravel(numbers), strict=True):
                 if number >= LAST_ROW:
                     cv2.fillConvexPoly(image, four[0].astype(np.int32), (140, 160, 190))
-    held = held_object([{name: png(own[name]) for name in own} for own in cameras])
+    held = held_object([{name: encoded(own[name]) for name in own} for own in cameras])
     assert held is not None and str(held.what) == str(HELD_BOARD)
 
 

@@ -20,7 +20,8 @@ from stereocal.ui.holding import held_target
 from stereocal.workflow import calibrate
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.bar_photographs import bar_set
-from tests.lens import SMALL, png
+from tests.files import encoded
+from tests.lens import SMALL
 from tests.pages.stored_projects import drop, ended, go, messages, project_of, session, told
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
@@ -34,7 +35,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     rig = stereo(np.pi / 2)
     files = photographs(rig, 9, 6)
     blank = np.full((SMALL.image_size[1], SMALL.image_size[0]), 110, np.uint8)
-    files |= {f"{side}99.png": png(blank) for side in ("left", "right")}
+    files |= {f"{side}99.png": encoded(blank) for side in ("left", "right")}
     app.switch_page("pages/data.py").run()
     drop(app, files)
     project = project_of(app, home)
@@ -182,7 +183,7 @@ def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
             image = read_photograph(files[name], name).copy()
             image[350:432, 10:124] = 200
             image[356:426, 18:116] = lying
-            files[name] = png(image)
+            files[name] = encoded(image)
     app.switch_page("pages/data.py").run()
     drop(app, {name: files[name] for name in files if "primary" in name})
     project = project_of(app, home)

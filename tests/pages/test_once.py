@@ -23,6 +23,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
+from tests.files import zipped
 from tests.pages.stored_projects import (
     FULL,
     drop,
@@ -33,7 +34,7 @@ from tests.pages.stored_projects import (
     project_of,
     wait_until,
 )
-from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
+from tests.pages.test_pages import FIELD, give_zip, open_sample
 
 
 def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:

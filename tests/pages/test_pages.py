@@ -1,7 +1,5 @@
 """The pages: what they say, what they keep, their menu, and that no traceback shows."""
 
-import io
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui.menu import RIG, SECTIONS, TITLES
+from tests.files import zipped
 from tests.formats.test_exchange import FULL as FULL_RIG
 from tests.pages.stored_projects import (
     FULL,
@@ -40,14 +39,6 @@ def open_sample(app: AppTest) -> AppTest:
 
 def give_zip(app: AppTest, files: Mapping[str, bytes]) -> AppTest:
     return drop(go(app, "data"), {"rig.zip": zipped(files)})
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return packed.getvalue()
 
 
 def test_every_page_says_what_it_lacks(app: AppTest) -> None:

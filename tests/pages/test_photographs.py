@@ -12,6 +12,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, CameraName
 from tests.bar_photographs import bar_set
+from tests.files import zipped
 from tests.pages.stored_projects import (
     again,
     drop,
@@ -22,7 +23,6 @@ from tests.pages.stored_projects import (
     told,
     wait_until,
 )
-from tests.pages.test_pages import zipped
 
 BARS = bar_set(7)
 FILES = BARS.files()

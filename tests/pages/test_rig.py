@@ -28,9 +28,9 @@ from stereocal.rig.geometry import Pose
 from stereocal.simulation.several import simulated_rig
 from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
-from tests.lens import PATTERN, SMALL, photographed, png
+from tests.files import encoded, zipped
+from tests.lens import PATTERN, SMALL, photographed
 from tests.pages.stored_projects import dashboard, drop, ended, go, session, told, wait_until
-from tests.pages.test_pages import zipped
 from tests.photographed_rig import BAR_M
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -317,7 +317,7 @@ def search(app: AppTest, home: Path) -> ProjectRecording:
 
 def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
     files = dict(photographed_bars()[0])
-    files["mid/0003.png"] = png(np.zeros((600, 800), np.uint8))
+    files["mid/0003.png"] = encoded(np.zeros((600, 800), np.uint8))
     files["mid/0099.png"] = b"damaged"
     given(app, {f"{name}.json": write_camera(own) for name, own in CAMERAS.items()})
     give(app, files)
@@ -389,7 +389,7 @@ def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     boards = seen_by_both(5)
     poses = {"left": HERE, "mid": stereo(2.0), "right": stereo(0.0)}
     files = {
-        f"{name}/{at}.png": png(photographed(pose @ board))
+        f"{name}/{at}.png": encoded(photographed(pose @ board))
         for at, board in enumerate(boards)
         for name, pose in poses.items()
     }

@@ -86,9 +86,13 @@ class TestLengths:
             ("baseline_sigma_m", 0.21 * BASELINE_M, "20 %"),
             ("baseline_sigma_m", 1e-300, "better than"),
             ("target_distance_sigma_m", 1e-300, "better than"),
+            ("baseline_m", -4.5, "baseline .*-4.5 m"),
+            ("baseline_m", 4500.0, "baseline .*millimetres"),
+            ("target_distance_m", 0.0, "distance .*0 m"),
+            ("target_distance_m", 1500.0, "distance .*millimetres"),
         ],
     )
-    def test_an_impossible_uncertainty_asks_for_its_unit(
+    def test_an_impossible_length_or_uncertainty_asks_for_its_unit(
         self, name: str, value: float, says: str
     ) -> None:
         with pytest.raises(StereocalError, match=says):

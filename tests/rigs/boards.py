@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from tests.lens import PATTERN, SMALL, SQUARES, png
+from tests.files import encoded
+from tests.lens import PATTERN, SMALL, SQUARES
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import (
     Board,
@@ -59,7 +60,7 @@ def photographs(
         for side, camera in (("left", HERE), ("right", rig)):
             image = _photographed(camera @ pose, board or chessboard(SQUARES, PATTERN.square_m))
             image[:, : hidden * (at % 3 == 0)] = 110
-            found[f"{side}{at:02}.png"] = png(image)
+            found[f"{side}{at:02}.png"] = encoded(image)
     return found
 
 

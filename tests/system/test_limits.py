@@ -1,11 +1,9 @@
 """How much is read of strangers' files: each limit bites before decoding, and names its setting."""
 
-import io
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -18,16 +16,14 @@ from stereocal.matching.point_table import PointTable
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import photographs_in
 from stereocal.system.zip_files import open_zip
+from tests.files import encoded, zipped
+
+
+def bomb(count: int, size: int = 10) -> bytes:
+    return zipped({f"{at}.csv": bytes(size) for at in range(count)})
+
 
 POINTS = b"frame,u,v\n" + b"1,2,3\n" * 30
-
-
-def zipped(count: int, size: int = 10) -> bytes:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for at in range(count):
-            archive.writestr(f"{at}.csv", bytes(size))
-    return packed.getvalue()
 
 
 def _open(content: bytes) -> None:
@@ -48,7 +44,7 @@ def _table(content: bytes, folder: Path) -> None:
 
 def _photograph(folder: Path) -> None:
     path = folder / "p.png"
-    path.write_bytes(cv2.imencode(".png", np.zeros((1100, 1000), np.uint8))[1].tobytes())
+    path.write_bytes(encoded(np.zeros((1100, 1000), np.uint8)))
     read_photograph(path)
 
 
@@ -66,14 +62,14 @@ def _dataset(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "read", "found"),
     [
-        ("FILES", "3", lambda _: _open(zipped(4)), "4 files at once are too many; at most 3"),
+        ("FILES", "3", lambda _: _open(bomb(4)), "4 files at once are too many; at most 3"),
         ("FILES", "3", _photographs, "4 files at once are too many; at most 3"),
-        ("UNPACKED_MB", "1", lambda _: _open(zipped(2, 600_000)), "1.2 MB together; at most 1 MB"),
-        ("FILE_MB", "1", lambda _: _open(zipped(1, 1_200_000)), "0.csv: the file has 1.2 MB"),
+        ("UNPACKED_MB", "1", lambda _: _open(bomb(2, 600_000)), "1.2 MB together; at most 1 MB"),
+        ("FILE_MB", "1", lambda _: _open(bomb(1, 1_200_000)), "0.csv: the file has 1.2 MB"),
         ("FILE_MB", "1", _dataset, "the file has 1.1 MB; at most 1 MB"),
         ("FILE_MB", "1", lambda d: _table(b"frame,u,v\n" + b"\n" * 1_500_000, d), "has 1.5 MB"),
         ("FILE_MB", "1", lambda _: read_table(b"a" * 2_000_000, "t"), "t: the file has 2.0 MB"),
-        ("RATIO", "5", lambda _: _open(zipped(1, 10_900_000)), "10900000, .* times as much"),
+        ("RATIO", "5", lambda _: _open(bomb(1, 10_900_000)), "10900000, .* times as much"),
         ("MEGAPIXELS", "1", _photograph, "1000x1100 px, 1.1 megapixels; at most 1 megapix"),
         ("PAIRS", "3", lambda _: read_table(TEMPLATE.encode(), "t"), "t: the table has more rows"),
         ("ROWS", "20", lambda d: _table(POINTS, d), "t.csv: the table has 30 rows or more; at"),
@@ -98,7 +94,7 @@ def test_a_zip_with_a_long_list_is_refused_before_the_list_is_held(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("STEREOCAL_MOST_FILES", "50")
-    content = zipped(200)
+    content = bomb(200)
     path = tmp_path / "a.zip"
     path.write_bytes(content)
 

@@ -1,20 +1,20 @@
 """Photographs as files, folders, zips and uploads: what is read, and what is refused."""
 
-import io
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
+from PIL import Image as PillowImage
 
 from stereocal.errors import StereocalError
 from stereocal.system.photograph import photograph_size, read_photograph
 from stereocal.system.photograph_files import photographs_in, unpack_photographs
+from tests.files import encoded, zipped
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 WIDTH, HEIGHT = 61, 43
@@ -23,12 +23,6 @@ WIDTH, HEIGHT = 61, 43
 def picture(dtype: type = np.uint8, channels: int = 1, highest: int = 255) -> Image:
     shape = (HEIGHT, WIDTH) if channels == 1 else (HEIGHT, WIDTH, channels)
     return np.random.default_rng(5).integers(0, highest + 1, shape).astype(dtype)
-
-
-def encoded(image: Image, suffix: str) -> bytes:
-    done, content = cv2.imencode(suffix, image)
-    assert done
-    return bytes(content)
 
 
 def png_of(chunks: list[tuple[bytes, bytes]]) -> bytes:
@@ -57,41 +51,13 @@ def with_orientation(jpeg: bytes, orientation: int) -> bytes:
     return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + jpeg[2:]
 
 
-def tiff(
-    bits: int = 8, kind: int = 1, pages: int = 1, order: str = "<", big: bool = False
-) -> bytes:
-    """A grey TIFF of 32 x 20 px by hand; `kind` is its SampleFormat."""
-    word, entry = ("Q", "HHQQ") if big else ("I", "HHII")
-    size = 32 * 20 * bits // 8
-    data = bytes(i % 251 for i in range(size))
-    start = 16 if big else 8
-    tags = [
-        (256, 4, 32),
-        (257, 4, 20),
-        (258, 3, bits),
-        (259, 3, 1),
-        (262, 3, 1),
-        (273, 4, start),
-        (277, 3, 1),
-        (278, 4, 20),
-        (279, 4, size),
-        (339, 3, kind),
-    ]
-    count = struct.pack(order + ("Q" if big else "H"), len(tags))
-    length = len(count) + len(tags) * struct.calcsize(order + entry) + struct.calcsize(order + word)
-    out = (b"II" if order == "<" else b"MM") + struct.pack(order + "H", 43 if big else 42)
-    out += struct.pack(order + "HHQ", 8, 0, start + size) if big else struct.pack("<I", 0)[:0]
-    out += b"" if big else struct.pack(order + "I", start + size)
-    out += data
-    for page in range(pages):
-        out += count
-        for tag, code, value in tags:
-            shift = (32 if big else 0) + 16 if code == 3 else (32 if big else 0)
-            stored = value << shift if order == ">" else value
-            out += struct.pack(order + entry, tag, code, 1, stored)
-        following = 0 if page == pages - 1 else start + size + (page + 1) * length
-        out += struct.pack(order + word, following)
-    return out
+def tiff(dtype: str = "uint8", pages: int = 1, kind: int = 1) -> bytes:
+    """A grey TIFF of 32 x 20 px; `kind` is its SampleFormat."""
+    images = [PillowImage.fromarray(np.zeros((20, 32), dtype)) for _ in range(pages)]
+    out = BytesIO()
+    told = {} if kind == 1 else {339: kind}
+    images[0].save(out, "TIFF", save_all=True, append_images=images[1:], tiffinfo=told)
+    return out.getvalue()
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tiff", ".bmp", ".pgm"])
@@ -168,8 +134,8 @@ FRAME = JPEG.index(b"\xff\xc0")
         (b"P5\n61 43 70000\n", "damaged"),
         (b"P2\n61 43 255\n1 2 3", "the PGM is cut off"),
         (tiff()[:-9], "the TIFF is cut off"),
-        (tiff(bits=32), "samples of 32 bits"),
-        (tiff(bits=16, kind=2), "signed samples of 16 bits"),
+        (tiff("float32"), "floating-point samples of 32 bits"),
+        (tiff("uint16", kind=2), "signed samples of 16 bits"),
         (tiff(pages=3), "this TIFF contains several images"),
         (png_of([(b"IHDR", HUGE), (b"IDAT", b""), (b"IEND", b"")]), "60000x60000 px"),
         (b"P2 60000 60000 255", "60000x60000 px"),
@@ -195,17 +161,8 @@ def test_what_cannot_be_used_is_said(content: bytes, sentence: str) -> None:
     assert sentence in str(raised.value)
 
 
-def png(seed: int, width: int = 40, height: int = 30) -> bytes:
-    image = np.random.default_rng(seed).integers(0, 256, (height, width)).astype(np.uint8)
-    return bytes(cv2.imencode(".png", image)[1])
-
-
-def zipped(files: Mapping[str, bytes], kind: int = zipfile.ZIP_DEFLATED) -> bytes:
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", kind) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return out.getvalue()
+def png(seed: int) -> bytes:
+    return encoded(np.random.default_rng(seed).integers(0, 256, (30, 40), np.uint8))
 
 
 FILES = {
