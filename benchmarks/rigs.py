@@ -29,7 +29,7 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.several_views import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import images_of, placings_of, rows_where
+from stereocal.network.placings import images_of, observations_of, rows_where
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
@@ -100,10 +100,10 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
 
 def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
     """One `least_squares` over poses, lenses, factor of lengths, and all points."""
-    own = placings_of(rig.recording)
+    own = observations_of(rig.recording)
     count = len(rig.names)
     shared = OF_POSE * (count - 1) + OF_LENS * count + 1
-    seen = own.seen  # (n, 2, c)
+    seen = np.isfinite(own.pixels[..., 0])  # (n, 2, c)
     known = np.isfinite(own.distances)
     unit, end, camera = np.nonzero(seen)
     measured = own.pixels[unit, end, camera]
@@ -167,7 +167,7 @@ def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list
 def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera]) -> float:
     """Root mean square distance of the images of the odd frames, px."""
     names = list(scene.cameras)
-    own = placings_of(rows_where(scene.recording, scene.recording.frame % 2 == 1))
+    own = observations_of(rows_where(scene.recording, scene.recording.frame % 2 == 1))
     pixels = own.pixels.reshape(-1, len(names), 2)
     pixels = pixels[np.isfinite(pixels[..., 0]).sum(axis=1) > 1]
     fitter = _fitter(dict(zip(names, lenses, strict=True)), dict(zip(names, poses, strict=True)))

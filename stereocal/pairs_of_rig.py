@@ -15,7 +15,7 @@ from stereocal.network.unknowns import lens_places
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine, settings_for
 from stereocal.refined.rest import Rest
-from stereocal.refined.solve import Solve
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.time_offset import usable_after
 from stereocal.refined.two_views import BAR, SHARED
 from stereocal.refined.unknowns import RefineSettings, shared_unknowns
@@ -126,7 +126,7 @@ def settings_of_pair(dataset: Dataset, pair: Pair, rig: RigFile) -> RefineSettin
         scatter_m=figures["length_scatter_m"],
         loss="squares",  # the rig has left out what contradicts it
     )
-    solve = Solve(dataset, own.pose, settings_for(dataset, settings))
+    solve = RobustFit.of_pair(dataset, own.pose, settings_for(dataset, settings))
     H, g, _ = solve.equations(values, [np.arange(len(solve.frames))])
     effect = figures["design_effect"]
     rest = Rest.of(values, covariance, solve.unknowns, (H[0], g[0]), effect)

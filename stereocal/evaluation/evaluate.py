@@ -27,8 +27,8 @@ from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.evaluation.compiled_run import BINS, calibrate_rays, validate_rays
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import pixel_scales

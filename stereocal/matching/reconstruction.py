@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.parameter_file import covariance_names
-from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import BASELINE, SHARED
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns

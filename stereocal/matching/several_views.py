@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.network.rig_file import RigFile
-from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray

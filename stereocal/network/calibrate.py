@@ -155,7 +155,7 @@ def _fit(
     recording: Recording, start: Fused, settings: RigSettings, noise_px: float
 ) -> tuple[RigFit, FloatArray]:
     """The joint fit, and by how many frames each camera is late."""
-    p = dict(zip(start.unknowns.names, start.p.tolist(), strict=True))
+    p = start.unknowns.named(start.p)
     late = [f"{name} time offset" for name in recording.cameras]
     offsets = np.array([p.pop(name, 0.0) for name in late])
     poses: list[Pose] = start.poses
@@ -172,7 +172,7 @@ def _fit(
             )
         if not settings.time_offsets:
             break
-        found = dict(zip(fit.unknowns.names, fit.p.tolist(), strict=True))
+        found = fit.unknowns.named(fit.p)
         rest = np.array([found.pop(name, 0.0) for name in late])
         sigma = np.sqrt(np.diag(fit.unknowns.covariance(fit.information)))
         at = [fit.unknowns.names.index(name) for name in late if name in fit.unknowns.names]

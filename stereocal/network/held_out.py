@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import Placings, rows_where
+from stereocal.network.placings import rows_where
+from stereocal.refined.observations import Observations
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import Clusters
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -34,12 +35,13 @@ class HeldOut:
 
 
 def point_fits(
-    cameras: Cameras, placings: Placings, rays: FloatArray, units: IntArray | slice = slice(None)
+    cameras: Cameras, seen: Observations, units: IntArray | slice = slice(None)
 ) -> tuple[FloatArray, FloatArray]:
     """Points (n, 2, 3) of units, from their pixels alone, and residuals (n, 2, c, 2) in pixels; NaN
     where not seen."""
-    shape = -1, rays.shape[2], 2
-    found = fit_points(cameras, placings.pixels[units].reshape(shape), rays[units].reshape(shape))
+    shape = -1, seen.pixels.shape[2], 2
+    pixels, rays = (values[units].reshape(shape) for values in (seen.pixels, seen.rays))
+    found = fit_points(cameras, pixels, rays)
     return found.points.reshape(-1, 2, 3), found.residuals.reshape(-1, 2, *shape[1:])
 
 
@@ -88,21 +90,21 @@ def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOut]:
 
 def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
     """The errors of all parts (f,) of the used frames; None if a fit fails."""
-    own, used = fit.placings, np.flatnonzero(~fit.outlying)
-    start = dict(zip(fit.unknowns.names, fit.p.tolist(), strict=True))
+    seen, used = fit.seen, np.flatnonzero(~fit.outlying)
+    start = fit.unknowns.named(fit.p)
     settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
     pixels, lengths = list[FloatArray](), list[FloatArray]()
     for part in range(PARTS):
         out = used[parts == part]
-        fitted = np.isin(fit.recording.frame, own.frames[used[parts != part]])
+        fitted = np.isin(fit.recording.frame, seen.frames[used[parts != part]])
         again = RigFit(rows_where(fit.recording, fitted), fit.poses, settings)
         again.start_at(start, fit.sigma_px)
         if not again.run():
             return None
-        units = np.flatnonzero(np.isin(own.of_frame, out))
-        points, residuals = point_fits(again.cameras, own, fit.rays, units)
-        pixels.append(frame_errors(residuals, own.of_frame[units], len(own.frames))[out])
-        lengths.append(length_errors(points, own.distances[units]))
+        units = np.flatnonzero(np.isin(seen.frame_of, out))
+        points, residuals = point_fits(again.cameras, seen, units)
+        pixels.append(frame_errors(residuals, seen.frame_of[units], len(seen.frames))[out])
+        lengths.append(length_errors(points, seen.distances[units]))
     every, relative = np.concatenate(pixels), np.concatenate(lengths)
     return HeldOut(
         len(every),

@@ -1,37 +1,18 @@
 """The points of a recording as the joint adjustment takes them: units of two, seen by N cameras."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.refined.distortion import lenses_of_cameras
+from stereocal.refined.observations import Observations
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
 MOST_IMAGES = 50_000_000
 """Of all targets in all frames and cameras: 800 MB of pixels."""
-
-
-@dataclass(frozen=True, eq=False)
-class Placings:
-    """The placings of an object, in units as of `views`; a frame has one placing."""
-
-    frames: IntArray
-    """(f,): the frame numbers, ascending."""
-    of_frame: IntArray
-    """(n,): index of the frame of each unit."""
-    targets: IntArray
-    """(n, 2): indices into the object's names; -1 for none."""
-    pixels: FloatArray
-    """(n, 2, c, 2): raw; NaN where a camera does not see a point."""
-    distances: FloatArray
-    """(n,): in metres; NaN for a unit of one point."""
-
-    @property
-    def seen(self) -> BoolArray:
-        """(n, 2, c)."""
-        return np.asarray(np.isfinite(self.pixels[..., 0]))
 
 
 def rows_where(recording: Recording, kept: BoolArray) -> Recording:
@@ -61,30 +42,44 @@ def images_of(
     return frames, found
 
 
-def placings_of(recording: Recording) -> Placings:
+def observations_of(recording: Recording, velocities: FloatArray | None = None) -> Observations:
     """The units of all frames, of the points that two cameras or more see.
 
     As in a pair, a unit is two targets with one of the longest known distances among those seen
     (`RigidObject.pairs_among`), or a single target.
+
+    Args:
+        velocities: (n, 2): of the points in pixels per frame, if cameras may be late.
     """
     frames, pixels = images_of(recording)
-    several = np.isfinite(pixels[..., 0]).sum(axis=2) > 1
-    kept = np.flatnonzero(several.any(axis=1))
-    frames, pixels, several = frames[kept], pixels[kept], several[kept]
+    shared = np.isfinite(pixels[..., 0]).sum(axis=2) > 1
+    kept = np.flatnonzero(shared.any(axis=1))
     units_of: dict[bytes, list[tuple[int, int]]] = {}
-    of_frame: list[int] = []
+    frame_of: list[int] = []
     targets: list[tuple[int, int]] = []
-    for i, seen in enumerate(several):
-        if (own := units_of.get(seen.tobytes())) is None:
+    for i, seen in enumerate(shared[kept]):
+        if (units := units_of.get(seen.tobytes())) is None:
             known = np.flatnonzero(seen)
             pairs = recording.object.pairs_among(known.tolist())
-            own = [(one, other) for one, other in pairs.tolist()]
-            own += [(target, -1) for target in np.setdiff1d(known, pairs).tolist()]
-            units_of[seen.tobytes()] = own
-        of_frame += [i] * len(own)
-        targets += own
-    which, ends = np.array(of_frame, np.int64), np.array(targets, np.int64).reshape(-1, 2)
-    images = pixels[which[:, None], ends]
-    images[ends[:, 1] < 0, 1] = np.nan
-    distances = recording.object.distance(*ends.T)
-    return Placings(frames, which, ends, images, np.where(ends[:, 1] < 0, np.nan, distances))
+            units = [(one, other) for one, other in pairs.tolist()]
+            units += [(target, -1) for target in np.setdiff1d(known, pairs).tolist()]
+            units_of[seen.tobytes()] = units
+        frame_of += [i] * len(units)
+        targets += units
+    which, ends = np.array(frame_of, np.int64), np.array(targets, np.int64).reshape(-1, 2)
+    single, of_units = ends[:, 1] < 0, (kept[which][:, None], ends)
+    images, cameras = pixels[of_units], list(recording.cameras.values())
+    images[single, 1] = np.nan
+    rays, motion = np.full(images.shape, np.nan), np.empty((0, *images.shape[1:3], 3))
+    for number, camera in enumerate(cameras):
+        known = np.isfinite(images[:, :, number, 0])
+        rays[:, :, number][known] = camera.undistort(images[:, :, number][known])
+    if velocities is not None:
+        _, moving = images_of(recording, np.pad(velocities, [(0, 0), (0, 1)]))
+        motion = np.nan_to_num(moving[of_units])
+    distances = np.where(single, np.nan, recording.object.distance(*ends.T))
+    lenses, longest_m = lenses_of_cameras(*cameras), recording.object.longest_m
+    variances = np.ones(len(kept))
+    return Observations(
+        frames[kept], which, ends, images, rays, motion, distances, lenses, longest_m, variances
+    )

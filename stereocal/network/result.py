@@ -70,24 +70,23 @@ class RigCalibration:
 
     @cached_property
     def point_fits(self) -> tuple[FloatArray, FloatArray]:
-        """Points (n, 2, 3) of the units of `fit.placings`, from their pixels alone, and residuals
+        """Points (n, 2, 3) of the units of `fit.seen`, from their pixels alone, and residuals
         (n, 2, c, 2) in pixels; NaN where not seen."""
-        return point_fits(self.fit.cameras, self.fit.placings, self.fit.rays)
+        return point_fits(self.fit.cameras, self.fit.seen)
 
     @cached_property
     def used(self) -> IntArray:
-        """Indices of the frames of `fit.placings` that were not left out."""
+        """Indices of the frames of `fit` that were not left out."""
         return np.flatnonzero(~self.fit.outlying)
 
     @cached_property
     def clusters(self) -> Clusters:
         """The used frames, in clusters of alike errors."""
-        own, (_, residuals) = self.fit.placings, self.point_fits
-        first = np.full((len(own.frames), residuals[0].size), np.nan)
-        for unit in np.flatnonzero(~self.fit.outlying[own.of_frame])[::-1]:
-            first[own.of_frame[unit]] = residuals[unit].ravel()
-        times = own.frames[self.used]
-        return clusters_of(times, first[self.used] / self.fit.sigma_px)
+        fit, (_, residuals) = self.fit, self.point_fits
+        first = np.full((len(fit.frames), residuals[0].size), np.nan)
+        for unit in np.flatnonzero(~fit.outlying[fit.frame_of])[::-1]:
+            first[fit.frame_of[unit]] = residuals[unit].ravel()
+        return clusters_of(fit.frames[self.used], first[self.used] / fit.sigma_px)
 
     @cached_property
     def design_effect(self) -> float:
@@ -111,7 +110,7 @@ class RigCalibration:
     def _image_px(self, number: int) -> float:
         pixels, rays = (
             values.reshape(-1, *values.shape[2:]).copy()
-            for values in (self.fit.placings.pixels, self.fit.rays)
+            for values in (self.fit.seen.pixels, self.fit.seen.rays)
         )
         seen = np.isfinite(pixels[:, number, 0]) & (np.isfinite(pixels[..., 0]).sum(axis=1) > 2)
         at = np.flatnonzero(seen)[:: max(int(seen.sum()) // IMAGE_POINTS, 1)]
@@ -140,16 +139,14 @@ class RigCalibration:
     @cached_property
     def reprojection_px(self) -> FloatArray:
         """(f,): root mean square distance of the images of each frame; NaN if left out."""
-        own = self.fit.placings
-        found = frame_errors(self.point_fits[1], own.of_frame, len(own.frames))
+        found = frame_errors(self.point_fits[1], self.fit.frame_of, len(self.fit.frames))
         return np.where(self.fit.outlying, np.nan, found)
 
     @cached_property
     def length_errors(self) -> FloatArray:
         """(m,): relative errors of the lengths of the frames used."""
-        own = self.fit.placings
-        units = ~self.fit.outlying[own.of_frame]
-        return length_errors(self.point_fits[0][units], own.distances[units])
+        units = ~self.fit.outlying[self.fit.frame_of]
+        return length_errors(self.point_fits[0][units], self.fit.seen.distances[units])
 
     @cached_property
     def held_out(self) -> dict[str, HeldOut]:
@@ -196,7 +193,7 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list
     """
     found: list[dict[str, Any]] = []
     if images is None:
-        used = rig.fit.pixels[~rig.fit.outlying[rig.fit.frame_of]]
+        used = rig.fit.seen.pixels[~rig.fit.outlying[rig.fit.frame_of]]
         images = used.reshape(-1, len(rig.names), 2)
     for trio in combinations(range(len(rig.names)), 3):
         seen = images[:, trio]

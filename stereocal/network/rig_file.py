@@ -280,7 +280,7 @@ def holds_rig(path: Path) -> bool:
 
 def rig_file(rig: RigCalibration) -> RigFile:
     """The file of a calibrated rig."""
-    points = rig.point_fits[0][~rig.fit.outlying[rig.fit.placings.of_frame]].reshape(-1, 3)
+    points = rig.point_fits[0][~rig.fit.outlying[rig.fit.frame_of]].reshape(-1, 3)
     points = points[np.isfinite(points[:, 0])]
     own = rig.recording.object
     places = dict(zip(own.names, own.points.tolist(), strict=True))

@@ -5,15 +5,13 @@ frame is tried without each marker, and then without each camera: if it fits wit
 them, that one is wrong, and the rest of the frame stays.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import Placings
-from stereocal.refined.adjustment import equations_for, sum_normal_equations
-from stereocal.refined.robust import frame_limits, unit_freedom
-from stereocal.refined.views import Units
+from stereocal.refined.observations import Observations
+from stereocal.refined.robust import RobustFit
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
 
@@ -42,14 +40,14 @@ class _Trial:
 
 def wrong_images(fit: RigFit) -> list[WrongImage]:
     """What is wrong in the outlying frames of a fit, where exactly one image can be."""
-    own, names = fit.placings, list(fit.recording.cameras)
+    seen, names = fit.seen, list(fit.recording.cameras)
     found: list[WrongImage] = []
     bad = np.flatnonzero(fit.outlying)
     trials = [
         _Trial(int(frame), camera, target)
         for frame in bad
         for camera in range(len(names))
-        for target in (*_targets(own, int(frame), camera), -1, -2)
+        for target in (*_targets(seen, int(frame), camera), -1, -2)
     ]
     fits = _fitting(fit, trials)
     for frame in bad:
@@ -63,7 +61,7 @@ def wrong_images(fit: RigFit) -> list[WrongImage]:
                 trial = some[0]
                 both = trial.camera in {t.camera for t in mine if t.target == -2}
                 target = fit.recording.object.names[trial.target] if is_one else None
-                found.append(WrongImage(int(own.frames[frame]), names[trial.camera], target, both))
+                found.append(WrongImage(int(seen.frames[frame]), names[trial.camera], target, both))
             if some:
                 break  # several: it cannot be told which
     return found
@@ -83,33 +81,38 @@ def rows_of(recording: Recording, wrong: list[WrongImage]) -> BoolArray:
 
 def _fitting(fit: RigFit, trials: list[_Trial]) -> list[bool]:
     """Which trials the parameters of a fit explain, with a contradiction left to find."""
-    own = fit.placings
     if not trials:
         return []
-    units = [np.flatnonzero(own.of_frame == trial.frame) for trial in trials]
+    units = [np.flatnonzero(fit.frame_of == trial.frame) for trial in trials]
     order = np.concatenate(units)
     of_trial = np.repeat(np.arange(len(trials)), [len(some) for some in units])
-    pixels, rays = own.pixels[order], fit.rays[order]
+    seen = fit.seen
+    pixels, rays, targets = seen.pixels[order], seen.rays[order], seen.targets[order]
     for number, trial in enumerate(trials):
         mine = of_trial == number
         for images in (pixels, rays):
-            images[mine] = _changed(images[mine], own.targets[order][mine], trial)
-    views = np.isfinite(pixels[..., 0]).sum(axis=2)
-    lone = views < 2
+            images[mine] = _changed(images[mine], targets[mine], trial)
+    lone = np.isfinite(pixels[..., 0]).sum(axis=2) < 2
     pixels[lone], rays[lone] = np.nan, np.nan
-    distances = np.where(lone.any(axis=1), np.nan, own.distances[order])
-    changed = Placings(np.arange(len(trials)), of_trial, own.targets[order], pixels, distances)
-    chi_squares = _chi_squares(fit, changed, rays)
-    freedom = unit_freedom(pixels)
-    limit = frame_limits(freedom + np.isfinite(distances), of_trial, len(fit.unknowns.names))
-    fits = (chi_squares <= limit) & (np.bincount(of_trial, freedom) > 0)
-    return [bool(each) for each in fits]
+    changed = replace(
+        seen,
+        frames=np.arange(len(trials)),
+        frame_of=of_trial,
+        targets=targets,
+        pixels=pixels,
+        rays=rays,
+        motion=seen.motion[:0],
+        distances=np.where(lone.any(axis=1), np.nan, seen.distances[order]),
+    )
+    tried = RobustFit(changed, fit.unknowns, fit.settings, fit.R)
+    explained = tried.take(fit.p, fit.sigma_px, fit.scatter).explained()
+    return [bool(each) for each in explained & (tried.pixel_freedom > 0)]
 
 
-def _targets(own: Placings, frame: int, camera: int) -> list[int]:
+def _targets(seen: Observations, frame: int, camera: int) -> list[int]:
     """What a camera sees of a frame."""
-    mine = own.of_frame == frame
-    found: list[int] = own.targets[mine][own.seen[mine][:, :, camera]].tolist()
+    mine = seen.frame_of == frame
+    found: list[int] = seen.targets[mine][np.isfinite(seen.pixels[mine, :, camera, 0])].tolist()
     return found
 
 
@@ -124,13 +127,3 @@ def _changed(images: FloatArray, targets: IntArray, trial: _Trial) -> FloatArray
     else:
         changed[..., trial.camera, :][targets == trial.target] = np.nan
     return changed
-
-
-def _chi_squares(fit: RigFit, placings: Placings, rays: FloatArray) -> FloatArray:
-    """(f,): of other placings, with the parameters of a fit."""
-    n = len(placings.pixels)
-    chi_squares, weights = np.empty(n), (1 / fit.sigma_px, 1 / fit.scatter)
-    units = Units(placings.pixels, rays, fit.motion[:0], placings.distances, *weights)
-    limits, points = np.zeros(n), np.full((n, 6), np.nan)
-    sum_normal_equations(fit.cameras, units, limits, points, chi_squares, equations_for(fit.free))
-    return np.bincount(placings.of_frame, chi_squares, len(placings.frames)).astype(np.float64)

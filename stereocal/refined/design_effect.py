@@ -60,7 +60,7 @@ def design_effect(
         used: (f,): indices of the frames of the clusters among those of the solve.
         step: (k,): from q to the minimum, in the free parameters, if q is not it.
     """
-    if not (clusters.has_runs or solve.has_parts):
+    if not (clusters.has_runs or solve.seen.has_parts):
         return 1.0
     order = np.argsort(clusters.of_frames, kind="stable")
     groups = np.split(used[order], np.cumsum(np.bincount(clusters.of_frames))[:-1])

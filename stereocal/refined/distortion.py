@@ -29,6 +29,11 @@ def lens_terms(camera: Camera) -> FloatArray:
     return terms
 
 
+def lenses_of_cameras(*cameras: Camera) -> FloatArray:
+    """(c, 23): skew and `lens_terms` of cameras."""
+    return np.array([np.append(c.K[0, 1], lens_terms(c)) for c in cameras])
+
+
 def _tilt(tau_x: float, tau_y: float) -> FloatArray:
     """The homography of a tilted sensor, (3, 3) (OpenCV, `computeTiltProjectionMatrix`)."""
     cx, sx, cy, sy = np.cos(tau_x), np.sin(tau_x), np.cos(tau_y), np.sin(tau_y)

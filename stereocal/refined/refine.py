@@ -26,8 +26,10 @@ from stereocal.refined.design_effect import (
     design_effect,
     lenses_without,
 )
-from stereocal.refined.robust import Noise
-from stereocal.refined.solve import Solve, lenses_of_cameras
+from stereocal.refined.distortion import lenses_of_cameras
+from stereocal.refined.noise import Noise
+from stereocal.refined.observations import Observations
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import BAR, DRIFT, TIME
 from stereocal.refined.unknowns import (
     RefineSettings,
@@ -123,12 +125,16 @@ class RefinedResult:
         return clusters_in(rows, self.rig, self.frames[~self.outlying])
 
     @property
-    def _solve(self) -> Solve:
+    def _solve(self) -> RobustFit:
         """The solve at its end, for normal equations of parts of the data."""
-        solve = Solve(self.dataset, self.pose, self.settings, self.rows)
-        solve.unknowns = self.unknowns
-        solve.sigma_px, solve.scatter = self.sigma_px.value, self.scatter_m.value
-        return solve
+        return self.fit_of(self.dataset, self.rows)
+
+    def fit_of(self, dataset: Dataset, rows: BoolArray | None = None) -> RobustFit:
+        """A fit of other points with the parameters and the noise of this one."""
+        moving = self.settings.time_offset or self.settings.time_drift
+        seen = Observations.of_pair(dataset, moving, rows)
+        found = RobustFit(seen, self.unknowns, self.settings)
+        return found.take(self.p, self.sigma_px.value, self.scatter_m.value)
 
     @cached_property
     def design_effect(self) -> float:
@@ -253,7 +259,7 @@ def refine(
     """
     settings = settings_for(dataset, settings or RefineSettings())
     started = clock()
-    found: Solve | None = None
+    found: RobustFit | None = None
     for solve in _solves(dataset, settings, start, rows, near):
         if solve.run() and (found is None or solve.better_than(found)):
             found = solve
@@ -264,7 +270,30 @@ def refine(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    result = _result(found, rows, clock() - started)
+    q, seen = found.q, np.isfinite(found.seen.pixels[:, :, 0, :1])
+    result = RefinedResult(
+        dataset=dataset,
+        settings=settings,
+        pose=pose_of(q),
+        primary=camera_of(dataset.primary, q, 0),
+        secondary=camera_of(dataset.secondary, q, 1),
+        rows=rows,
+        unknowns=found.unknowns,
+        p=found.p,
+        information=found.H,
+        sigma_px=Noise(found.sigma_px, found.source_px),
+        scatter_m=Noise(found.scatter, found.source_scatter),
+        frames=found.frames,
+        chi_squares=found.chi_squares,
+        degrees_of_freedom=found.degrees_of_freedom,
+        outlying=found.outlying,
+        frame_of=found.frame_of,
+        points_m=np.where(seen, found.points.reshape(-1, 2, 3), np.nan),
+        cost=float(found.cost),
+        steps=found.steps,
+        stop_reason="converged" if found.converged else OUT_OF_STEPS,
+        seconds=clock() - started,
+    )
     if not result.unknowns.determined(result.information):
         raise StereocalError(
             "The points do not determine the refined set: record more bars, at other places and in "
@@ -298,17 +327,20 @@ def _solves(
     start: Pose | None,
     rows: BoolArray | None,
     near: RefinedResult | None,
-) -> Iterator[Solve]:
+) -> Iterator[RobustFit]:
     """Solves from several initial values, to be tried until one has no outlying frame.
 
     They are `start` or the essential pose, and a robust estimate, sorted by their residuals.
     """
     if near is not None:
-        solve = Solve(dataset, near.pose, settings, rows)
-        if solve.start_near(near.unknowns, near.p, near.sigma_px.value, near.scatter_m.value):
+        solve, noise = RobustFit.of_pair(dataset, near.pose, settings, rows), near.sigma_px.value
+        known = near.unknowns.named(near.p)
+        if solve.unknowns.names == near.unknowns.names and solve.start_near(
+            known, noise, near.scatter_m.value
+        ):
             yield solve
     if settings.rest is not None:
-        yield Solve(dataset, pose_of(np.array(settings.rest.values)), settings, rows)
+        yield RobustFit.of_pair(dataset, pose_of(np.array(settings.rest.values)), settings, rows)
         return
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     if start is None:
@@ -317,7 +349,7 @@ def _solves(
     robust = robust_start(dataset, rays) if settings.loss == "robust" else None
     starts = [pose for pose in (start, robust) if pose is not None]
     for pose in sorted(starts, key=lambda pose: median_residual(pose, rays)):
-        yield Solve(dataset, pose, settings, rows)
+        yield RobustFit.of_pair(dataset, pose, settings, rows)
 
 
 def median_residual(pose: Pose, rays: FloatArray) -> float:
@@ -349,31 +381,3 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
         return None
     R, t, in_front = choose_pose(np.asarray(E, dtype=np.float64), rays)
     return Pose(R, dataset.baseline_m * t) if in_front else None
-
-
-def _result(solve: Solve, rows: BoolArray | None, seconds: float) -> RefinedResult:
-    q = solve.q
-    seen = np.isfinite(solve.pixels[:, :, 0, :1])
-    return RefinedResult(
-        dataset=solve.dataset,
-        settings=solve.settings,
-        pose=pose_of(q),
-        primary=camera_of(solve.dataset.primary, q, 0),
-        secondary=camera_of(solve.dataset.secondary, q, 1),
-        rows=rows,
-        unknowns=solve.unknowns,
-        p=solve.p,
-        information=solve.H,
-        sigma_px=Noise(solve.sigma_px, solve.source_px),
-        scatter_m=Noise(solve.scatter, solve.source_scatter),
-        frames=solve.frames,
-        chi_squares=solve.chi_squares,
-        degrees_of_freedom=solve.degrees_of_freedom,
-        outlying=solve.outlying,
-        frame_of=solve.frame_of,
-        points_m=np.where(seen, solve.points.reshape(-1, 2, 3), np.nan),
-        cost=float(solve.cost),
-        steps=solve.steps,
-        stop_reason="converged" if solve.converged else OUT_OF_STEPS,
-        seconds=seconds,
-    )

@@ -6,14 +6,10 @@ and the others are adjusted by plain least squares. Noise that is not given is e
 the rounds.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import chdtri, fdtri
 
 from stereocal.refined.adjustment import (
     ROUGH_TOLERANCE,
@@ -22,104 +18,114 @@ from stereocal.refined.adjustment import (
     State,
     adjust,
     equations_for,
-    excess_variance,
     length_innovations,
     sum_normal_equations,
 )
-from stereocal.refined.unknowns import RefineSettings, Unknowns
-from stereocal.refined.views import OWN, Cameras, Units
+from stereocal.refined.noise import (
+    ASSUMED,
+    ESTIMATED,
+    GIVEN,
+    frame_limits,
+    limits_of,
+    lower_third,
+    scatter_of,
+    thirds_of,
+    unit_freedom,
+)
+from stereocal.refined.observations import Observations
+from stereocal.refined.two_views import EPSILON, SHARED, views_of
+from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
+from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 
-GIVEN, ESTIMATED = "given", "estimated from the residuals"
-ASSUMED = "assumed, for there are too few points to estimate it"
 ASSUMED_PX = 0.5
 MINIMUM_PAIRS = 10
 """Pairs needed to estimate the noise: the five angles leave five degrees of freedom."""
 MINIMUM_BARS = 5
-SCATTER_SIGNIFICANCE = 0.05
-"""Significance level of the test whether the bar's length varies."""
-
-OUTLIER_PROBABILITY = 1e-5
-"""Probability that a good frame exceeds the limit."""
 BIWEIGHT_LIMIT = 2.0
 """End of the biweight in units of the limit: a typical frame keeps 0.86 of its weight."""
 SMALLEST_SIGMA_PX = 1e-3
 """Lower bound of the estimated noise."""
 SMALLEST_SCATTER = 1e-5
 """Lower bound of the estimated scatter, as a fraction of the bar."""
-THIRD = 1 / 3
-"""Robust scales use this quantile: with 3 of 10 points wrong, half of the frames are bad."""
 MAXIMUM_ROUNDS = 8
 SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
 
-@dataclass(frozen=True)
-class Noise:
-    """A standard deviation and its source: `GIVEN`, `ESTIMATED` or `ASSUMED`."""
+class RobustFit:
+    """A robust fit of frames that N cameras see; a pair is the case of two."""
 
-    value: float
-    source: str
-
-
-class RobustFit(ABC):
-    """A robust fit of frames that N cameras see; a pair is the case of two.
-
-    A subclass sets the attributes: the arrays that the compiled code reads and writes. Those have a
-    row for each unit of points (`views`): a bar is one, the placing of an object several.
-    """
-
-    settings: RefineSettings
-    unknowns: Unknowns
-    """Of free parameters p, and the shared unknowns q (Q,)."""
-    frames: IntArray
-    """(f,): the frame numbers."""
-    frame_of: IntArray
-    """(n,): index of the frame of each unit."""
-    pixel_variance: FloatArray
-    """(f, ...): variances of its pixels over those of recorded ones."""
-    lenses: FloatArray
-    """(c, 23), and the next ones (n, ...), as in `views.Units`."""
-    pixels: FloatArray
-    rays: FloatArray
-    motion: FloatArray
-    distances: FloatArray
-    R: FloatArray
-    """(c, 3, 3): of the last step."""
-    baselines: FloatArray
-    """(m, 4): as in `adjustment.add_baselines`."""
-
-    def _begin(self, unknowns: Unknowns, length_m: float) -> None:
-        """Set what every fit begins with, after the other attributes.
+    def __init__(
+        self,
+        seen: Observations,
+        unknowns: Unknowns,
+        settings: RefineSettings,
+        R: FloatArray | None = None,
+        baselines: FloatArray | None = None,
+    ) -> None:
+        """A fit before its first step.
 
         Args:
-            length_m: of the bar, or the longest of the object.
+            unknowns: of free parameters p, and q (Q,): the unknowns of `views` or, of a pair, of
+                `two_views`.
+            R: (c, 3, 3): the first rotations; of a pair they are in the unknowns.
+            baselines: (m, 4): as in `adjustment.add_baselines`; of a pair it is in the unknowns.
         """
-        known, of_pixels = np.isfinite(self.distances), unit_freedom(self.pixels)
+        self.seen, self.unknowns, self.settings = seen, unknowns, settings
+        self.frames, self.frame_of = seen.frames, seen.frame_of
+        self.R = np.empty((len(seen.lenses), 3, 3)) if R is None else R
+        self.baselines = np.empty((0, 4)) if baselines is None else baselines
+        self.p = np.zeros(len(unknowns.names))
+        is_pair, places = len(unknowns.origin) == SHARED, np.arange(len(unknowns.origin) - 1)
+        turns = places < 0 if is_pair else places % EACH < TRANSLATION
+        poses = places <= EPSILON if is_pair else places % EACH < 2 * TRANSLATION
+        self.turns, self.of_poses = (
+            np.asarray(unknowns.M[:-1][own].any(axis=0)) for own in (turns, poses)
+        )
+        B, M = self.views(unknowns.origin)[1], np.abs(unknowns.M.T)
+        self.free: BoolArray = np.asarray((M if B is None else M @ np.abs(B)).any(axis=0))
+        known, of_pixels = np.isfinite(seen.distances), unit_freedom(seen.pixels)
         self.unit_freedom = of_pixels + known
         self.pixel_freedom = self.by_frame(of_pixels).astype(np.int64)
         self.degrees_of_freedom = self.by_frame(self.unit_freedom).astype(np.int64)
         self.set_limits(len(unknowns.names))
-        images = np.isfinite(self.pixels[..., 0]).sum()
+        images = np.isfinite(seen.pixels[..., 0]).sum()
         enough = images // 2 >= MINIMUM_PAIRS, known.sum() >= MINIMUM_BARS
-        given = self.settings
-        self.smallest_scatter = SMALLEST_SCATTER * length_m
-        self.sigma_px = given.sigma_px or ASSUMED_PX
-        self.scatter = max(given.scatter_m or 0.0, self.smallest_scatter)
+        self.smallest_scatter = SMALLEST_SCATTER * seen.length_m
+        self.sigma_px = settings.sigma_px or ASSUMED_PX
+        self.scatter = max(settings.scatter_m or 0.0, self.smallest_scatter)
         self.source_px, self.source_scatter = (
             GIVEN if value is not None else ESTIMATED if known else ASSUMED
-            for value, known in zip((given.sigma_px, given.scatter_m), enough, strict=True)
+            for value, known in zip((settings.sigma_px, settings.scatter_m), enough, strict=True)
         )
-        self.start_with(unknowns, np.zeros(len(unknowns.names)))
         # Points and chi-squares (n,) of the units, chi-squares (f,) of the frames, and the normal
         # equations (Q, Q) of q without priors.
-        self.points = np.full((len(self.pixels), OWN), np.nan)
-        self.of_units = np.full(len(self.pixels), np.inf)
+        self.points = np.full((len(seen.pixels), OWN), np.nan)
+        self.of_units = np.full(len(seen.pixels), np.inf)
         self.chi_squares = np.full(len(self.frames), np.inf)
         self.H = np.zeros((len(unknowns.origin),) * 2)
         self.outlying = np.zeros(len(self.frames), dtype=np.bool_)
         self.is_near = False
         self.cost, self.steps, self.converged = np.inf, 0, False
+
+    @classmethod
+    def of_pair(
+        cls, dataset: Dataset, start: Pose, settings: RefineSettings, rows: BoolArray | None = None
+    ) -> "RobustFit":
+        """The fit of a data set from an initial pose.
+
+        Args:
+            rows: mask (n,) of the rows to fit; all if None.
+        """
+        seen = Observations.of_pair(dataset, settings.time_offset or settings.time_drift, rows)
+        unknowns = unknowns_of(dataset, start, settings, seen.has_lengths)
+        found = cls(seen, unknowns, settings)
+        if settings.rest is not None:
+            found.p = settings.rest.start(unknowns)
+        return found
 
     def set_limits(self, unknowns: int) -> None:
         """Set the chi-squares above which frames (f,) are outliers, for a number of unknowns, and
@@ -128,28 +134,56 @@ class RobustFit(ABC):
         of_units = limits_of(self.unit_freedom, unknowns)
         self.share_of_limit = of_units / self.limit[self.frame_of]
 
-    def start_with(self, unknowns: Unknowns, p: FloatArray) -> None:
-        """Set the unknowns, and where their free parameters (k,) begin."""
-        self.unknowns, self.p = unknowns, p
-        self.turns = np.zeros(len(p), dtype=np.bool_)
-        B = self.views(unknowns.origin)[2]
-        M = np.abs(unknowns.M.T)
-        self.free: BoolArray = np.asarray((M if B is None else M @ np.abs(B)).any(axis=0))
+    def start_at(self, known: Mapping[str, float], sigma_px: float) -> None:
+        """Start where another fit ended, as far as it has the same free parameters.
+
+        Those of the poses stay 0: the first poses are the other fit's.
+        """
+        found = np.array([known.get(name, 0.0) for name in self.unknowns.names])
+        self.p = np.where(self.of_poses, 0.0, found)
+        self.sigma_px = sigma_px if self.source_px == ESTIMATED else self.sigma_px
+
+    def start_near(self, known: Mapping[str, float], sigma_px: float, scatter_m: float) -> bool:
+        """Start where a fit of nearly the same frames ended; False if none of them fits there."""
+        self.start_at(known, sigma_px)
+        if self.source_scatter == ESTIMATED:
+            self.scatter = scatter_m
+        self.evaluate(self.limit)
+        self.outlying = ~(self.chi_squares <= self.limit)
+        self.is_near = self.settings.loss == "robust" and not self.outlying.all()
+        return self.is_near
+
+    def take(self, p: FloatArray, sigma_px: float, scatter_m: float) -> "RobustFit":
+        """Take the free parameters p (k,) and the noise of another fit."""
+        self.p, self.sigma_px, self.scatter = p, sigma_px, scatter_m
+        return self
+
+    def explained(self) -> BoolArray:
+        """(f,): which frames the present parameters and noise explain."""
+        self.evaluate(np.zeros(len(self.frames)))
+        return np.asarray(self.chi_squares <= self.limit)
+
+    def better_than(self, other: "RobustFit") -> bool:
+        """Whether the frames fit better here, both measured with the smaller noise."""
+        noise = min(self.sigma_px, other.sigma_px)
+        here, there = (
+            float(np.minimum(fit.chi_squares * (fit.sigma_px / noise) ** 2, fit.limit).sum())
+            for fit in (self, other)
+        )
+        return here < there
 
     @property
     def q(self) -> FloatArray:
-        """(Q,): the shared unknowns."""
+        """(Q,): the unknowns."""
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
-    @property
-    def has_parts(self) -> bool:
-        """Whether frames have several units, whose errors may be alike."""
-        return len(self.frame_of) > len(self.frames)
-
-    @abstractmethod
-    def views(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """The unknowns (V,) of `views`, R (c, 3, 3), and the derivatives (Q, V) of the unknowns by
-        q; None if they are q."""
+    def views(self, q: FloatArray) -> tuple[Cameras, FloatArray | None]:
+        """The cameras at q, with the stated distortion, and the derivatives (Q, V) of the unknowns
+        of `views` by q; None if they are q."""
+        if len(q) == SHARED:
+            v, R, B = views_of(q)
+            return Cameras(v, R, self.seen.lenses), B
+        return Cameras(q, self.R, self.seen.lenses), None
 
     def by_frame(self, of_units: npt.ArrayLike) -> FloatArray:
         """(f,): sums over the units of each frame."""
@@ -157,8 +191,9 @@ class RobustFit(ABC):
 
     def _units(self, length_weight: float, own: IntArray | slice = slice(None)) -> Units:
         """What was measured of some units."""
-        motion = self.motion[own] if len(self.motion) else self.motion
-        pixels, rays, distances = self.pixels[own], self.rays[own], self.distances[own]
+        seen = self.seen
+        motion = seen.motion[own] if len(seen.motion) else seen.motion
+        pixels, rays, distances = seen.pixels[own], seen.rays[own], seen.distances[own]
         return Units(pixels, rays, motion, distances, 1 / self.sigma_px, length_weight)
 
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
@@ -167,7 +202,7 @@ class RobustFit(ABC):
         self.cost, steps, self.converged = adjust(
             Parameters(own.origin, np.ascontiguousarray(own.M.T), own.precision, self.turns),
             State(self.p, self.R, self.points, self.of_units),
-            self.lenses,
+            self.seen.lenses,
             self._units(1 / self.scatter),
             self.baselines,
             limits[self.frame_of] * self.share_of_limit,
@@ -175,7 +210,7 @@ class RobustFit(ABC):
             tolerance,
             self.settings.maximum_steps,
         )
-        B = self.views(self.q)[2]
+        B = self.views(self.q)[1]
         self.H[:] = found.H if B is None else B @ found.H @ B.T
         self.chi_squares[:] = self.by_frame(self.of_units)
         self.steps += steps
@@ -196,17 +231,16 @@ class RobustFit(ABC):
             limits, points, chi_squares: of the units.
             free: (V,): None for those that are not held fixed.
         """
-        v, R, B = self.views(q)
+        cameras, B = self.views(q)
         measured = self._units(length_weight, units)
         into = equations_for(self.free if free is None else free)
-        cameras = Cameras(v, R, self.lenses)
         cost = sum_normal_equations(cameras, measured, limits, points, chi_squares, into)
         return (cost, into.H, into.g) if B is None else (cost, B @ into.H @ B.T, B @ into.g)
 
     def innovations(self, q: FloatArray, points: FloatArray) -> FloatArray:
         """(n, 2): as of `adjustment.length_innovations`."""
-        (v, R, _), found = self.views(q), np.empty((len(points), 2))
-        length_innovations(Cameras(v, R, self.lenses), self._units(1.0), points, found)
+        found = np.empty((len(points), 2))
+        length_innovations(self.views(q)[0], self._units(1.0), points, found)
         return found
 
     def equations(
@@ -222,7 +256,7 @@ class RobustFit(ABC):
         n, count, every = len(groups), len(q), np.ones(len(self.free), dtype=np.bool_)
         H, g, c = np.zeros((n, count, count)), np.zeros((n, count)), np.zeros(n)
         for i, group in enumerate(groups):
-            own = np.flatnonzero(np.isin(self.frame_of, group)) if self.has_parts else group
+            own = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
             points, size = np.full((len(own), OWN), np.nan), len(own)
             c[i], H[i], g[i] = self.sum_at(
                 q, 1 / self.scatter, np.full(size, np.inf), points, np.empty(size), own, every
@@ -231,7 +265,7 @@ class RobustFit(ABC):
         H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
         return H, g, c
 
-    def _evaluate(self, limits: FloatArray) -> None:
+    def evaluate(self, limits: FloatArray) -> None:
         """Points, chi-squares and H at the present parameters."""
         own = limits[self.frame_of] * self.share_of_limit
         _, self.H[:], _ = self.sum_at(self.q, 1 / self.scatter, own, self.points, self.of_units)
@@ -265,8 +299,8 @@ class RobustFit(ABC):
             before = (self.sigma_px, self.scatter, self.outlying)
             if not self._estimate_noise(robust=True):
                 return False
-            self._evaluate(self.limit)
-            scale = _lower_third(self.chi_squares / thirds_of(self.degrees_of_freedom))
+            self.evaluate(self.limit)
+            scale = lower_third(self.chi_squares / thirds_of(self.degrees_of_freedom))
             if not np.isfinite(scale):
                 return False
             while True:
@@ -304,11 +338,11 @@ class RobustFit(ABC):
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
             if robust:
-                ratio = _lower_third(chi_squares / thirds_of(self.pixel_freedom))
+                ratio = lower_third(chi_squares / thirds_of(self.pixel_freedom))
             else:
                 good = ~self.outlying & np.isfinite(chi_squares)
                 left = float(self.pixel_freedom[good].sum()) - spent_px
-                left *= float(self.pixel_variance[good].mean()) if good.any() else 1.0
+                left *= float(self.seen.variances[good].mean()) if good.any() else 1.0
                 ratio = float(chi_squares[good].sum()) / max(left, 1.0)
             if not np.isfinite(ratio):
                 return False
@@ -333,77 +367,3 @@ class RobustFit(ABC):
         A = A * np.outer(scale, scale)
         C = np.linalg.pinv(A, hermitian=True) * np.outer(scale, scale)
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)
-
-
-def unit_freedom(pixels: FloatArray) -> IntArray:
-    """(n,): degrees of freedom of the pixels (n, 2, c, 2) of units: two for each image of a point,
-    less three for the point."""
-    views = np.isfinite(pixels[..., 0]).sum(axis=2)
-    return np.asarray(np.where(views > 0, 2 * views - 3, 0).sum(axis=1))
-
-
-def frame_limits(freedom: IntArray, frame_of: IntArray, unknowns: int) -> FloatArray:
-    """(f,): the chi-square above which a frame is an outlier, by `limits_of`.
-
-    The points of one placing have errors that are alike: it is judged by their mean, as one unit.
-
-    Args:
-        freedom: (n,), of each unit; frame_of: (n,), the index of its frame.
-    """
-    of_frame = np.bincount(frame_of, freedom)
-    largest = np.zeros(len(of_frame), np.int64)
-    np.maximum.at(largest, frame_of, freedom)
-    with np.errstate(invalid="ignore"):
-        return limits_of(largest, unknowns) * (of_frame / largest)
-
-
-def limits_of(degrees_of_freedom: IntArray, unknowns: int) -> FloatArray:
-    """(n,): the chi-square above which a frame is an outlier.
-
-    The noise is estimated from the same frames. Chi-square over degrees of freedom therefore
-    follows the F distribution: with 25 bars the limit is 26 instead of 21.
-
-    Args:
-        degrees_of_freedom: (n,), of each frame.
-        unknowns: number of unknowns.
-    """
-    left = max(int(degrees_of_freedom.sum()) - unknowns, 1)
-    degrees = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan)
-    return np.asarray(degrees * fdtri(degrees, left, 1.0 - OUTLIER_PROBABILITY))
-
-
-def thirds_of(degrees_of_freedom: IntArray) -> FloatArray:
-    """(n,): the quantile `THIRD` of chi-square; NaN for 0 degrees of freedom."""
-    degrees = np.where(degrees_of_freedom > 0, degrees_of_freedom, np.nan)
-    return np.asarray(chdtri(degrees, 1 - THIRD))
-
-
-def scatter_of(
-    innovations: FloatArray, variances: FloatArray, spent: float = 0.0, robust: bool = False
-) -> float:
-    """The scatter of the bar's length beyond the noise of the pixels, in metres.
-
-    Solves sum(e^2 / (scatter^2 + v)) = n - spent (Mandel and Paule), or, if `robust`, the same for
-    the lower third. Returns 0 unless the sum without scatter is significant at the level
-    `SCATTER_SIGNIFICANCE`. Otherwise half of all rigid bars would get a scatter, and the standard
-    error of the scale would be too large (measured with 25 frames: errors of the baseline are 0.93
-    of the stated ones, and 0.97 with the test).
-
-    Args:
-        innovations: (n,): e, reconstructed minus stated lengths, in metres.
-        variances: (n,): v, the variances of e from the pixels, in square metres.
-        spent: degrees of freedom of the lengths used by the unknowns.
-    """
-    squares = np.square(innovations)
-    left = max(len(squares) - spent, 1.0)
-    if len(squares) < 2 or not float(np.sum(squares / variances)) > chdtri(
-        left, SCATTER_SIGNIFICANCE
-    ):
-        return 0.0
-    third = float(chdtri(1.0, 1 - THIRD)) if robust else 0.0
-    return float(np.sqrt(excess_variance(squares, variances, left, third)))
-
-
-def _lower_third(values: FloatArray) -> Any:
-    """The lower third quantile; values may be infinite."""
-    return np.quantile(values, THIRD, method="lower")

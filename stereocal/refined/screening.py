@@ -16,7 +16,6 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.solve import Solve
 from stereocal.refined.time_offset import bring_into_step, frames_without_neighbours, usable_after
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -205,11 +204,8 @@ def _fit_exchanged(fit: RefinedResult, recorded: Dataset) -> BoolArray:
 
 def _fitting(fit: RefinedResult, dataset: Dataset) -> IntArray:
     """The frames of a changed data set that the parameters of a fit explain."""
-    solve = Solve(dataset, fit.pose, fit.settings)
-    chi_squares = solve.chi_squares_for(
-        fit.unknowns, fit.p, fit.sigma_px.value, fit.scatter_m.value
-    )
-    return np.asarray(solve.frames[chi_squares <= solve.limit])
+    changed = fit.fit_of(dataset)
+    return np.asarray(changed.frames[changed.explained()])
 
 
 def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:

@@ -14,7 +14,7 @@ import numpy as np
 
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.refine import RefinedResult, median_residual, refine, robust_start
-from stereocal.refined.solve import Solve
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
@@ -188,7 +188,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     settings = replace(
         fit.settings, time_offset=True, sigma_px=fit.sigma_px.value, scatter_m=fit.scatter_m.value
     )
-    solve = Solve(recorded, fit.pose, settings, fit.rows)
+    solve = RobustFit.of_pair(recorded, fit.pose, settings, fit.rows)
     unknowns = solve.unknowns
     p = np.append(fit.p, 0.0)
     limits = np.where(fit.outlying[fit.frame_of], 0.0, np.inf)

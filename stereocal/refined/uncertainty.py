@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.solve import Solve
 from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
 from stereocal.refined.views import EACH, Cameras, jacobians_of
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -206,8 +205,8 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
     Args:
         rows: mask (n,) of the rows of the data set; they need not be those that were fitted.
     """
-    solve = Solve(result.dataset, result.pose, result.settings, rows)
-    solve.sigma_px, n = result.sigma_px.value, len(solve.points)
+    solve = result.fit_of(result.dataset, rows)
+    n = len(solve.points)
     _, H, _ = solve.sum_at(result.q, 0.0, np.full(n, np.inf), solve.points, np.empty(n))
     found = solve.innovations(result.q, solve.points)
     frames = solve.frames[solve.frame_of]

@@ -151,6 +151,10 @@ class Unknowns:
     precision: FloatArray
     """(k, k): inverse of the covariance of the priors of p; 0 without a prior."""
 
+    def named(self, p: FloatArray) -> dict[str, float]:
+        """The values p (k,) of the free parameters by name."""
+        return dict(zip(self.names, p.tolist(), strict=True))
+
     def covariance(self, information: FloatArray) -> FloatArray:
         """(k, k): covariance of p, from the priors and the information (25, 25) about q."""
         A = self.M.T @ information @ self.M + self.precision

@@ -14,8 +14,9 @@ import numpy as np
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
+from stereocal.refined.noise import ESTIMATED
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.robust import ESTIMATED, SMALLEST_SCATTER
+from stereocal.refined.robust import SMALLEST_SCATTER
 from stereocal.refined.uncertainty import Innovations, bar_innovations
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray

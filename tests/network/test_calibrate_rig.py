@@ -18,7 +18,7 @@ from stereocal.network.rig_file import rig_file
 from stereocal.network.unknowns import RigSettings, camera_at
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
-from stereocal.refined.solve import Solve
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import LensPrior, shared_unknowns
 from stereocal.refined.views import EACH, TRANSLATION, fit_points
@@ -109,7 +109,7 @@ def test_two_views_of_the_joint_fit_are_the_pair() -> None:
     # with costs that agree to 1e-13: the rest is rounding.
     assert found[:6] == pytest.approx(pair.q[:6], rel=1e-8, abs=1e-8)
     assert found[7:15] == pytest.approx(pair.q[7:15], rel=1e-8)
-    own = Solve(pair.dataset, pair.pose, pair.settings)
+    own = RobustFit.of_pair(pair.dataset, pair.pose, pair.settings)
     for solve in (fit, own):
         solve.sigma_px, solve.scatter = pair.sigma_px.value, pair.scatter_m.value
         solve._solve(np.full(len(solve.frames), np.inf), 1e-20)

@@ -18,10 +18,9 @@ from tests.projects.test_recording import rig_text
 def errors_on(rig: RigCalibration, recording: Recording) -> tuple[float, float]:
     """Reprojection error and 95 % of the length errors on other frames."""
     fit = type(rig.fit)(recording, rig.fit.poses, rig.fit.rig_settings)
-    own = fit.placings
-    points, residuals = point_fits(rig.fit.cameras, own, fit.rays)
-    px = frame_errors(residuals, own.of_frame, len(own.frames))
-    lengths = np.abs(length_errors(points, own.distances))
+    points, residuals = point_fits(rig.fit.cameras, fit.seen)
+    px = frame_errors(residuals, fit.frame_of, len(fit.frames))
+    lengths = np.abs(length_errors(points, fit.seen.distances))
     return float(np.sqrt(np.nanmean(np.square(px)))), float(np.quantile(lengths, 0.95))
 
 

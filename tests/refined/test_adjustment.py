@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.refined import adjustment, distortion, views
 from stereocal.refined.adjustment import add_baselines
-from stereocal.refined.distortion import lens_terms
-from stereocal.refined.solve import Solve, lenses_of_cameras
+from stereocal.refined.distortion import lens_terms, lenses_of_cameras
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import BAR, BASELINE, DRIFT, PRIMARY, SHARED, TIME, views_of
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
@@ -149,7 +149,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
         scatter_m=0.001,
         loss="squares",
     )
-    solve = Solve(data, rig.RIG, priors)
+    solve = RobustFit.of_pair(data, rig.RIG, priors)
     assert solve.run()
     unknowns = solve.unknowns
     k = len(unknowns.names)
@@ -159,7 +159,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
         q = unknowns.origin + unknowns.M @ z[:k]
         found = [z[:k][free] / unknowns.sigma[free]]
         for f, x in enumerate(z[k:].reshape(-1, OWN)):
-            found.append(frame_of(q, x, solve.pixels[f], weights=(1 / 0.3, 1000.0))[0])
+            found.append(frame_of(q, x, solve.seen.pixels[f], weights=(1 / 0.3, 1000.0))[0])
         return np.concatenate(found)
 
     start = np.concatenate([np.zeros(k), rig.bar_ends(5).ravel()])
@@ -177,7 +177,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
 
 def test_left_out_frames_have_no_say() -> None:
     data = rig.dataset(10, 0.2)
-    solve = Solve(data, rig.RIG, RefineSettings())
+    solve = RobustFit.of_pair(data, rig.RIG, RefineSettings())
     sides = []
     for limits in (np.where(np.arange(10) < 6, np.inf, 0.0), np.full(6, np.inf)):
         n = len(limits)

@@ -8,8 +8,8 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.refined.noise import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.refine import refine
-from stereocal.refined.robust import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import Nominal, lens_off_by, observe

@@ -9,7 +9,7 @@ from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Meth
 from stereocal.evaluation.compiled_run import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
-from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.unknowns import RefineSettings, shared_unknowns
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
-from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.dataset import Dataset

@@ -18,9 +18,10 @@ from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.refined.local_pose import pose_directions, step_between
-from stereocal.refined.solve import Solve
+from stereocal.refined.observations import Observations
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, rig_of
+from stereocal.refined.unknowns import RefineSettings, Unknowns, rig_of
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 
@@ -112,16 +113,12 @@ def pose_difference(one: Pose, other: Pose) -> FloatArray:
     return step_between(*(np.array([*it.angles, it.baseline, *rest]) for it in (one, other)))
 
 
-class Fit(Solve):
+class Fit(RobustFit):
     """One hypothesis: a prior, what may have changed, and new images."""
 
     def __init__(self, prior: Prior, images: NewImages, change: Change, sigma_px: float) -> None:
-        settings = RefineSettings(
-            primary=FIXED_LENS, secondary=FIXED_LENS, sigma_px=sigma_px, scatter_m=prior.scatter_m
-        )
-        super().__init__(images.dataset, prior.rig.pose, settings)
-        self.prior, self.change = prior, change
-        known = self.known = prior.root.shape[1]
+        settings = RefineSettings(sigma_px=sigma_px, scatter_m=prior.scatter_m)
+        known = prior.root.shape[1]
         unknowns = Unknowns(
             names=tuple(f"value {i}" for i in range(known + len(change))),
             origin=prior.q,
@@ -129,10 +126,11 @@ class Fit(Solve):
             sigma=np.concatenate([np.ones(known), change.sigma]),
             precision=block_diag(np.eye(known), np.diag(1.0 / change.sigma**2)),
         )
-        self.start_with(unknowns, np.zeros(known + len(change)))
+        super().__init__(Observations.of_pair(images.dataset, False), unknowns, settings)
+        self.prior, self.images, self.change, self.known = prior, images, change, known
         self.set_limits(len(change) - round(prior.degrees))
 
-    def start_at(self, pose: Pose) -> None:
+    def start_from(self, pose: Pose) -> None:
         """Start with the pose changed to this one; the change must begin with the pose."""
         self.p[:] = 0.0
         first, count = self.known, min(len(self.change), BASELINE + 1)
@@ -142,7 +140,7 @@ class Fit(Solve):
     def minimise(self, outlying: BoolArray, start: Pose | None = None) -> "Fit":
         """Fit all groups but the outlying ones, by plain least squares, from a pose if stated."""
         if start is not None:
-            self.start_at(start)
+            self.start_from(start)
         self.outlying = outlying
         self._solve(np.where(outlying, 0.0, np.inf))
         return self

@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.matching.reconstruction import POSE, noise_of_file
-from stereocal.refined.robust import ASSUMED, GIVEN
+from stereocal.refined.noise import ASSUMED, GIVEN
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, shared_unknowns
 from stereocal.rig.compiled import FloatArray

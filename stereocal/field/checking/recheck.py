@@ -153,7 +153,7 @@ class _Check:
             if not found or fit.outlying.any():
                 fit = Fit(self.prior, images, change, sigma_px)
                 if pose := robust_start(images.dataset, images.dataset.rays):
-                    fit.start_at(pose)
+                    fit.start_from(pose)
                     found += [fit] * fit.run()
             if found:
                 best = min(found, key=lambda each: each.outlying.sum())
@@ -226,7 +226,7 @@ def _design_effect(fit: Fit, runs: bool) -> tuple[float, int]:
     used = np.flatnonzero(~fit.outlying)
     if len(used) < 2 or not np.isfinite(fit.cost):
         return 1.0, len(used)
-    data, q, frames = fit.dataset, fit.q, fit.frames[used]
+    data, q, frames = fit.images.dataset, fit.q, fit.frames[used]
     rig = rig_of(data.primary, data.secondary, q)
     clusters = clusters_in(data.correspondences.of_frames(frames), rig, frames)
     if runs and not clusters.has_runs:

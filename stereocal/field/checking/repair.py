@@ -6,8 +6,8 @@ import numpy as np
 
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Fit
+from stereocal.refined.noise import ESTIMATED, GIVEN
 from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
-from stereocal.refined.robust import ESTIMATED, GIVEN
 from stereocal.refined.two_views import BAR, BASELINE, DISTORTION
 from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -73,12 +73,12 @@ def length_error(fit: Fit, sigma_px: float) -> float | None:
 
     The mean of |error| of a normal error, from the noise and the covariance of the parameters.
     """
-    if not np.isfinite(fit.distances).any():
+    if not fit.seen.has_lengths:
         return None
-    bars = np.isfinite(fit.distances) & ~fit.outlying[fit.frame_of]
+    bars = np.isfinite(fit.seen.distances) & ~fit.outlying[fit.frame_of]
     ends = fit.points[bars].reshape(-1, 3)
     a, b = ends[0::2], ends[1::2]
-    sigmas = length_sigmas(fit.q, fit.lenses, sigma_px, fit.covariance, a, b)
+    sigmas = length_sigmas(fit.q, fit.seen.lenses, sigma_px, fit.covariance, a, b)
     return MEAN_OF_NORMAL * float(np.mean(sigmas / np.linalg.norm(a - b, axis=1)))
 
 

@@ -21,8 +21,8 @@ from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.expected import planned_dataset, refine_settings
 from stereocal.field.planning.plan import Plan
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
-from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.two_views import BAR, BASELINE, PRIMARY, SECONDARY, undistort_rays
 from stereocal.refined.unknowns import pose_of, shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray

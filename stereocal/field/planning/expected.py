@@ -15,8 +15,8 @@ from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.plan import Plan, common_points, sees
 from stereocal.refined import uncertainty
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.solve import lenses_of_cameras
 from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset

@@ -12,7 +12,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.checking.prior import root_of
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.solve import lenses_of_cameras
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import SHARED
 from stereocal.refined.uncertainty import point_errors
 from stereocal.refined.unknowns import shared_unknowns

@@ -1,0 +1,89 @@
+"""What N cameras saw of an object, in the units that are fitted: a pair is the case of two."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereocal.refined.distortion import lenses_of_cameras
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.tracks import TimeOffset
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Units of two points (`views`): a bar is one, the placing of an object several."""
+
+    frames: IntArray
+    """(f,): the frame numbers, ascending."""
+    frame_of: IntArray
+    """(n,): index of the frame of each unit."""
+    targets: IntArray
+    """(n, 2): indices into the object's names; -1 for none."""
+    pixels: FloatArray
+    """(n, 2, c, 2), and the next ones, as in `views.Units`."""
+    rays: FloatArray
+    motion: FloatArray
+    distances: FloatArray
+    lenses: FloatArray
+    """(c, 23): as in `views.Cameras`."""
+    length_m: float
+    """Of the bar, or the longest of the object."""
+    variances: FloatArray
+    """(f, ...): of the pixels, over those of recorded ones."""
+
+    @classmethod
+    def of_pair(
+        cls, dataset: Dataset, moving: bool, rows: BoolArray | None = None
+    ) -> "Observations":
+        """Those of a data set; the units are `Correspondences.parts`.
+
+        Args:
+            moving: whether the secondary camera may be late, so that the motion is needed.
+            rows: mask (n,) of the rows; all if None.
+        """
+        table = dataset.correspondences
+        kept = np.ones(len(table), dtype=np.bool_) if rows is None else rows
+        part, place = (own[kept] for own in table.parts)
+        _, first, at = np.unique(part, return_index=True, return_inverse=True)
+        frames, frame_of = np.unique(table.frame[kept][first], return_inverse=True)
+        n = len(first)
+        targets = np.full((n, 2), -1)
+        targets[at, place] = table.target[kept]
+        pixels, rays = np.full((n, 2, 2, 2), np.nan), np.full((n, 2, 2, 2), np.nan)
+        pixels[at, place, 0] = table.primary[kept]
+        pixels[at, place, 1] = table.secondary[kept]
+        rays[at, place] = dataset.rays[:, kept].T.reshape(-1, 2, 2)
+        motion = np.zeros((n if moving else 0, 2, 2, 3))
+        if moving:
+            offset = dataset.time_offset or TimeOffset()
+            motion[at, place, 1, :2] = np.nan_to_num(table.motion[kept, :2])
+            motion[at, place, 1, 2] = table.time_frame[kept] - offset.reference
+        variances = np.ones((len(frames), len(table.names)))
+        of_rows = frame_of[at], table.target[kept]
+        variances[of_rows] = 0.5 + 0.5 * np.nan_to_num(table.motion[kept, 2], nan=1.0)
+        bars, distances = kept[table.bars].all(axis=1), np.full(n, np.nan)
+        of_bars = at[np.searchsorted(np.flatnonzero(kept), table.bars[bars, 0])]
+        distances[of_bars] = dataset.bar_distances_m[bars]
+        return cls(
+            frames,
+            frame_of,
+            targets,
+            pixels,
+            rays,
+            motion,
+            distances,
+            lenses_of_cameras(dataset.primary, dataset.secondary),
+            dataset.target_distance_m,
+            variances,
+        )
+
+    @property
+    def has_lengths(self) -> bool:
+        """Whether the length of any unit is known."""
+        return bool(np.isfinite(self.distances).any())
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether frames have several units, whose errors may be alike."""
+        return len(self.frame_of) > len(self.frames)
