@@ -3,6 +3,7 @@
 import argparse
 from functools import partial
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import finish, questions, refuse_given
 from stereocal.errors import StereocalError
@@ -11,9 +12,13 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets_of_pairs
 from stereocal.network.rig_file import RIG, rig_file
 from stereocal.network.unknowns import RigSettings
-from stereocal.pairs_of_rig import files_of_pairs
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.dataset import Dataset
+from stereocal.verdict.forecast import outlook_of
+from stereocal.workflow import answer, calibrate
 
 OPTIONS: Options = {
     "inputs DATASET...": "a data set with dataset.json of format 2; or refined parameter files of "
@@ -24,6 +29,20 @@ OPTIONS: Options = {
     "--baseline-sigma S": "of baselines, m",
     **questions("lens_model"),
 }
+
+
+FIGURES = ("fcp_reprojection", "median_error_3d", "p95_error_3d", "threshold_px")
+"""Of the forecast of a pair, in rig.json."""
+
+
+def paper_sets(dataset: Dataset, settings: RefineSettings) -> Sets:
+    """The refined set of a pair of a rig and the paper's two, with the forecast."""
+    # The rig has left out the frames that contradict it.
+    calibration = calibrate(dataset, CalibrationSettings(all_frames=True), refined=settings)
+    outlook = outlook_of(calibration)
+    if outlook is None or calibration.refined is None:
+        raise StereocalError("there is no forecast for it.")
+    return answer(calibration, outlook).sets
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -42,10 +61,13 @@ def run(parsed: argparse.Namespace) -> None:
         name, sigma = recording.name, parsed.baseline_sigma
         settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset)
         rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))
-        of_pairs = partial(files_of_pairs, recording, rig, parsed.pairs)
-        pairs, figures, notes = with_bar("pairs", of_pairs)
-        for pair, own in figures.items():
-            rig.about["pairs"][pair].update(own)
+        sets_of = paper_sets if parsed.pairs else refined_set
+        sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))
+        pairs = files_of_sets(sets)
+        for pair, own in sets.items():
+            predicted = own["refined"].predicted or {}
+            figures = {name: value for name, value in predicted.items() if name in FIGURES}
+            rig.about["pairs"][pair].update(figures)
     files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, name).encode(), **pairs}
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
     finish(parsed.out, files, *sentences, notes=(*rig_notes(rig), *notes))

@@ -9,9 +9,9 @@ from stereocal.formats.archives.every_camera import cameras_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, find_description, parse_recording
+from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
-from stereocal.pairs_of_rig import data_of_pair, settings_of_pair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import INPUT, Project, ProjectPart, packed, stated_in

@@ -124,7 +124,8 @@ class RobustFit:
         unknowns = unknowns_of(dataset, start, settings, seen.has_lengths)
         found = cls(seen, unknowns, settings)
         if settings.rest is not None:
-            found.p = settings.rest.start(unknowns)
+            away = np.array(settings.rest.values) - unknowns.origin
+            found.p = np.asarray(np.linalg.pinv(unknowns.M) @ away)
         return found
 
     def set_limits(self, unknowns: int) -> None:

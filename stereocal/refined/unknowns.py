@@ -8,7 +8,6 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.refined.local_pose import moved
-from stereocal.refined.rest import Rest
 from stereocal.refined.two_views import (
     BAR,
     BASELINE,
@@ -69,6 +68,25 @@ class LensPrior:
             raise StereocalError("The uncertainty of a lens must be 0 (fixed) or more.")
 
 
+@dataclass(frozen=True)
+class RigPrior:
+    """What the other images of a rig tell of a pair of it: a normal prior of its unknowns."""
+
+    values: tuple[float, ...]
+    """(25,): those of the rig, where the fit begins."""
+    mean: tuple[float, ...]
+    """(25,)."""
+    precision: tuple[tuple[float, ...], ...]
+    """(25, 25): in the directions of the free parameters; 0 of all others."""
+    design_effect: float
+    """Of the rig."""
+
+    def __post_init__(self) -> None:
+        numbers = np.array([self.values, self.mean, *self.precision], dtype=np.float64)
+        if numbers.shape != (SHARED + 2, SHARED) or not np.isfinite(numbers).all():
+            raise ValueError("what the rig says of its pair has other numbers")
+
+
 FIXED_LENS = LensPrior(0.0, 0.0)
 FREE_DISTORTION = (0.5, 1.0, 0.02, 0.02)
 """Standard deviations of k1, k2, p1, p2 that hardly restrict them; they keep those finite about
@@ -104,7 +122,7 @@ class RefineSettings:
     """Whether its drift is one too."""
     maximum_steps: int = 60
     """Maximum number of steps of each solve."""
-    rest: Rest | None = None
+    rest: RigPrior | None = None
     """Of a pair of a rig: what the other images tell, instead of the priors above."""
 
     def __post_init__(self) -> None:
@@ -216,7 +234,18 @@ def unknowns_of(
     blocks.append(([("time offset", late, [TIME]), ("time drift", drift, [DRIFT])], None))
     focal_lengths = [place for number in range(2) for place in lens_places(number)[:2]]
     found = free_parameters(blocks, origin, focal_lengths)
-    return found if settings.rest is None else settings.rest.prior(found)
+    return found if settings.rest is None else _with_prior(found, settings.rest)
+
+
+def _with_prior(unknowns: Unknowns, rest: RigPrior) -> Unknowns:
+    """The unknowns with the prior of a rig; a parameter that is fixed in it keeps its own."""
+    M = unknowns.M
+    precision = M.T @ np.array(rest.precision) @ M
+    fixed = np.diag(precision) == 0.0
+    precision += np.where(np.outer(fixed, fixed), unknowns.precision, 0.0)
+    with np.errstate(divide="ignore"):
+        sigma = 1.0 / np.sqrt(np.diag(precision))
+    return replace(unknowns, origin=np.array(rest.mean), sigma=sigma, precision=precision)
 
 
 def free_parameters(

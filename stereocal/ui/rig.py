@@ -12,9 +12,9 @@ from stereocal.figures.rig_report import (
 )
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.network.pair_of_rig import files_of_sets, sets_of_pairs
 from stereocal.network.rig_file import RIG, RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
-from stereocal.pairs_of_rig import files_of_pairs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.system.numbers import count
@@ -55,8 +55,8 @@ def work_of(project: Project, time_offsets: bool) -> jobs.Work:
             found = rig_file(calibrate_rig(recording, settings, report))
         except _CancelledError:
             return False
-        files, _, _ = files_of_pairs(recording, found)
-        store.keep_rig(found.dumps(), pack_zip(files))
+        sets, _ = sets_of_pairs(recording, found)
+        store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))
         return True
 
     return jobs.Work(project, KIND, ("steps",), run)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.commands.rig import FIGURES
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.formats.exchange.exchange import read_camera_pair
@@ -50,11 +51,13 @@ def test_rig_writes_its_files(
 def test_rig_with_the_sets_of_the_paper(dataset: Path, tmp_path: Path) -> None:
     assert main(["rig", str(dataset), "--out", str(tmp_path), "--pairs"]) == 0
     for pair in ("c1-c2", "c1-c3", "c2-c3"):
+        figures = json.loads((tmp_path / "rig.json").read_text())["pairs"][pair]
         for method in ("2d", "3d", "refined"):
             own = RigParameters.load(tmp_path / f"{pair}_{method}.json")
             assert own.method == method
             assert own.camera_names == tuple(pair.split("-"))
-        figures = json.loads((tmp_path / "rig.json").read_text())["pairs"][pair]
+        for figure in FIGURES:  # of the refined set
+            assert figures[figure] == (own.predicted or {})[figure]
         assert 0 <= figures["fcp_reprojection"]["value"] < 0.2
         assert figures["threshold_px"]["value"] > 0
 

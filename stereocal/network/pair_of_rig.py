@@ -1,12 +1,19 @@
-"""The pairs of a rig: their data with the rig's lenses, and their parameter files."""
+"""A pair of a rig: its data with the rig's lenses, the fit that is the rig's, and its files.
 
+Fitted by itself with the lenses of the rig as stated ones, a pair would count its own images twice:
+they are in those lenses already. So the information of its images is taken from that of the rig,
+and the rest is the prior. With it the pair's fit ends where the rig's did, with the rig's
+covariance; without some of its frames, their images in this pair are left out.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
+from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import Progress
 from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile
@@ -14,72 +21,68 @@ from stereocal.network.screening import WrongImage, rows_of
 from stereocal.network.unknowns import lens_places
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine, settings_for
-from stereocal.refined.rest import Rest
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.time_offset import usable_after
-from stereocal.refined.two_views import BAR, SHARED
-from stereocal.refined.unknowns import RefineSettings, shared_unknowns
+from stereocal.refined.two_views import BAR
+from stereocal.refined.unknowns import RefineSettings, RigPrior, shared_unknowns
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Pair, Recording
-from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.verdict.forecast import outlook_of
-from stereocal.workflow import answer, calibrate
 
-FIGURES = ("fcp_reprojection", "median_error_3d", "p95_error_3d", "threshold_px")
 TIED = 1.0 - 1e-9
 """Correlation of fx and fy from which on they share one factor."""
+OF_PAIR = 1.0 - 1e-6
+"""Share of the information in a direction from which on all of it is the pair's own."""
+Sets = Mapping[Method, RigParameters]
+"""The parameter sets of a pair."""
 
 
-def files_of_pairs(
-    recording: Recording, rig: RigFile, paper: bool = False, progress: Progress | None = None
-) -> tuple[dict[str, bytes], dict[str, dict[str, Any]], list[str]]:
-    """The files by name, figures of each pair for rig.json, and notes on pairs without files.
+def refined_set(dataset: Dataset, settings: RefineSettings) -> Sets:
+    """The refined set of a pair alone."""
+    return {"refined": refined_parameters(refine(dataset, settings))}
+
+
+def sets_of_pairs(
+    recording: Recording,
+    rig: RigFile,
+    progress: Progress | None = None,
+    sets_of: Callable[[Dataset, RefineSettings], Sets] = refined_set,
+) -> tuple[dict[str, Sets], list[str]]:
+    """The parameter sets of each pair by its name, and notes on pairs without any.
 
     Args:
-        paper: whether to compute the paper's two sets, with the rig's lenses, and the forecast.
         progress: called with the pairs done, and those in all.
+        sets_of: the sets of a pair's data and settings.
     """
-    files: dict[str, bytes] = {}
-    figures: dict[str, dict[str, Any]] = {}
+    found: dict[str, Sets] = {}
     notes: list[str] = []
-    pairs = [name for name, own in rig.about["pairs"].items() if "frames" in own]
-    for number, name in enumerate(pairs):
+    left_out = tuple(rig.about["frames_left_out"])
+    names = [name for name, own in rig.about["pairs"].items() if "frames" in own]
+    for number, name in enumerate(names):
+        pair = recording.pair_named(name)
         try:
-            for method, found in _files(recording, rig, name, paper, figures).items():
-                files[f"{name}_{method}.json"] = found.dumps().encode()
+            dataset = data_of_pair(recording, pair, rig)
+            sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
+            late = rig.pair(*pair).time_offset
+            found[name] = {
+                method: replace(own, time_offset=late, frames_left_out=left_out)
+                for method, own in sets.items()
+            }
         except (StereocalError, KeyError) as error:
             notes.append(f"The pair {name} has no files: {error}")
         if progress is not None:
-            progress(number + 1, len(pairs))
-    return files, figures, notes
+            progress(number + 1, len(names))
+    return found, notes
 
 
-def _files(
-    recording: Recording, rig: RigFile, name: str, paper: bool, figures: dict[str, dict[str, Any]]
-) -> dict[str, RigParameters]:
-    """The files of a pair by method; `figures` gets those of its forecast."""
-    pair = recording.pair_named(name)
-    dataset = data_of_pair(recording, pair, rig)
-    settings = settings_of_pair(dataset, pair, rig)
-    late = rig.pair(*pair).time_offset
-    if not paper:
-        own = refined_parameters(refine(dataset, settings), left_out=rig.about["frames_left_out"])
-        return {"refined": replace(own, time_offset=late)}
-    # The rig has left out the frames that contradict it.
-    calibration = calibrate(dataset, CalibrationSettings(all_frames=True), refined=settings)
-    outlook = outlook_of(calibration)
-    if outlook is None:
-        raise StereocalError("there is no forecast for it.")
-    sets = answer(calibration, outlook).sets
-    predicted = dict(sets["refined"].predicted or {})
-    figures[name] = {figure: predicted[figure] for figure in FIGURES}
-    left_out = rig.about["frames_left_out"]
+def files_of_sets(sets: Mapping[str, Sets]) -> dict[str, bytes]:
+    """The files of the sets of pairs, by name."""
     return {
-        method: replace(found, time_offset=late, frames_left_out=tuple(left_out))
-        for method, found in sets.items()
+        f"{name}_{method}.json": found.dumps().encode()
+        for name, own in sets.items()
+        for method, found in own.items()
     }
 
 
@@ -114,11 +117,8 @@ def settings_of_pair(dataset: Dataset, pair: Pair, rig: RigFile) -> RefineSettin
         dataset: of `data_of_pair`.
     """
     own, figures = rig.pair(*pair), rig.about["figures"]
-    values = shared_unknowns(Rig(own.primary, own.secondary, own.pose))
+    values, effect = shared_unknowns(own), figures["design_effect"]
     values[BAR] = rig.q[-1]
-    known = np.array((own.uncertainties or {})["covariance"]["matrix"])
-    covariance = np.zeros((SHARED, SHARED))
-    covariance[: len(known), : len(known)] = known
     settings = RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,
@@ -126,10 +126,22 @@ def settings_of_pair(dataset: Dataset, pair: Pair, rig: RigFile) -> RefineSettin
         scatter_m=figures["length_scatter_m"],
         loss="squares",  # the rig has left out what contradicts it
     )
-    solve = RobustFit.of_pair(dataset, own.pose, settings_for(dataset, settings))
-    H, g, _ = solve.equations(values, [np.arange(len(solve.frames))])
-    effect = figures["design_effect"]
-    rest = Rest.of(values, covariance, solve.unknowns, (H[0], g[0]), effect)
+    fit = RobustFit.of_pair(dataset, own.pose, settings_for(dataset, settings))
+    H, g, _ = fit.equations(values, [np.arange(len(fit.frames))])
+    first, second = (rig.names.index(name) for name in pair)
+    covariance = pair_covariance(own, first, second, rig.q, rig.R, rig.covariance)
+    M = fit.unknowns.M
+    to_free = np.linalg.pinv(M)
+    L = np.linalg.cholesky(to_free @ covariance @ to_free.T)
+    # In these directions the rig has the information 1; the pair's images a share of it.
+    shares, V = np.linalg.eigh(L.T @ (M.T @ H[0] @ M / effect) @ L)
+    left = np.where(shares < OF_PAIR, 1.0 - shares, 0.0)
+    W = np.linalg.solve(L.T, V)
+    away = np.divide(V.T @ L.T @ (M.T @ g[0]), left, out=np.zeros(len(left)), where=left > 0.0)
+    precision = to_free.T @ (W * left) @ W.T @ to_free
+    mean = values + M @ (L @ (V @ away))
+    rows = (tuple(row) for row in precision.tolist())
+    rest = RigPrior(tuple(values.tolist()), tuple(mean.tolist()), tuple(rows), effect)
     return replace(settings, rest=rest)
 
 

@@ -7,15 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.pair_of_rig import data_of_pair, sets_of_pairs, settings_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
-from stereocal.pairs_of_rig import data_of_pair, files_of_pairs, settings_of_pair
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Pair, Recording
-from stereocal.rig.rig import Rig
 from stereocal.simulation.several import LENS_ERRORS, simulated_rig
 
 PAIRS = [("c1", "c2"), ("c2", "c3"), ("c3", "c1")]
@@ -39,7 +38,7 @@ def refined_of(pair: Pair) -> tuple[RefinedResult, RefineSettings]:
 
 def values_of(rig: RigFile, pair: Pair) -> np.ndarray:
     own = rig.pair(*pair)
-    values = shared_unknowns(Rig(own.primary, own.secondary, own.pose))
+    values = shared_unknowns(own)
     values[BAR] = rig.q[-1]
     return values
 
@@ -84,24 +83,14 @@ def test_its_images_are_not_counted_twice() -> None:
     assert 0.0 < np.abs(moved).max() < 1.0
 
 
-def test_the_files_of_all_pairs(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_sets_of_all_pairs() -> None:
     recording, rig = rig_of(5)
-    files, figures, notes = files_of_pairs(recording, rig, paper=True)
-    assert not notes and len(files) == 9
-    folder = tmp_path_factory.mktemp("pairs")
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
-        pair = name.split("_")[0]
-        found = RigParameters.load(folder / name)
-        assert found.camera_names == tuple(pair.split("-"))
+    sets, notes = sets_of_pairs(recording, rig)
+    assert not notes and len(sets) == 3
+    for name, own in sets.items():
+        found = RigParameters.loads(own["refined"].dumps())
+        assert found.camera_names == tuple(name.split("-"))
         assert 11 in found.frames_left_out
-        if name.endswith("_refined.json"):
-            own = rig.pair(*found.camera_names)
-            turn = Rotation.from_matrix(found.pose.R @ own.pose.R.T).magnitude()
-            assert turn < 1e-9
-            assert pytest.approx(own.pose.T, abs=1e-9) == found.pose.T
-            assert found.predicted is not None
-            for figure, value in figures[pair].items():
-                assert found.predicted[figure] == value
-    plain, none, _ = files_of_pairs(recording, rig)
-    assert len(plain) == 3 and not none
+        pose = rig.pair(*found.camera_names).pose
+        assert Rotation.from_matrix(found.pose.R @ pose.R.T).magnitude() < 1e-9
+        assert pytest.approx(pose.T, abs=1e-9) == found.pose.T
