@@ -21,10 +21,12 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
+from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, match_points
-from stereocal.matching.matching_files import match_tables
+from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.threshold import choose_threshold
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.system.executors import engine
@@ -138,9 +140,11 @@ def speed(frames: int) -> None:
             pd.concat(side).to_csv(folder / f"{which}.csv", index=False)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for method, threshold in (("2d", 0.7), ("2d", 10.0), ("3d", 40.0)):
-            tables = [PointTable(folder / f"{which}.csv", ("u", "v")) for which in "ps"]
+            tables: dict[str, PointTable] = {
+                which: PointTable(folder / f"{which[0]}.csv") for which in CAMERAS
+            }
             cpu, wall = time.process_time(), time.monotonic()
-            match_tables(sets[method], tables[0], tables[1], folder / "o.csv", threshold)
+            match_tables(sets[method], tables, folder / "o.csv", Stated(threshold))
             cpu, wall = time.process_time() - cpu, time.monotonic() - wall
             load = os.getloadavg()[0]
             print(f"| {NAMES[method]} | {threshold:g} px | {cpu:.1f} | {wall:.1f} | {load:.1f} |")

@@ -26,7 +26,7 @@ from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
 from stereocal.formats.dataset_files import read_recording
-from stereocal.matching.several_views import ViewFitter
+from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit
 from stereocal.network.placings import images_of, observations_of, rows_where

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from stereocal.formats.dataset_files import read_dataset as read_dataset
     from stereocal.formats.exchange.exchange import export as export
     from stereocal.formats.exchange.exchange import import_parameters as import_parameters
+    from stereocal.matching.measure_tables import reconstruct as reconstruct
     from stereocal.matching.pairs import match as match
-    from stereocal.matching.reconstruction_files import reconstruct as reconstruct
     from stereocal.rig.camera import Camera as Camera
     from stereocal.rig.dataset import Correspondences as Correspondences
     from stereocal.rig.dataset import Dataset as Dataset
@@ -42,7 +42,7 @@ _MODULES = {
     "match": "matching.pairs",
     "read_camera": "formats.camera_file",
     "read_dataset": "formats.dataset_files",
-    "reconstruct": "matching.reconstruction_files",
+    "reconstruct": "matching.measure_tables",
 }
 __all__ = [*_MODULES]
 

@@ -23,7 +23,8 @@ from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
-from stereocal.matching.application import Application
+from stereocal.matching.application import Application, Points
+from stereocal.matching.pairs import Stated
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.home import recent_projects
@@ -254,6 +255,7 @@ def _give_points(project: Project) -> None:
         rows = [f"{k // 2},{u!r},{v!r}" for k, (u, v) in enumerate(pixels.tolist())]
         store.offer_points(side, f"{side}.csv", ("frame,u,v\n" + "\n".join(rows)).encode())
     store.ask("bars", "wand.csv", b"1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n")
-    points = [store.points(side) for side in CAMERAS]
-    assert points[0] is not None and points[1] is not None
-    store.run(Application(points[0], points[1], rigs[0], rigs[1], 1.0, (0.0, np.inf)))
+    points: dict[str, Points] = {
+        side: given for side in CAMERAS if (given := store.points(side)) is not None
+    }
+    store.run(Application(points, rigs[0], rigs[1], Stated(1.0)))

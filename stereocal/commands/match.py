@@ -31,19 +31,18 @@ from stereocal.formats.point_answers import what_is_missing
 from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, OURS, first_rows, layout_name, propose_layout
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.matching.matching import match_points
-from stereocal.matching.matching_files import match_tables
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.matching import ANY_DEPTH, match_points
 from stereocal.matching.names import AUTO
-from stereocal.matching.pairs import POINT
+from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable, is_parquet
-from stereocal.matching.several_files import match_rig
+from stereocal.matching.view_groups import ViewFitter, match_views
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 
 A_POINT = np.zeros((1, 2))
-ANY_DEPTH = (0.0, float("inf"))
 BY_HAND = "columns"
 COUNTED = "-"
 OPTIONS: Options = {
@@ -99,55 +98,57 @@ WITH_LAYOUT = {
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Match, write the pairs, print a summary."""
-    if parsed.rig is not None:
-        _run_rig(parsed)
-        return
+    """Match, write what belongs together, print a summary."""
+    if parsed.unmatched is not None and parsed.unmatched == parsed.out:
+        raise StereocalError("--out and --unmatched name the same file.")
+    rig, tables = _of_rig(parsed) if parsed.rig is not None else _of_pair(parsed)
+    text = None if parsed.threshold == "auto" else parsed.threshold
+    threshold = number_of(text, "--threshold", "a number of pixels, or auto")
+    depths = tuple(parsed.depth or ANY_DEPTH)
+    stated = Stated(threshold, depths, parsed.sigma_px, parsed.names or AUTO)
+    files = partial(match_tables, rig, tables, parsed.out, stated, parsed.unmatched)
+    compile_first = (
+        partial(match_views, ViewFitter(rig), [A_POINT] * len(rig.names), 1.0)
+        if isinstance(rig, RigFile)
+        else partial(match_points, rig, A_POINT, A_POINT, 1.0)
+    )
+    with workers_from(parsed, compile_first) as executor:
+        matched = with_bar("frames", partial(files, executor=executor))
+    report(*matched.sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
+
+
+def _of_pair(parsed: argparse.Namespace) -> tuple[RigParameters, dict[str, PointTable]]:
+    """The parameters, and the points of both cameras."""
     if parsed.others:
         raise StereocalError("More than two tables of points need --rig rig.json.")
     rig = RigParameters.load(parsed.parameters)
-    text = None if parsed.threshold == "auto" else parsed.threshold
-    threshold = number_of(text, "--threshold", "a number of pixels, or auto")
-    if parsed.unmatched is not None and parsed.unmatched == parsed.out:
-        raise StereocalError("--out and --unmatched name the same file.")
     given = [option for name, option in WITH_LAYOUT.items() if getattr(parsed, name) is not None]
     if parsed.layout is None and given:
         raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
-    primary, secondary = (
-        _ours(getattr(parsed, which))
+    return rig, {
+        which: _ours(getattr(parsed, which))
         if parsed.layout is None
         else _theirs(parsed, which, getattr(rig, which))
         for which in CAMERAS
-    )
-    about = rig, primary, secondary, parsed.out, threshold, tuple(parsed.depth or ANY_DEPTH)
-    files = partial(
-        match_tables, *about, parsed.unmatched, sigma_px=parsed.sigma_px, names=parsed.names or AUTO
-    )
-    with workers_from(parsed, partial(match_points, rig, A_POINT, A_POINT, 1.0)) as executor:
-        matched = with_bar("frames", partial(files, executor=executor))
-    sentences = matched.chosen.sentence(), matched.sentence()
-    report(*sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
+    }
 
 
-def _run_rig(parsed: argparse.Namespace) -> None:
-    """The same of all cameras of a rig."""
-    options = ("threshold", "depth", "layout", "unmatched", "workers", "scheduler")
-    refuse_given(parsed, WITH_RIG, *options, *WITH_LAYOUT)
+def _of_rig(parsed: argparse.Namespace) -> tuple[RigFile, dict[str, PointTable]]:
+    """The rig, and the points of its cameras."""
+    refuse_given(parsed, WITH_RIG, "threshold", "depth", "layout", *WITH_LAYOUT)
     tables: dict[str, PointTable] = {}
     for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
         name, equals, file = text.partition("=")
         if not equals or name in tables:
             raise StereocalError(f"{text}: give each camera's points once, as NAME=FILE.")
-        tables[name] = PointTable(Path(file), POINT)
-    about = RigFile.load(parsed.rig), tables, parsed.out, parsed.sigma_px
-    found = with_bar("frames", partial(match_rig, *about, names=parsed.names or AUTO))
-    report(*found.sentences(), notes=found.notes, written=[parsed.out])
+        tables[name] = PointTable(Path(file))
+    return RigFile.load(parsed.rig), tables
 
 
 def _ours(path: Path) -> PointTable:
     """A table `frame,u,v`; the error for another known layout names it."""
     try:
-        return PointTable(path, POINT)
+        return PointTable(path)
     except StereocalError as error:
         if not path.is_file() or is_parquet(path):
             raise
@@ -192,7 +193,7 @@ def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> Po
         told += f", points below likelihood {own.least_likelihood:g} left out"
     print(f"{told}.")
     table.index += 2  # lines, of a table with one line above
-    return PointTable(table, POINT, source)
+    return PointTable(table, label=source)
 
 
 def _camera(text: str | None, cameras: tuple[str, ...], which: int, source: str) -> str | None:

@@ -15,11 +15,10 @@ from stereocal.commands.options import (
     world_from,
 )
 from stereocal.matching.matching import refuse_different_rigs
-from stereocal.matching.pairs import PIXELS
+from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
-from stereocal.matching.reconstruction_files import reconstruct_table
-from stereocal.matching.several_reconstruction import reconstruct_rig
+from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 
@@ -41,17 +40,26 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     """Reconstruct, write the points, print their errors."""
+    rig = _rig(parsed)
+    table = PointTable(parsed.pairs, pixel_columns(rig), may_be_empty=parsed.rig is not None)
+    about = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
+    with workers_from(parsed, partial(_compile, rig)) as executor:
+        measured = with_bar("pairs", partial(measure_tables, *about, executor=executor))
+    report(*measured.sentences, notes=measured.notes, written=[parsed.out])
+
+
+def _compile(rig: RigParameters | RigFile) -> None:
+    """Compile what worker processes call, which those of a rig do not have."""
+    if isinstance(rig, RigParameters):
+        reconstruct_points(rig, A_POINT, A_POINT)
+
+
+def _rig(parsed: argparse.Namespace) -> RigParameters | RigFile:
+    """What measures."""
     if parsed.rig is not None:
         refuse_given(parsed, WITH_RIG, "matched_with", "workers", "scheduler")
-        files = RigFile.load(parsed.rig), parsed.pairs, parsed.out
-        found = reconstruct_rig(*files, world_from(parsed), parsed.sigma_px)
-        report(found.sentence(), written=[parsed.out])
-        return
+        return RigFile.load(parsed.rig)
     rig = RigParameters.load(parsed.parameters)
     if parsed.matched_with is not None:
         refuse_different_rigs(RigParameters.load(parsed.matched_with), rig)
-    pairs = PointTable(parsed.pairs, PIXELS)
-    about = rig, pairs, parsed.out, world_from(parsed), parsed.sigma_px
-    with workers_from(parsed, partial(reconstruct_points, rig, A_POINT, A_POINT)) as executor:
-        measured = with_bar("pairs", partial(reconstruct_table, *about, executor=executor))
-    report(measured.sentence(), measured.about_errors, notes=measured.notes, written=[parsed.out])
+    return rig

@@ -13,7 +13,7 @@ from stereocal.commands.console import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
 from stereocal.matching.matching import match_points
-from stereocal.matching.several_views import ViewFitter, match_views
+from stereocal.matching.view_groups import ViewFitter, match_views
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import rig_file
 from stereocal.refined.refine import refine

@@ -9,33 +9,40 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
-from stereocal.matching.matching_files import match_tables
-from stereocal.matching.names import AUTO, WITHIN, Sample
-from stereocal.matching.pairs import PIXELS, POINT
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.measure_tables import OUTSIDE_VOLUME, measure_tables
+from stereocal.matching.names import AUTO, WITHIN
+from stereocal.matching.pairs import Stated
+from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.reconstruction import name_of_world
-from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, reconstruct_table
-from stereocal.matching.threshold import sample_of
+from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
 from stereocal.system.numbers import count, rounded
+from stereocal.system.tasks import Progress
+from stereocal.verdict.in_words import listed
 
-PAIRS, POINTS = "pairs.csv", "points.csv"
+PAIRS, TRACKS, POINTS = "pairs.csv", "tracks.csv", "points.csv"
 LARGE_ERRORS = " The 3D set is fitted to lengths; its reprojection errors may be large."
 STAGES = ("frames matched", "pairs measured")
 SECONDS_PER_FRAME, SECONDS_PER_ROW, SECONDS_PER_PAIR = 3.5e-3, 2.2e-5, 6e-9
 """CPU time per frame, row and candidate pair: within 10 % of the measured 1.4 s for 400 frames of 3
 points and 11.6 s for 200 frames of 1,000."""
+SECONDS_PER_FRAME_OF_RIG, SECONDS_PER_GROUP = 0.012, 1e-4
+"""The same per frame, and per pair of images of one frame: 60 frames of three cameras and three
+points took 1.4 s."""
 
 
 @dataclass(frozen=True)
@@ -50,86 +57,74 @@ class Points:
     frames: int
 
 
-class Input(Protocol):
-    """What a result is compared with."""
-
-    @property
-    def used(self) -> dict[str, Any]:
-        """As of `Outcome`."""
-
-    @property
-    def shown_depths_m(self) -> list[float | None]:
-        """As of `Outcome.depths_m`."""
-
-    @property
-    def sigma_px(self) -> float | None:
-        """Noise of the points, if it was stated."""
-
-
 @dataclass(frozen=True, eq=False)
 class Application:
-    """The input: points, parameter sets, threshold and depth range."""
+    """The input: points by camera, what matches and what measures them, and what is stated."""
 
-    primary: Points
-    secondary: Points
-    matching: RigParameters
-    measuring: RigParameters
-    threshold_px: float | None = None
-    """None: by the noise of the points."""
-    depths_m: tuple[float, float] = ANY_DEPTH
+    points: Mapping[str, Points]
+    """Of the primary and the secondary, or of cameras of a rig."""
+    matching: RigParameters | RigFile
+    measuring: RigParameters | RigFile
+    """The same rig, where it is one of three cameras and more."""
+    stated: Stated = field(default_factory=Stated)
     world: Pose | None = None
-    """`world_from_primary` of the points; None: points in the primary's frame."""
-    sigma_px: float | None = None
-    """Noise of the points; None: by their columns, or estimated."""
-    names: str = AUTO
-    """As of `pairs.match`."""
-
-    @property
-    def points(self) -> dict[str, Points]:
-        """By camera."""
-        return dict(zip(CAMERAS, (self.primary, self.secondary), strict=True))
+    """`world_from_primary` of the points, of a rig `world_from_reference`; None: points in the
+    camera's frame."""
 
     @property
     def rows(self) -> list[int]:
         """The numbers of points of the cameras."""
-        return [self.primary.rows, self.secondary.rows]
+        return [each.rows for each in self.points.values()]
+
+    @property
+    def matched(self) -> str:
+        """Name of the table of what belongs together."""
+        return TRACKS if isinstance(self.matching, RigFile) else PAIRS
 
     @property
     def digest(self) -> str:
         """Digest of the input, independent of dates."""
-        content: list[Any] = [
-            [self.primary.name, self.secondary.name],
-            [digest_of(each) for each in (self.matching, self.measuring)],
-            self.threshold_px,
-            [repr(depth) for depth in self.depths_m],
-            ["names", self.names],
-        ]
-        if self.world is not None:
-            content.append(name_of_world(self.world))
-        if self.sigma_px is not None:
-            content.append(["sigma_px", self.sigma_px])
+        stated, world = self.stated, self.world and name_of_world(self.world)
+        content: list[Any]
+        if isinstance(self.matching, RigFile):
+            points = [[camera, each.name] for camera, each in self.points.items()]
+            content = [points, self.matching.digest, world, stated.sigma_px, stated.names]
+        else:
+            content = [
+                [each.name for each in self.points.values()],
+                [self.matching.digest, self.measuring.digest],
+                stated.threshold_px,
+                [repr(depth) for depth in stated.depths_m],
+                ["names", stated.names],
+                *([] if world is None else [world]),
+                *([] if stated.sigma_px is None else [["sigma_px", stated.sigma_px]]),
+            ]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property
     def used(self) -> dict[str, Any]:
-        """The labels of both files, and method and digest of the sets, as in `Outcome.used`."""
-        return {
-            "points": [self.primary.label, self.secondary.label],
-            "matching": [self.matching.method, digest_of(self.matching)],
-            "measuring": [self.measuring.method, digest_of(self.measuring)],
-        }
+        """As of `Outcome`."""
+        labels = {"points": [each.label for each in self.points.values()]}
+        if isinstance(self.matching, RigFile):
+            return {**labels, "rig": self.matching.digest}
+        assert isinstance(self.measuring, RigParameters)
+        sets = {"matching": self.matching, "measuring": self.measuring}
+        return labels | {use: [own.method, own.digest] for use, own in sets.items()}
 
     @property
     def shown_depths_m(self) -> list[float | None]:
         """Nearest and farthest, as in `Outcome.depths_m`."""
-        return [depth if np.isfinite(depth) else None for depth in self.depths_m]
+        return [depth if np.isfinite(depth) else None for depth in self.stated.depths_m]
 
     @property
     def expected_seconds(self) -> float:
         """Estimated time, for frames with about equal numbers of points."""
-        rows = self.primary.rows + self.secondary.rows
-        frames = max(self.primary.frames, self.secondary.frames)
-        pairs = self.primary.rows * self.secondary.rows / max(frames, 1)
+        frames = max(each.frames for each in self.points.values())
+        if isinstance(self.matching, RigFile):
+            groups = sum(self.rows) ** 2 / max(frames, 1)
+            return SECONDS_PER_FRAME_OF_RIG * frames + SECONDS_PER_GROUP * groups
+        pairs = np.prod(self.rows) / max(frames, 1)
+        rows = sum(self.rows)
         return SECONDS_PER_FRAME * frames + SECONDS_PER_ROW * rows + SECONDS_PER_PAIR * pairs
 
 
@@ -166,10 +161,10 @@ class Outcome:
     cameras: list[str] = field(default_factory=lambda: [*CAMERAS])
     """Those whose points were given."""
 
-    def changed_since(self, work: Input) -> str:
+    def changed_since(self, work: Application) -> str:
         """What of an input is another than it was for this result, as a list in words."""
         used = self.used | {"depths": self.depths_m, "sigma_px": self.sigma_px}
-        now = work.used | {"depths": work.shown_depths_m, "sigma_px": work.sigma_px}
+        now = work.used | {"depths": work.shown_depths_m, "sigma_px": work.stated.sigma_px}
         names = {
             "points": "points",
             "matching": "set to match with",
@@ -209,89 +204,105 @@ class Outcome:
 
 def apply_sets(
     work: Application,
-    tables: Mapping[str, Path],
+    tables: Mapping[str, PointTable],
     folder: Path,
-    begin: Callable[[str], None] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    begin: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
 ) -> Outcome | None:
-    """Write `pairs.csv` and `points.csv` into a folder; None if cancelled.
+    """Write `pairs.csv`, of a rig `tracks.csv`, and `points.csv` into a folder; None if cancelled.
 
     Args:
         tables: the points by camera.
         executor: computes blocks of both tables; None: the calling thread.
     """
-    refuse_different_rigs(work.matching, work.measuring)
-    if begin is not None:
-        begin(STAGES[0])
-    first, second = (
-        PointTable(tables[name], POINT, points.label) for name, points in work.points.items()
-    )
+    rig, measuring, stated = work.matching, work.measuring, work.stated
+    if isinstance(rig, RigParameters) and isinstance(measuring, RigParameters):
+        refuse_different_rigs(rig, measuring)
     how: dict[str, Any] = {"progress": progress, "cancelled": cancelled, "executor": executor}
-    given = work.threshold_px, work.depths_m
-    pairs = folder / PAIRS
-    matched = match_tables(
-        work.matching, first, second, pairs, *given, sigma_px=work.sigma_px, names=work.names, **how
-    )
+    begin(STAGES[0])
+    rows: list[pd.DataFrame] = []
+    out = folder / work.matched
+    matched = match_tables(rig, tables, out, stated, passed_on=rows, **how)
     if matched is None:
         return None
-    chosen = matched.chosen
-    if not matched.pairs:
-        raise StereocalError(
-            f"No pair of points has an error of {rounded(chosen.threshold_px, 3)} px or less: "
-            "raise the threshold, or make sure that points, parameters and the two cameras "
-            "(primary, secondary) belong together."
-        )
-    if begin is not None:
-        begin(STAGES[1])
-    measured = reconstruct_table(
-        work.measuring, PointTable(pairs, PIXELS, PAIRS), folder / POINTS, work.world, **how
-    )
+    if not matched.found:
+        raise StereocalError(_none_found(work, matched.threshold_px))
+    begin(STAGES[1])
+    is_rig = isinstance(rig, RigFile)
+    columns = pixel_columns(measuring)
+    together = PointTable(pd.concat(rows), columns, work.matched, may_be_empty=is_rig)
+    sigma_px = stated.sigma_px if is_rig else None
+    measured = measure_tables(measuring, together, folder / POINTS, work.world, sigma_px, **how)
     if measured is None:
         return None
+    first, *others = measured.sentences
+    if isinstance(measuring, RigParameters) and measuring.purpose == "reconstruction":
+        first += LARGE_ERRORS
     return Outcome(
         digest=work.digest,
-        threshold_px=chosen.threshold_px,
+        threshold_px=matched.threshold_px,
         depths_m=work.shown_depths_m,
-        pairs=matched.pairs,
-        behind=measured.behind,
-        sentences=[
-            chosen.sentence(),
-            matched.sentence(),
-            measured.sentence() + LARGE_ERRORS * (work.measuring.purpose == "reconstruction"),
-            measured.about_errors,
-        ],
+        pairs=matched.found,
+        behind=measured.lost,
+        sentences=[*matched.sentences, first, *others],
         notes=[*matched.notes, *measured.notes],
-        made_with=_made_with(work, chosen.threshold_px),
-        tables=[work.primary.name, work.secondary.name],
-        measured_with={
-            "primary": work.measuring.primary.to_json(),
-            "secondary": work.measuring.secondary.to_json(),
-            "R": work.measuring.pose.R.tolist(),
-            "T": work.measuring.pose.T.tolist(),
-            "world_from_primary": world_to_json(work.world),
-        },
+        made_with=_made_with(work, matched.threshold_px),
+        tables=[each.name for each in work.points.values()],
+        measured_with=_measured_with(work),
         used=work.used,
-        sigma_px=work.sigma_px,
-        names=work.names,
+        sigma_px=stated.sigma_px,
+        names=stated.names,
+        matched=work.matched,
+        cameras=[*work.points],
     )
 
 
-def world_to_json(world: Pose | None) -> list[list[float]] | None:
-    """(3, 4) of a world frame."""
-    return None if world is None else np.column_stack([world.R, world.T]).tolist()
+def _none_found(work: Application, threshold_px: float) -> str:
+    if isinstance(work.matching, RigFile):
+        return (
+            "No two points of different cameras belong together: make sure that the points and the "
+            "cameras are not exchanged, and that the points are of the same frames; or state the "
+            "noise of the points, if they are less exact."
+        )
+    return (
+        f"No pair of points has an error of {rounded(threshold_px, 3)} px or less: "
+        "raise the threshold, or make sure that points, parameters and the two cameras "
+        "(primary, secondary) belong together."
+    )
 
 
-def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> Sample:
-    """A sample of the frames common to both tables, to choose a threshold from."""
-    common = np.intersect1d(primary["frame"], secondary["frame"])
-    wanted = sorted(sample_of(common, len(primary) / max(primary["frame"].nunique(), 1)))
-    sides = []
-    for table in (primary, secondary):
-        rows = table[table["frame"].isin(wanted)]
-        sides.append(dict(list(rows.groupby("frame"))))
-    return [(sides[0][frame], sides[1][frame]) for frame in wanted]
+def _made_with(work: Application, threshold_px: float) -> str:
+    labels = listed([each.label for each in work.points.values()])
+    frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
+    if isinstance(work.matching, RigFile) or isinstance(work.measuring, RigFile):
+        return f"{labels}; the rig of the cameras {listed(list(work.matching.placed))}{frame}."
+    near, far = work.stated.depths_m
+    depths = "" if (near, far) == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
+    return (
+        f"{labels}; matched with the {work.matching.set_name}, threshold "
+        f"{rounded(threshold_px, 4)} px{depths}; measured with the {work.measuring.set_name}"
+        f"{frame}."
+    )
+
+
+def _measured_with(work: Application) -> dict[str, Any]:
+    world, rig = work.world, work.measuring
+    frame = None if world is None else np.column_stack([world.R, world.T]).tolist()
+    if isinstance(rig, RigFile):
+        placed = {
+            name: {**own.camera.to_json(), "R": own.pose.R.tolist(), "T": own.pose.T.tolist()}
+            for name, own in rig.placed.items()
+        }
+        return {"rig": placed, "world_from_primary": frame}
+    return {
+        "primary": rig.primary.to_json(),
+        "secondary": rig.secondary.to_json(),
+        "R": rig.pose.R.tolist(),
+        "T": rig.pose.T.tolist(),
+        "world_from_primary": frame,
+    }
 
 
 def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -346,20 +357,20 @@ def agreement(pairs: pd.DataFrame) -> str | None:
     return None
 
 
-def digest_of(rig: RigParameters) -> str:
-    """Digest of a parameter set, independent of date and version."""
-    content = rig.to_json()
-    for key in ("created", "software"):
-        del content[key]
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _made_with(work: Application, threshold_px: float) -> str:
-    near, far = work.depths_m
-    frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
-    depths = "" if work.depths_m == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
-    return (
-        f"{work.primary.label} and {work.secondary.label}; matched with the "
-        f"{work.matching.set_name}, threshold {rounded(threshold_px, 4)} px{depths}; measured with "
-        f"the {work.measuring.set_name}{frame}."
-    )
+def points_by_camera(recording: Recording) -> dict[str, pd.DataFrame]:
+    """The object's points as a table of each camera that sees any; `target` is passed through and
+    not used for matching."""
+    targets = np.array(recording.object.names)[recording.target]
+    table = pd.DataFrame(
+        {
+            "frame": recording.frame,
+            "u": recording.points[:, 0],
+            "v": recording.points[:, 1],
+            "target": targets,
+        }
+    ).sort_values("frame", kind="stable")
+    found = {
+        name: table[recording.camera[table.index] == number]
+        for number, name in enumerate(recording.cameras)
+    }
+    return {name: own for name, own in found.items() if len(own)}

@@ -5,8 +5,6 @@ The points that it matches or measures must be shifted too, which their tracks a
 same name, or the only point of each frame, in successive frames.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import pandas as pd
 
@@ -26,37 +24,29 @@ SMOOTH = 0.5
 all points. Measured: 0.19 on a real recording at 10 frames a second; 1.4 at random positions."""
 
 
-class ShiftedTable(PointTable):
-    """A table of points with other coordinates, and with the column `SHIFT`."""
-
-    def __init__(self, table: PointTable, shifted: pd.DataFrame) -> None:
-        self.__dict__.update(table.__dict__)
-        self.shifted = shifted
-        self.further = (*table.further, SHIFT)
-
-    def _converted(self, raw: pd.DataFrame) -> pd.DataFrame:
-        further, self.further = self.further, self.further[:-1]
-        table = super()._converted(raw)
-        self.further = further
-        for name in self.shifted:
-            table[name] = self.shifted[name].loc[table.index].to_numpy()
-        return table
-
-
 def bring_into_step(
     table: PointTable, columns: tuple[str, str], rig: RigParameters
 ) -> tuple[PointTable, str]:
-    """A table with the secondary points shifted by the time offset of a parameter file, and what
-    was done as a sentence; unchanged, and empty, if there is none or it is shifted already.
+    """As `in_step`, of a table that is read whole only if it has to be shifted."""
+    if rig.time_offset is None or SHIFT in table.further:
+        return table, ""
+    whole, note = in_step(pd.concat(list(table.blocks())), columns, rig)
+    return PointTable(whole, table.numbers, table.label), f"{table.label}: {note}"
+
+
+def in_step(
+    points: pd.DataFrame, columns: tuple[str, str], rig: RigParameters
+) -> tuple[pd.DataFrame, str]:
+    """Points with those of the secondary shifted by the time offset of a parameter file, and what
+    was done as a sentence; unchanged, and empty, if there is none or they are shifted already.
 
     Args:
         columns: of the secondary points.
     """
-    if rig.time_offset is None or SHIFT in table.further:
-        return table, ""
-    whole = pd.concat(list(table.blocks()))
-    shifted, note = shift(whole, columns, rig.time_offset, rig.secondary)
-    return ShiftedTable(table, shifted), f"{table.label}: {note}"
+    if rig.time_offset is None or SHIFT in points:
+        return points, ""
+    shifted, note = shift(points, columns, rig.time_offset, rig.secondary)
+    return points.assign(**{str(name): shifted[name] for name in shifted}), note
 
 
 def shift(
@@ -94,18 +84,6 @@ def shift(
         + (f"; {lost} of {len(points)} have no neighbours in their track and were not" * (lost > 0))
         + "."
     )
-
-
-def shift_pixels(rig: RigParameters, points: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """A table in memory with its secondary points brought into step; unchanged without an offset.
-
-    Args:
-        columns: the two of the secondary points.
-    """
-    if rig.time_offset is None or SHIFT in points:
-        return points
-    shifted, _ = shift(points, (columns[0], columns[1]), rig.time_offset, rig.secondary)
-    return points.assign(**{str(name): shifted[name] for name in shifted})
 
 
 def _tracks(

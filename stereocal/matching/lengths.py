@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.reconstruction_files import (
+from stereocal.matching.measure_tables import (
     COORDINATES,
     OUTSIDE_VOLUME,
     POINT_COLUMNS,

@@ -1,36 +1,57 @@
-"""Match tables in memory (`match`), and the columns of tables of pairs."""
+"""Match the points of two cameras: `match` for tables in memory, and the table of pairs."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.in_step import shift_pixels
-from stereocal.matching.matching import ANY_DEPTH, match_points
+from stereocal.matching.in_step import in_step
+from stereocal.matching.matching import ANY_DEPTH, check_depths, match_points, purpose_warning
 from stereocal.matching.names import (
     AUTO,
-    NO_NAMES,
     WITHIN,
     Names,
+    Sample,
     TwoCameras,
     choose_named_threshold,
     choose_names,
     match_groups,
     stated_columns,
+    texts,
 )
-from stereocal.matching.point_noise import PointNoise
-from stereocal.matching.point_table import PAIR_SIGMAS, SIGMA, SIGMAS
-from stereocal.matching.threshold import sample_of
+from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
+from stereocal.matching.report import Report
+from stereocal.matching.tables_by_camera import TablesByCamera, without_partner
+from stereocal.matching.threshold import ThresholdChoice, sample_of
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import count, rounded
 
-POINT = ("u", "v")
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 PAIR_COLUMNS = ("frame", *PIXELS, "error_px", "runner_up_px", "ambiguous")
 ERROR_DECIMALS = 6
+FEW_MATCHED, MANY_LOST, USUAL_LOST = 0.1, 0.1, 0.05
+MANY_POINTS = 100
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a person states about the points to be matched."""
+
+    threshold_px: float | None = None
+    """Of two cameras; None: by the noise of the points."""
+    depths_m: tuple[float, float] = ANY_DEPTH
+    """Nearest and farthest in the primary's frame, of two cameras."""
+    sigma_px: float | None = None
+    """The noise of the points, if it is known; None: that of the column `sigma_px`, else
+    estimated."""
+    names: str = AUTO
+    """`AUTO`: where all tables name their points (`names.name_columns`), only points of one name
+    belong together; `OFF`: names are not used; else the columns that name points."""
 
 
 def match(
@@ -60,102 +81,229 @@ def match(
             raise StereocalError(f"The {which} table has no column {missing[0]}.")
         if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
             raise StereocalError(f"The {which} table has a number that is not finite.")
-    secondary = shift_pixels(rig, secondary, POINT)
+    secondary, _ = in_step(secondary, POINT, rig)
+    columns = list(stated_columns(names, further_of(primary), further_of(secondary)))
+    given_px = None if threshold_px == "auto" else threshold_px
+    matching = PairMatching.settled(
+        rig,
+        sample_frames(primary, secondary),
+        [primary[columns], secondary[columns]],
+        Stated(given_px, depths_m, sigma_px, names),
+    )
     both = [
         {int(str(frame)): rows for frame, rows in table.groupby(table["frame"].astype(np.int64))}
         for table in (primary, secondary)
     ]
-    frames = sorted(both[0].keys() & both[1].keys())
-    own = ("frame", *POINT, *SIGMAS)
-    further = [[str(c) for c in table if c not in own] for table in (primary, secondary)]
-    renamed = further_names(*further)
-    wanted = sample_of(frames, len(primary) / max(len(both[0]), 1))
-    rows = [(both[0][f], both[1][f]) for f in sorted(wanted)]
-    columns = stated_columns(names, *further)
-    distinct = primary[list(columns)], secondary[list(columns)]
-    known, _ = choose_names([TwoCameras(rig, rows)], distinct, columns, names != AUTO)
-    given_px = None if threshold_px == "auto" else threshold_px
-    chosen = choose_named_threshold(rig, rows, known, depths_m, sigma_px, given_px)
     found = [
-        match_frame(
-            rig,
-            f,
-            both[0][f],
-            both[1][f],
-            chosen.threshold_px,
-            depths_m,
-            renamed,
-            chosen.noise,
-            known,
-        )[0]
-        for f in frames
+        matching.match_frame(frame, [side[frame] for side in both])[0]
+        for frame in sorted(both[0].keys() & both[1].keys())
     ]
     if not found:
-        return pd.DataFrame(columns=[*PAIR_COLUMNS, *renamed[0].values(), *renamed[1].values()])
+        further = further_names(primary, secondary)
+        return pd.DataFrame(columns=[*PAIR_COLUMNS, *further[0].values(), *further[1].values()])
     return pd.concat(found, ignore_index=True)
 
 
-def further_names(primary: Sequence[str], secondary: Sequence[str]) -> list[dict[str, str]]:
-    """The further columns of both inputs, and their names in the table of pairs.
+def further_of(table: pd.DataFrame) -> list[str]:
+    """The columns of a table of points that are passed through."""
+    return [str(name) for name in table if name not in ("frame", *POINT, *SIGMAS)]
 
-    Unique names stay; names in both inputs or in `PAIR_COLUMNS` get the camera's name added.
+
+def further_names(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[dict[str, str]]:
+    """The further columns of both tables, and their names in the table of pairs.
+
+    Unique names stay; names in both tables or in `PAIR_COLUMNS` get the camera's name added.
     """
-    taken = {*PAIR_COLUMNS} | ({*primary} & {*secondary})
+    further = further_of(primary), further_of(secondary)
+    taken = {*PAIR_COLUMNS} | ({*further[0]} & {*further[1]})
     return [
         {name: f"{name}_{which}" if name in taken else name for name in names}
-        for which, names in zip(CAMERAS, (primary, secondary), strict=True)
+        for which, names in zip(CAMERAS, further, strict=True)
     ]
 
 
-def match_frame(
-    rig: RigParameters,
-    frame: int,
-    first: pd.DataFrame,
-    second: pd.DataFrame,
-    threshold: float,
-    depths_m: tuple[float, float],
-    names: Sequence[Mapping[str, str]],
-    noise: PointNoise | None = None,
-    known: Names = NO_NAMES,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is known,
-    and with `WITHIN` if the points have names.
-    """
-    primary, secondary = pixels_of(first), pixels_of(second)
-    if known.columns:
-        groups = known.groups(first, second)
-        found = match_groups(rig, primary, secondary, groups, threshold, depths_m)
-    else:
-        found = match_points(rig, primary, secondary, threshold, depths_m)
-    i, j = found.primary, found.secondary
-    columns: dict[str, Any] = {
-        "frame": np.full(len(found), frame),
-        **dict(zip(PIXELS, np.column_stack([primary[i], secondary[j]]).T, strict=True)),
-        "error_px": found.error_px.round(ERROR_DECIMALS),
-        "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
-        "ambiguous": found.ambiguous,
-        **({WITHIN: found.error_px <= threshold} if known.columns else {}),
-    }
-    for name, table, at in zip(sigma_columns(noise), (first, second), (i, j), strict=False):
-        assert noise is not None
-        by_column = noise.source == "columns" and SIGMA in table
-        columns[name] = table[SIGMA].array[at] if by_column else np.full(len(at), noise.sigma_px)
-    lonely = []
-    left = (found.unmatched_primary, found.unmatched_secondary)
-    for k, (which, table) in enumerate(zip(CAMERAS, (first, second), strict=True)):
-        columns |= {new: table[name].array[(i, j)[k]] for name, new in names[k].items()}
-        alone = table.iloc[left[k]].copy()
-        alone.insert(0, "camera", which)
-        lonely.append(alone)
-    return pd.DataFrame(columns), pd.concat(lonely)
+def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> Sample:
+    """A sample of the frames common to both tables, to choose a threshold from."""
+    common = np.intersect1d(primary["frame"], secondary["frame"])
+    wanted = sorted(sample_of(common, len(primary) / max(primary["frame"].nunique(), 1)))
+    sides = []
+    for table in (primary, secondary):
+        rows = table[table["frame"].isin(wanted)]
+        sides.append(dict(list(rows.groupby("frame"))))
+    return [(sides[0][frame], sides[1][frame]) for frame in wanted]
 
 
-def sigma_columns(noise: PointNoise | None) -> tuple[str, ...]:
-    """`PAIR_SIGMAS`, if the noise is that of the points."""
-    return PAIR_SIGMAS if noise is not None and noise.source != "calibration" else ()
+@dataclass(frozen=True, eq=False)
+class PairMatching:
+    """How the points of two cameras are matched: what is settled before the first frame."""
 
+    rig: RigParameters
+    depths_m: tuple[float, float]
+    threshold: ThresholdChoice
+    names: Names
+    contradiction: str = ""
+    """A note on names that the images contradict."""
+    columns: None = None
+    """Of the table of pairs: those of its first rows."""
 
-def pixels_of(table: pd.DataFrame) -> FloatArray:
-    """(n, 2) raw pixels of a table of points."""
-    pixels: FloatArray = table[list(POINT)].to_numpy(dtype=np.float64)
-    return pixels
+    @classmethod
+    def settled(
+        cls, rig: RigParameters, sample: Sample, distinct: Sequence[pd.DataFrame], stated: Stated
+    ) -> "PairMatching":
+        """The names that decide, and the threshold.
+
+        Args:
+            sample: some of the frames that both cameras have.
+            distinct: the different rows of the columns that may name points, in each table.
+        """
+        columns, is_forced = tuple(map(str, distinct[0])), stated.names != AUTO
+        names, note = choose_names([TwoCameras(rig, sample)], distinct, columns, is_forced)
+        about = stated.depths_m, stated.sigma_px, stated.threshold_px
+        threshold = choose_named_threshold(rig, sample, names, *about)
+        return cls(rig, stated.depths_m, threshold, names, note)
+
+    @classmethod
+    def of_tables(cls, rig: RigParameters, given: TablesByCamera, stated: Stated) -> "PairMatching":
+        """As `settled`, of tables that are read frame by frame."""
+        check_depths(stated.depths_m)
+        (first, one), (second, other) = given.contents.items()
+        common = np.intersect1d(one.frames, other.frames)
+        if not len(common):
+            a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in (one, other))
+            raise StereocalError(
+                f"The two tables have no frame in common: {given.tables[first].label} has frames "
+                f"{a}, {given.tables[second].label} has frames {b}. Use the same frame numbers in "
+                "both."
+            )
+        wanted = sample_of(common.tolist(), one.rows / len(one.frames))
+        sample = [(a, b) for frame, (a, b) in given.side_by_side() if frame in wanted]
+        return cls.settled(rig, sample, given.distinct, stated)
+
+    def match_frame(
+        self, frame: int, rows: Sequence[pd.DataFrame]
+    ) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is that
+        of the points, and with `WITHIN` if the points have names.
+
+        Args:
+            rows: of the primary and of the secondary camera.
+        """
+        first, second = rows
+        primary, secondary = pixels_of(first), pixels_of(second)
+        threshold, noise = self.threshold.threshold_px, self.threshold.noise
+        if self.names.columns:
+            groups = self.names.groups(first, second)
+            found = match_groups(self.rig, primary, secondary, groups, threshold, self.depths_m)
+        else:
+            found = match_points(self.rig, primary, secondary, threshold, self.depths_m)
+        i, j = found.primary, found.secondary
+        columns: dict[str, Any] = {
+            "frame": np.full(len(found), frame),
+            **dict(zip(PIXELS, np.column_stack([primary[i], secondary[j]]).T, strict=True)),
+            "error_px": found.error_px.round(ERROR_DECIMALS),
+            "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
+            "ambiguous": found.ambiguous,
+            **({WITHIN: found.error_px <= threshold} if self.names.columns else {}),
+        }
+        if noise is not None and noise.source != "calibration":
+            for name, table, at in zip(PAIR_SIGMAS, rows, (i, j), strict=True):
+                stated = noise.source == "columns" and SIGMA in table
+                columns[name] = (
+                    table[SIGMA].array[at] if stated else np.full(len(at), noise.sigma_px)
+                )
+        for names, table, at in zip(further_names(first, second), rows, (i, j), strict=True):
+            columns |= {new: table[name].array[at] for name, new in names.items()}
+        alone = map(without_partner, rows, CAMERAS, (i, j))
+        return pd.DataFrame(columns), pd.concat(list(alone))
+
+    def tally(self, pairs: pd.DataFrame) -> tuple[int, int, Counter[str]]:
+        """Of pairs found: their number, that of ambiguous ones, and names above the threshold."""
+        above: Counter[str] = Counter()
+        if self.names.columns:
+            off = pairs[~pairs[WITHIN]]
+            primary = {f"{name}_primary": name for name in self.names.columns}
+            above.update(texts(off.rename(columns=primary), self.names.columns))
+        return len(pairs), int(pairs["ambiguous"].sum()), above
+
+    def report(
+        self, tallies: Sequence[tuple[int, int, Counter[str]]], given: TablesByCamera
+    ) -> Report:
+        """What was found in all frames."""
+        numbers, ambiguous, above = zip(*tallies, strict=True)
+        pairs, chosen = sum(numbers), self.threshold
+        one, other = given.contents.values()
+        frames = len(np.intersect1d(one.frames, other.frames))
+        by = f", of points of one name ({self.names.in_words})," if self.names.columns else ""
+        sentence = (
+            f"{count(pairs, 'pair')} in {count(frames, 'frame')}{by} at a threshold of "
+            f"{rounded(chosen.threshold_px, 3)} px; {sum(ambiguous)} of them ambiguous "
+            "(another partner is within the threshold as well); without partner: "
+            f"{count(one.rows - pairs, 'point')} of the primary, "
+            f"{other.rows - pairs} of the secondary."
+        )
+        doubts = [
+            purpose_warning(self.rig, "matching"),
+            *self._on_tables(given),
+            self.contradiction,
+            self._on_few(pairs, min(one.rows, other.rows)),
+            self._on_names(pairs, sum(above, Counter())),
+        ]
+        return Report(
+            pairs,
+            [chosen.sentence(), sentence],
+            [*filter(None, doubts)],
+            threshold_px=chosen.threshold_px,
+            names=self.names,
+        )
+
+    def _on_few(self, pairs: int, most: int) -> str:
+        """A note where few points, of at most so many, have a partner."""
+        shares, noise = self.threshold.shares, self.threshold.noise
+        is_forced = self.threshold.is_forced
+        loses_many = is_forced and shares is not None and shares.lost > MANY_LOST
+        if not loses_many and pairs >= FEW_MATCHED * most:
+            return ""
+        few = f"Few partners within {rounded(self.threshold.threshold_px, 3)} px."
+        if noise is not None and is_forced and noise.source == "estimated":
+            return (
+                f"{few} Your points scatter by {noise.in_words}: have the threshold chosen from "
+                "them."
+            )
+        return (
+            f"{few} Make sure that points, parameters and the two cameras (primary, secondary)"
+            " belong together; if your points are less exact than the targets, state their noise."
+        )
+
+    def _on_names(self, pairs: int, above: Counter[str]) -> str:
+        """A note on names whose points do not fit together, where that is more than noise."""
+        shares = self.threshold.shares
+        expected = USUAL_LOST if shares is None else shares.lost
+        number = above.total()
+        if number <= 3 + 3 * expected * pairs:
+            return ""
+        named = ", ".join(f"{name} {times} times" for name, times in above.most_common(3))
+        return (
+            f"{number} of {pairs} pairs of one name have errors above the threshold (column "
+            f"{WITHIN}; {named}): these names may be of different points, or exchanged in a camera."
+        )
+
+    def _on_tables(self, given: TablesByCamera) -> Iterator[str]:
+        """Notes on frames and rows of the tables, and on images that look scaled down."""
+        contents = list(given.contents.values())
+        for which, own, other in zip(CAMERAS, contents, contents[::-1], strict=True):
+            label, left_out = given.tables[which].label, given.left_out
+            alone = np.setdiff1d(own.frames, other.frames)
+            if len(alone):
+                shown = ", ".join(str(frame) for frame in alone[:3])
+                yield (
+                    f"{count(len(alone), 'frame', 'are')} in {label} only ({shown}"
+                    f"{', ...' if len(alone) > 3 else ''}): points there have no partner."
+                )
+            yield left_out.get(which, "")
+            width, height = getattr(self.rig, which).image_size
+            u, v = own.largest
+            if own.rows >= MANY_POINTS and u < width / 2 and v < height / 2:
+                yield (
+                    f"All points of {label} lie in the upper left quarter of the {which} "
+                    f"camera's {width}x{height} px: were the images scaled down?"
+                )

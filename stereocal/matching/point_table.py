@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
-from stereocal.rig.compiled import IntArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.dialect import HEAD_CHARACTERS, Dialect, dialect_of, encoding_of, head_of
 from stereocal.system.limits import Limits
@@ -42,6 +42,7 @@ BLOCK_CELLS = 5_000_000
 """Limit that reduces the rows of a block with many columns."""
 WRITTEN_ROWS = 50_000
 """Rows that are written at once."""
+POINT = ("u", "v")
 SIGMA = "sigma_px"
 PAIR_SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
 SIGMAS = (SIGMA, *PAIR_SIGMAS)
@@ -70,13 +71,19 @@ class PointTable:
         source: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
         numbers: names of the columns that must hold finite numbers.
         label: name of the table in messages; None: its path.
+        may_be_empty: whether numbers may be missing in rows that have others.
     """
 
     def __init__(
-        self, source: Path | pd.DataFrame, numbers: Sequence[str], label: str | None = None
+        self,
+        source: Path | pd.DataFrame,
+        numbers: Sequence[str] = POINT,
+        label: str | None = None,
+        may_be_empty: bool = False,
     ) -> None:
         self.source = source
         self.numbers = tuple(numbers)
+        self.may_be_empty = may_be_empty
         self.label = label or ("the table" if isinstance(source, pd.DataFrame) else str(source))
         self.dialect = Dialect()
         try:
@@ -116,7 +123,7 @@ class PointTable:
                 limits.check_rows(rows, self.label)
                 frames.append(np.unique(block["frame"].to_numpy()))
                 distinct.append(block[list(columns)].drop_duplicates())
-                largest = np.maximum(largest, block[list(self.numbers)].to_numpy().max(axis=0))
+                largest = np.fmax(largest, block[list(self.numbers)].max().to_numpy())
         except _OutOfOrderError:
             self._in_order = False
             return self.check(refuse, columns)
@@ -172,8 +179,10 @@ class PointTable:
 
     def _chunks(self) -> Iterator[pd.DataFrame]:
         rows = min(BLOCK_ROWS, max(1, BLOCK_CELLS // max(len(self.names), 1)))
+        chunks: Iterator[pd.DataFrame]
         if isinstance(self.source, pd.DataFrame):
-            chunks = iter([self.source.copy(deep=False)])
+            table = self.source
+            chunks = (table.iloc[at : at + rows] for at in range(0, len(table), rows))
         elif is_parquet(self.source):
             chunks = self._parquet_chunks(self.source, rows)
         else:
@@ -245,7 +254,10 @@ class PointTable:
             RefusedRowsError: invalid rows, named by their lines.
         """
         raw.columns = pd.Index(self.names)
-        columns = [Column("frame", is_whole=True), *map(Column, self.numbers)]
+        columns = [
+            Column("frame", is_whole=True),
+            *(Column(name, self.may_be_empty) for name in self.numbers),
+        ]
         columns += [Column(name, may_be_empty=True, is_positive=True) for name in self.sigmas]
         unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
         # Blank lines do not count.
@@ -262,6 +274,11 @@ class PointTable:
         return pd.DataFrame({"frame": frames, **own, **further}, index=raw.index)
 
 
+def pixels_of(table: pd.DataFrame) -> FloatArray:
+    """(n, 2) raw pixels of a table of points."""
+    return table[list(POINT)].to_numpy(dtype=np.float64)
+
+
 class _OutOfOrderError(Exception):
     """The rows are not in the order of the frames."""
 
@@ -274,8 +291,14 @@ def is_parquet(path: Path) -> bool:
 class TableWriter:
     """Collects rows and writes them in large blocks; created by `open_table`."""
 
-    def __init__(self, path: Path, columns: list[str] | None, as_parquet: bool) -> None:
-        self._path, self._columns = path, columns
+    def __init__(
+        self,
+        path: Path,
+        columns: list[str] | None,
+        as_parquet: bool,
+        passed_on: list[pd.DataFrame] | None,
+    ) -> None:
+        self._path, self._columns, self._passed_on = path, columns, passed_on
         self._parquet: Any = _parquet_library() if as_parquet else None
         self.file: Any = None
         self._waiting: list[pd.DataFrame] = []
@@ -295,6 +318,8 @@ class TableWriter:
         rows = together(self._waiting)
         rows = rows if self._columns is None else rows.reindex(columns=self._columns)
         begins, self._waiting, self._rows = self.file is None, [], 0
+        if self._passed_on is not None:
+            self._passed_on.append(rows)
         if self._parquet is None:
             self.file = self._path.open("w", encoding="utf-8", newline="") if begins else self.file
             rows.to_csv(self.file, index=False, header=begins, lineterminator="\n")
@@ -313,15 +338,18 @@ def together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 @contextmanager
-def open_table(path: Path, columns: list[str] | None = None) -> Iterator[TableWriter]:
+def open_table(
+    path: Path, columns: list[str] | None = None, passed_on: list[pd.DataFrame] | None = None
+) -> Iterator[TableWriter]:
     """A writer for a new table, CSV or Parquet by its name; the file appears complete at the end,
     or not at all.
 
     Args:
         columns: of the table; None: those of the first rows.
+        passed_on: gets the rows that are written.
     """
     with write_in_parts(path) as temporary:
-        writer = TableWriter(temporary, columns, is_parquet(path))
+        writer = TableWriter(temporary, columns, is_parquet(path), passed_on)
         try:
             yield writer
             writer.write()

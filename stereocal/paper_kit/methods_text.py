@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS
 from stereocal.evaluation.summary import BOOTSTRAPS
-from stereocal.matching.application import Outcome, digest_of
+from stereocal.matching.application import Outcome
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_CENTRE_PX,
@@ -228,7 +228,7 @@ def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
     used, sets = applied.used, []
     for method, digest in (used["matching"], used["measuring"]):
         own = answer.sets.get(method)
-        another = "" if own is not None and digest_of(own) == digest else " of another calibration"
+        another = "" if own is not None and own.digest == digest else " of another calibration"
         sets.append(NAMES[method] + another)
     names = " and ".join(f"`{label}`" for label in used["points"])
     below = rounded(applied.threshold_px, 4)

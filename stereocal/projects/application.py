@@ -3,8 +3,7 @@ the Check page does: parameters to check, and new images."""
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -20,9 +19,7 @@ from stereocal.formats.point_layouts import OURS
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
-from stereocal.matching.pairs import POINT
-from stereocal.matching.point_table import PointTable, is_parquet
-from stereocal.matching.rig_application import RigApplication, apply_rig
+from stereocal.matching.point_table import POINT, PointTable, is_parquet
 from stereocal.network.rig_file import RIG, RigFile, is_rig
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
@@ -74,7 +71,7 @@ class ProjectApplication(ProjectPart):
 
     def __init__(self, project: Project) -> None:
         super().__init__(project)
-        self._own: dict[str, bytes] = {}
+        self._own: dict[str, pd.DataFrame] = {}
         """Tables of the project's own points, stored with a result computed from them."""
 
     # Points
@@ -94,26 +91,28 @@ class ProjectApplication(ProjectPart):
 
     def own_points(self, table: pd.DataFrame, label: str) -> Points:
         """Points of the project itself, used like those of a file."""
-        content = _written(table)
-        name = f"{hashlib.sha256(content).hexdigest()}.csv"
-        self._own[name] = content
+        name = f"{hashlib.sha256(_written(table)).hexdigest()}.csv"
+        self._own[name] = table
         return Points(name, label, len(table), int(table["frame"].nunique()))
 
     def table(self, name: str) -> StoredFile:
         """The stored table of `Points.name`."""
         return StoredFile(Path(name).stem, self.database)
 
-    @contextmanager
-    def opened(self, *names: str) -> Iterator[Path]:
-        """A temporary folder with tables of `Points.name`, for libraries that read only files."""
+    def whole_table(self, name: str, label: str) -> pd.DataFrame:
+        """All points of the table of `Points.name`."""
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-            for name in names:
-                path = Path(folder) / Path(name).name
-                if name in self._own:
-                    path.write_bytes(self._own[name])
-                else:
-                    self.table(name).copy_to(path)
-            yield Path(folder)
+            return pd.concat(list(self._opened(name, label, Path(folder)).blocks()))
+
+    def _opened(self, name: str, label: str, folder: Path) -> PointTable:
+        """A table of `Points.name`; one that is stored is copied to a folder, since libraries read
+        only files.
+        """
+        if name in self._own:
+            return PointTable(self._own[name], label=label)
+        path = folder / Path(name).name
+        self.table(name).copy_to(path)
+        return PointTable(path, label=label)
 
     def offer_points(self, side: Asked, label: str, content: bytes) -> None:
         """Store a `frame,u,v` table; keep any other point file until questions are answered."""
@@ -127,7 +126,7 @@ class ProjectApplication(ProjectPart):
         with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
             path = Path(folder) / f"table{suffix}"
             path.write_bytes(content)
-            contents = PointTable(path, POINT, label).check()
+            contents = PointTable(path, label=label).check()
         file = PointFile(label, suffix, contents.rows, len(contents.frames))
         self._keep_points(side, content, content, file)
 
@@ -282,22 +281,22 @@ class ProjectApplication(ProjectPart):
             self.database.forget_files(APPLIED)
             self.database.keep_result(APPLIED, None)
 
-    def run(self, work: Application | RigApplication, *how: Any) -> bool:
-        """Match and measure as `apply_sets` or `apply_rig`, and replace the last result; False if
-        cancelled."""
+    def run(self, work: Application, *how: Any) -> bool:
+        """Match and measure as `apply_sets`, and replace the last result; False if cancelled."""
         names = [points.name for points in work.points.values()]
-        with self.opened(*names) as folder:
-            tables = {camera: folder / points.name for camera, points in work.points.items()}
-            if isinstance(work, RigApplication):
-                outcome = apply_rig(work, tables, folder, *how[:3])
-            else:
-                outcome = apply_sets(work, tables, folder, *how)
+        with tempfile.TemporaryDirectory(prefix="stereocal-") as temporary:
+            folder = Path(temporary)
+            tables = {
+                camera: self._opened(points.name, points.label, folder)
+                for camera, points in work.points.items()
+            }
+            outcome = apply_sets(work, tables, folder, *how)
             if outcome is None:
                 return False
             made = outcome.matched, POINTS
             files = {name: self.database.keep_file(folder / name, name) for name in made}
         for name in self._own.keys() & {*names}:
-            self.database.keep_file(self._own[name], name)
+            self.database.keep_file(_written(self._own[name]), name)
         with self.database.transaction():
             files |= {name: self.table(name) for name in names}
             self.database.replace_files(APPLIED, files)

@@ -1,10 +1,12 @@
 """The parameter file of a rig: reading, writing, checking."""
 
 import datetime
+import hashlib
 import json
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +165,14 @@ class RigParameters(Rig):
             "software": software_versions(),
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
+
+    @cached_property
+    def digest(self) -> str:
+        """Identifies the parameter set, independent of date and version."""
+        content = self.to_json()
+        for key in ("created", "software"):
+            del content[key]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def dumps(self) -> str:
         """The file as text; equal parameters give equal text, except for `created`."""

@@ -11,7 +11,7 @@ from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.matching.application import STAGES, Application, Points, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.names import AUTO
-from stereocal.matching.rig_application import RigApplication
+from stereocal.matching.pairs import Stated
 from stereocal.projects.application import USES, Asked, ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
@@ -43,7 +43,7 @@ INSTANT_S = 2.0
 class Chosen(NamedTuple):
     """The inputs, complete but for the threshold."""
 
-    work: Application | RigApplication | None
+    work: Application | None
     """What is to be computed; None without a threshold or with invalid depths."""
     show_threshold: Callable[[], None] | None
     """Draws what the threshold depends on; None for a rig, which has none."""
@@ -85,8 +85,9 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
         return None
     work = None
     if threshold is not None and depths is not None:
-        stated = threshold.threshold_px if threshold.is_forced else None
-        work = Application(*points, *sets, stated, depths, world, sigma_px, names)
+        forced = threshold.threshold_px if threshold.is_forced else None
+        stated = Stated(forced, depths, sigma_px, names)
+        work = Application(dict(zip(CAMERAS, points, strict=True)), *sets, stated, world)
     return Chosen(work, partial(form.show, threshold))
 
 
@@ -174,9 +175,7 @@ def _choose_sets(
     return (found[0], found[1]) if len(found) == len(USES) else None
 
 
-def bring_up_to_date(
-    project: Project, store: ProjectApplication, work: Application | RigApplication
-) -> None:
+def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
     """Compute short work at once; for long work show a button and progress."""
 
     def run(job: jobs.Job) -> bool:

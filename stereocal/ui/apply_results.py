@@ -19,11 +19,18 @@ from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.space import VIEWS, views_of
 from stereocal.figures.style import Photograph
 from stereocal.matching import lengths
-from stereocal.matching.application import PAIRS, POINTS, Application, Outcome, agreement, answer
+from stereocal.matching.application import (
+    PAIRS,
+    POINTS,
+    TRACKS,
+    Application,
+    Outcome,
+    agreement,
+    answer,
+)
+from stereocal.matching.measure_tables import COORDINATES
 from stereocal.matching.names import AUTO
-from stereocal.matching.pairs import pixels_of
-from stereocal.matching.reconstruction_files import COORDINATES
-from stereocal.matching.rig_application import TRACKS, RigApplication
+from stereocal.matching.point_table import pixels_of
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
@@ -99,7 +106,7 @@ def _show_result(
     store: ProjectApplication,
     outcome: Outcome,
     files: dict[str, StoredFile],
-    work: Application | RigApplication | None,
+    work: Application | None,
 ) -> Tables | None:
     if work is None:
         show_stale("points, parameters or threshold, which are not complete now")

@@ -4,9 +4,9 @@ from itertools import cycle
 
 import streamlit as st
 
-from stereocal.matching.application import Points
+from stereocal.matching.application import Application, Points, points_by_camera
 from stereocal.matching.names import AUTO
-from stereocal.matching.rig_application import RigApplication, points_by_camera
+from stereocal.matching.pairs import Stated
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import Asked, ProjectApplication, slot_of
 from stereocal.projects.project import Project
@@ -63,7 +63,8 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     if len(points) < FEWEST:
         st.info("Still missing: the points of two cameras at least.")
         return None
-    return Chosen(RigApplication(points, rig, world, sigma_px, names), None)
+    stated = Stated(sigma_px=sigma_px, names=names)
+    return Chosen(Application(points, rig, rig, stated, world), None)
 
 
 def _points_kind(store: ProjectApplication, rig: RigFile, has_own: bool) -> Field:

@@ -9,23 +9,13 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
-from stereocal.matching.application import Points, digest_of, sample_frames
-from stereocal.matching.in_step import shift_pixels
+from stereocal.matching.application import Points
+from stereocal.matching.in_step import in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
-from stereocal.matching.names import (
-    AUTO,
-    NO_NAMES,
-    OFF,
-    Sample,
-    TwoCameras,
-    choose_named_threshold,
-    choose_names,
-    name_columns,
-    stated_columns,
-)
-from stereocal.matching.pairs import POINT
+from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
+from stereocal.matching.pairs import PairMatching, Stated, further_of, sample_frames
 from stereocal.matching.point_noise import PointNoise
-from stereocal.matching.point_table import PointTable
+from stereocal.matching.point_table import POINT
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
@@ -125,21 +115,19 @@ class ThresholdForm:
 @st.cache_resource(
     show_spinner=False,
     max_entries=16,
-    hash_funcs={
-        ThresholdForm: lambda form: (digest_of(form.rig), form.key, form.depths, form.names)
-    },
+    hash_funcs={ThresholdForm: lambda form: (form.rig.digest, form.key, form.depths, form.names)},
 )
 def _chosen(
     form: ThresholdForm, threshold: float | None, sigma_px: float | None
 ) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
     try:
-        sample, tables = _sampled(form), _tables(form)
-        columns = stated_columns(form.names, *(list(map(str, each)) for each in tables))
-        distinct = tables[0][list(columns)], tables[1][list(columns)]
-        names, _ = choose_names([TwoCameras(form.rig, sample)], distinct, columns)
-        given = (form.rig, sample, names, form.depths, sigma_px, threshold)
-        return jobs.compute(choose_named_threshold, *given), ""
+        tables = _tables(form)
+        columns = list(stated_columns(form.names, *map(further_of, tables)))
+        distinct = [table[columns] for table in tables]
+        stated = Stated(threshold, form.depths, sigma_px, form.names)
+        given = form.rig, _sampled(form), distinct, stated
+        return jobs.compute(PairMatching.settled, *given).threshold, ""
     except StereocalError as error:
         return None, str(error)
 
@@ -152,7 +140,7 @@ def _chosen(
 def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
     first, second = _tables(form)
-    return sample_frames(first, shift_pixels(form.rig, second, POINT))
+    return sample_frames(first, in_step(second, POINT, form.rig)[0])
 
 
 def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -178,8 +166,7 @@ def ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
 @st.cache_resource(show_spinner="Reading the points.", max_entries=4)
 def whole_table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
     """All points of a table, cached by name, which holds its digest."""
-    with _store.opened(name) as folder:
-        return pd.concat(list(PointTable(folder / name, POINT, label).blocks()))
+    return _store.whole_table(name, label)
 
 
 def chosen_depths(project: Project) -> Depths:

@@ -20,7 +20,7 @@ from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parame
 from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.inputs import images_in
-from stereocal.matching.application import PAIRS, digest_of
+from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.projects.application import PARAMETERS, USES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
@@ -81,7 +81,7 @@ def choose_inputs(project: Project) -> Chosen | None:
     if found is None or given is None:
         return None
     (rig, parameters), (label, content) = found, given
-    digest = hashlib.sha256(f"{digest_of(rig)} {label} ".encode() + content).hexdigest()
+    digest = hashlib.sha256(f"{rig.digest} {label} ".encode() + content).hexdigest()
     images = _images_of(digest, rig, label, content)
     if not images.bars:
         known = PointNoise(images.stated_px, "columns") if images.stated_px else None
@@ -185,8 +185,8 @@ def _are_in_use(project: Project, repaired: Callable[[], str]) -> bool:
     """By content: the repair of other images has the same name."""
     if Source(project, APPLY_SETS).is_project:
         return False
-    given = {each and digest_of(each[1]) for each in map(ProjectApplication(project).set_of, USES)}
-    return given == {digest_of(RigParameters.loads(repaired(), REPAIRED))}
+    given = {each and each[1].digest for each in map(ProjectApplication(project).set_of, USES)}
+    return given == {RigParameters.loads(repaired(), REPAIRED).digest}
 
 
 @st.cache_resource(

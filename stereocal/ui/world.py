@@ -31,7 +31,6 @@ from stereocal.formats.world_file import (
     read_observed,
     write_world,
 )
-from stereocal.matching.application import digest_of
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -118,11 +117,10 @@ def _found(
         used = rig.pair(*pair)
         find: Callable[..., WorldFrame] = partial(find_world_of_rig, rig, pair)
         observed = read_observed(content, file.label, rate, pair)
-        key = f"{file.name} {rate} {rig.digest} {pair}"
     else:
         used = rig
         find, observed = partial(find_world, rig), read_observed(content, file.label, rate)
-        key = f"{file.name} {rate} {digest_of(rig)}"
+    key = f"{file.name} {rate} {rig.digest} {pair}"
     frame = _world(key, find, observed, _settings(project, observed, pair))
     st.success(escape_markdown(frame.sentence))
     for note in frame.notes:

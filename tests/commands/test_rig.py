@@ -91,7 +91,7 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     [
         *(
             ("match a=a.csv b=b.csv --rig rig.json", option)
-            for option in ("--depth 1 9", "--workers 2", "--cameras 1,2", "--threshold 2")
+            for option in ("--depth 1 9", "--cameras 1,2", "--threshold 2")
         ),
         ("reconstruct tracks.csv --rig rig.json", "--matched-with parameters_2d.json"),
         ("reconstruct tracks.csv --rig rig.json", "--workers 2"),

@@ -20,7 +20,8 @@ from stereocal.detection.detect import corner_near, detect_targets
 from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.photograph import read_photograph
-from stereocal.matching.application import sample_frames, unlabelled
+from stereocal.matching.application import unlabelled
+from stereocal.matching.pairs import sample_frames
 from stereocal.matching.names import NO_NAMES
 from stereocal.matching.matching import nearest_errors
 from stereocal.matching.threshold import choose_threshold

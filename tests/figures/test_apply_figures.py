@@ -10,8 +10,9 @@ from stereocal.figures.measured import describe_points, plot_points
 from stereocal.figures.space import HALF_VIEW, NARROW, VIEWS
 from stereocal.matching.lengths import tracks_by
 from stereocal.matching.matching import nearest_errors
-from stereocal.matching.pairs import match, pixels_of
-from stereocal.matching.reconstruction_files import reconstruct
+from stereocal.matching.measure_tables import reconstruct
+from stereocal.matching.pairs import match
+from stereocal.matching.point_table import pixels_of
 from stereocal.matching.threshold import Shares, ThresholdChoice
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose

@@ -8,8 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stereocal.matching import matching_files
+from stereocal.matching import match_tables
 from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
+from stereocal.matching.pairs import Stated
+from stereocal.matching.point_table import PointTable
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from tests import known_rig as rig
@@ -48,7 +51,7 @@ def scattered(folder: Path) -> Application:
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     volume = Volume((-0.2, 0.2), (-0.2, 0.2), (6.5, 9.0))
     measuring = replace(params, method="3d", volume=volume)
-    return Application(tables[0], tables[1], params, measuring, 0.5)
+    return Application(dict(zip(CAMERAS, tables, strict=True)), params, measuring, Stated(0.5))
 
 
 def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +60,9 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folders = [tmp_path / name for name in ("plain", "whole", "stopped")]
     for folder in folders:
         folder.mkdir()
-    tables = {"primary": tmp_path / "p.csv", "secondary": tmp_path / "s.csv"}
+    tables: dict[str, PointTable] = {
+        which: PointTable(tmp_path / f"{which[0]}.csv") for which in CAMERAS
+    }
     plain = apply_sets(work, tables, folders[0])
     stop = StopAt(90)  # all 60 frames are matched, and some of the pairs measured
 
@@ -76,4 +81,4 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert f"{outside.sum()} of 360 points lie outside the volume" in " ".join(plain.sentences)
     for name in (PAIRS, POINTS):
         assert len({(folder / name).read_bytes() for folder in folders[:2]}) == 1
-    assert matching_files.BLOCK_FRAMES == 25
+    assert match_tables.BLOCK_FRAMES == 25

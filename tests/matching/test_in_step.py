@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 
 from stereocal.matching.application import unlabelled
-from stereocal.matching.matching_files import match_tables
-from stereocal.matching.pairs import PIXELS, POINT, match
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.measure_tables import measure_tables
+from stereocal.matching.pairs import PIXELS, match
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction_files import reconstruct_table
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests import known_rig as rig
@@ -30,15 +31,16 @@ def late() -> RigParameters:
 
 def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> None:
     points = unlabelled(moving(LATE).correspondences)
-    for i, table in enumerate(points):
-        table.to_csv(tmp_path / f"{i}.csv", index=False)
-    first, second = (PointTable(tmp_path / f"{i}.csv", POINT) for i in (0, 1))
-    report = match_tables(late, first, second, tmp_path / "pairs.csv")
+    tables: dict[str, PointTable] = {}
+    for which, table in zip(CAMERAS, points, strict=True):
+        table.to_csv(tmp_path / f"{which}.csv", index=False)
+        tables[which] = PointTable(tmp_path / f"{which}.csv")
+    report = match_tables(late, tables, tmp_path / "pairs.csv")
     assert report is not None
     assert any("were shifted in time by 0.700 frames" in note for note in report.notes)
     found = pd.read_csv(tmp_path / "pairs.csv")
     np.testing.assert_allclose(found[list(PIXELS)], match(late, *points)[list(PIXELS)], atol=1e-9)
-    measured = reconstruct_table(
+    measured = measure_tables(
         late, PointTable(tmp_path / "pairs.csv", PIXELS), tmp_path / "points.csv"
     )
     assert measured is not None
@@ -53,9 +55,9 @@ def test_pairs_from_elsewhere_are_shifted_when_they_are_measured(
         np.column_stack([rows.primary, rows.secondary]), columns=list(PIXELS)
     ).assign(frame=rows.frame, time_frame=rows.time_frame, end=rows.target)
     pairs.sort_values("frame").to_csv(tmp_path / "pairs.csv", index=False)
-    report = reconstruct_table(
+    report = measure_tables(
         late, PointTable(tmp_path / "pairs.csv", PIXELS), tmp_path / "points.csv"
     )
     assert report is not None
     assert "were shifted in time" in report.notes[0]
-    assert report.median_error_px < 0.3
+    assert pd.read_csv(tmp_path / "points.csv")["error_px"].median() < 0.3

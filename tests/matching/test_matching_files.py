@@ -9,10 +9,11 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.matching import point_table
-from stereocal.matching.matching_files import match_tables
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.measure_tables import OUTSIDE_VOLUME, measure_tables
 from stereocal.matching.pairs import PAIR_COLUMNS, PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.matching.reconstruction_files import OUTSIDE_VOLUME, reconstruct_table
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.volume import Volume
 from tests.known_rig import images
 from tests.matching.test_matching import RIG_2D
@@ -103,10 +104,12 @@ class TestMatch:
         assert "were the images scaled down?" in capsys.readouterr().out
 
     def test_cancelled_leaves_nothing(self, folder: Path) -> None:
-        sides = [PointTable(folder / f"{side}.csv", ("u", "v")) for side in "ps"]
+        tables: dict[str, PointTable] = {
+            which: PointTable(folder / f"{which[0]}.csv") for which in CAMERAS
+        }
         calls = iter([False, True])
         out = folder / "pairs.csv"
-        assert match_tables(RIG_2D, sides[0], sides[1], out, cancelled=lambda: next(calls)) is None
+        assert match_tables(RIG_2D, tables, out, cancelled=lambda: next(calls)) is None
         assert sorted(path.suffix for path in folder.iterdir() if "pairs" in path.name) == []
 
 
@@ -142,10 +145,10 @@ class TestReconstruct:
         pairs[list(PIXELS)] = np.hstack([first, second])
         pairs.to_csv(folder / "pairs.csv", index=False)
         table = PointTable(folder / "pairs.csv", PIXELS)
-        report = reconstruct_table(rig, table, folder / "points.csv")
+        report = measure_tables(rig, table, folder / "points.csv")
         assert report is not None
-        assert (report.points, report.behind, report.outside) == (3, 1, 1)
-        assert "1 of 2 points lies outside the volume" in report.sentence()
+        assert (report.found, report.lost) == (3, 1)
+        assert "1 of 2 points lies outside the volume" in report.sentences[0]
         points = pd.read_csv(folder / "points.csv")
         assert points[OUTSIDE_VOLUME].tolist() == [True, False, True]
         assert points["x"].isna().tolist() == [True, False, False]

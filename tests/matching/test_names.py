@@ -7,9 +7,11 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.matching.matching_files import MatchReport, match_tables
-from stereocal.matching.pairs import match
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.pairs import Stated, match
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.report import Report
+from stereocal.rig.camera import CAMERAS
 from tests.matching.test_point_noise import FILE, seen
 
 CASE = Path(__file__).parents[1] / "cases" / "named_points"
@@ -33,12 +35,11 @@ def tables() -> Tables:
     )
 
 
-def reported(folder: Path, tables: Tables, names: str = "auto") -> tuple[MatchReport, pd.DataFrame]:
-    given = []
-    for name, table in zip(("p.csv", "s.csv"), tables, strict=True):
-        table.to_csv(folder / name, index=False)
-        given.append(PointTable(folder / name, ("u", "v")))
-    report = match_tables(FILE, given[0], given[1], folder / "pairs.csv", names=names)
+def reported(folder: Path, tables: Tables, names: str = "auto") -> tuple[Report, pd.DataFrame]:
+    given: dict[str, PointTable] = {
+        which: PointTable(own) for which, own in zip(CAMERAS, tables, strict=True)
+    }
+    report = match_tables(FILE, given, folder / "pairs.csv", Stated(names=names))
     assert report is not None
     return report, pd.read_csv(folder / "pairs.csv")
 

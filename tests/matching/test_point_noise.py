@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from stereocal.matching.measure_tables import noise_of_pairs, reconstruct
 from stereocal.matching.pairs import match
 from stereocal.matching.reconstruction import reconstruct_points
-from stereocal.matching.reconstruction_files import noise_of_pairs, reconstruct
 from stereocal.matching.threshold import FramePixels, choose_threshold
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images

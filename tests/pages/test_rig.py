@@ -14,8 +14,8 @@ from streamlit.testing.v1 import AppTest
 from stereocal.cli import main
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.recording_files import pack_recording, write_points
+from stereocal.matching.application import points_by_camera
 from stereocal.matching.lengths import check_lengths
-from stereocal.matching.rig_application import points_by_camera
 from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication, ProjectCheck, slot_of

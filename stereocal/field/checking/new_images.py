@@ -6,9 +6,9 @@ import numpy as np
 
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
+from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.matching.reconstruction_files import points_outside_images
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset

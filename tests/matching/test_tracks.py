@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
 from stereocal.formats.world_file import read_world
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.several_files import TracksReport, match_rig
-from stereocal.matching.several_views import ViewFitter, expected_wrong, match_views
+from stereocal.matching.report import Report
+from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
@@ -92,7 +94,7 @@ def test_images_of_nothing_belong_to_nothing(truth: SimulatedRig, rig: RigFile) 
 
 def matched(
     truth: SimulatedRig, rig: RigFile, folder: Path, names: str = "auto", turned: int = 0
-) -> tuple[TracksReport, pd.DataFrame]:
+) -> tuple[Report, pd.DataFrame]:
     """30 points within 10 cm in each of 10 frames; the third camera's names are `turned`."""
     rng = np.random.default_rng(8)
     tables: dict[str, list[pd.DataFrame]] = {name: [] for name in truth.cameras}
@@ -104,11 +106,8 @@ def matched(
             tables[name].append(
                 pd.DataFrame({"frame": frame, "u": own[:, 0], "v": own[:, 1]} | about)
             )
-    given = {}
-    for name, parts in tables.items():
-        pd.concat(parts).to_csv(folder / f"{name}.csv", index=False)
-        given[name] = PointTable(folder / f"{name}.csv", ("u", "v"))
-    report = match_rig(rig, given, folder / "tracks.csv", names=names)
+    given = {name: PointTable(pd.concat(parts)) for name, parts in tables.items()}
+    report = match_tables(rig, given, folder / "tracks.csv", Stated(names=names))
     assert report is not None
     return report, pd.read_csv(folder / "tracks.csv")
 

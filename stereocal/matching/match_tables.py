@@ -1,0 +1,108 @@
+"""Match tables of points of two cameras or more, a block of frames at a time, and write them."""
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from stereocal.errors import StereocalError
+from stereocal.matching.in_step import bring_into_step
+from stereocal.matching.pairs import PairMatching, Stated
+from stereocal.matching.point_table import POINT, PointTable, open_table, together
+from stereocal.matching.report import Report
+from stereocal.matching.tables_by_camera import Frame, TablesByCamera
+from stereocal.matching.tracks import TrackMatching
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.parameters import RigParameters
+from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
+
+LOST_COLUMNS = ("camera", "frame", "u", "v")
+BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
+Matching = PairMatching | TrackMatching
+
+
+def match_tables(
+    rig: RigParameters | RigFile,
+    tables: Mapping[str, PointTable],
+    out: Path,
+    stated: Stated | None = None,
+    unmatched: Path | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+    passed_on: list[pd.DataFrame] | None = None,
+) -> Report | None:
+    """Match tables (`frame,u,v` and further columns) and write pairs, or the tracks of a rig.
+
+    Further columns are passed through; those of a rig with the name of their camera: `target_left`.
+
+    Args:
+        tables: by camera, `primary` and `secondary` with `RigParameters`.
+        unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
+        progress: called with the number of frames done and the total.
+        executor: matches blocks of frames; None: the calling thread.
+        passed_on: gets what is written, for those who measure it next.
+
+    Returns:
+        The report; None if cancelled, then no file is written.
+    """
+    unknown = [name for name in tables if name not in rig.placed]
+    if unknown or len(tables) < 2:
+        raise StereocalError(
+            f"Give the points of two cameras at least, each as NAME=FILE; the rig has the cameras "
+            f"{', '.join(rig.placed)}" + (f", not {unknown[0]!r}." if unknown else ".")
+        )
+    stated, timing = stated or Stated(), ""
+    given = TablesByCamera.checked(tables, rig, stated.names)
+    matching: Matching
+    if isinstance(rig, RigFile):
+        matching = TrackMatching.of_tables(rig, given, stated)
+    else:
+        secondary, timing = bring_into_step(given.tables["secondary"], POINT, rig)
+        given = replace(given, tables={**given.tables, "secondary": secondary})
+        matching = PairMatching.of_tables(rig, given, stated)
+    tasks = (
+        Task(_match_block, (matching, block), len(block)) for block in _blocks(given.side_by_side())
+    )
+    matched = run_tasks(tasks, executor, len(given.frames), progress, cancelled, ahead=AHEAD)
+    tallies: list[Any] = []
+    try:
+        with ExitStack() as stack:
+            writer = stack.enter_context(open_table(out, matching.columns, passed_on))
+            lost = None
+            if unmatched is not None:
+                further = dict.fromkeys(name for each in tables.values() for name in each.further)
+                lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
+            for _, (found, lonely) in stack.enter_context(closing(matched)):
+                writer.add(found)
+                if lost is not None:
+                    lost.add(lonely)
+                tallies.append(matching.tally(found))
+    except StoppedError:
+        return None
+    report = matching.report(tallies, given)
+    return replace(report, notes=[timing, *report.notes]) if timing else report
+
+
+def _blocks(frames: Iterator[Frame]) -> Iterator[list[Frame]]:
+    """Blocks of frames that take about 0.1 s to match."""
+    block: list[Frame] = []
+    rows = 0
+    for frame in frames:
+        block.append(frame)
+        rows += sum(map(len, frame[1]))
+        if len(block) == BLOCK_FRAMES or rows >= BLOCK_ROWS:
+            yield block
+            block, rows = [], 0
+    if block:
+        yield block
+
+
+def _match_block(matching: Matching, block: list[Frame]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What belongs together in a block, and the points without a partner."""
+    found, lonely = zip(*(matching.match_frame(*frame) for frame in block), strict=True)
+    return together(found), together(lonely)

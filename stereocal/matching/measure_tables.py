@@ -1,0 +1,342 @@
+"""Reconstruct whole tables of pairs, or of tracks, into tables of 3D points."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import RowProblem, StereocalError
+from stereocal.matching.in_step import bring_into_step, in_step
+from stereocal.matching.matching import purpose_warning
+from stereocal.matching.pairs import ERROR_DECIMALS, PIXELS
+from stereocal.matching.point_noise import (
+    FEWEST_PAIRS,
+    PointNoise,
+    check_sigma,
+    fit_noise,
+    noise_of_calibration,
+    pair_errors,
+)
+from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable, open_table
+from stereocal.matching.reconstruction import Points, name_of_world, reconstruct_points
+from stereocal.matching.report import Report
+from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.matching.tracks import OF_TRACKS, noise_of_tracks
+from stereocal.matching.view_groups import ViewFitter
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import PlacedCameras
+from stereocal.rig.volume import Volume
+from stereocal.system.numbers import count, rounded
+from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
+
+POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
+SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
+OUTSIDE_VOLUME = "outside_volume"
+COORDINATES = "coordinates"
+"""Names the world frame of x, y, z; without this column they are in the primary's frame."""
+OF_MATCHING = ("error_px", "runner_up_px")
+"""Errors by the matching's parameters, not passed on; the points have their own error."""
+
+FAR_OFF = 0.05
+"""A median error above this fraction of the image's diagonal means another rig."""
+
+AHEAD = 2
+"""Blocks in memory: each may have 100,000 rows."""
+SAMPLE_PAIRS = 4000
+"""Pairs that show the noise."""
+
+
+def reconstruct(
+    rig: RigParameters,
+    pairs: pd.DataFrame,
+    world: Pose | None = None,
+    sigma_px: float | None = None,
+) -> pd.DataFrame:
+    """3D points from a table of matched pairs as returned by `match`.
+
+    Args:
+        world: `world_from_primary`; None: points in the primary's frame, in metres.
+        sigma_px: standard deviation of a pixel coordinate, for `sigma_x`, `sigma_y`, `sigma_z`.
+            None: by the columns `sigma_primary_px` and `sigma_secondary_px`, else estimated from
+            the pairs, else that of the calibration's targets.
+
+    Returns:
+        `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
+        know the volume of the bars, then `coordinates` with the name of the world frame, if there
+        is one, then the further columns. NaN, and outside, for pairs that do
+        not meet in front of both cameras.
+    """
+    missing = [name for name in ("frame", *PIXELS) if name not in pairs]
+    if missing:
+        raise StereocalError(f"The table of pairs has no column {missing[0]}.")
+    pairs, _ = in_step(pairs, PIXELS[2:], rig)
+    return _measured_pairs(rig, pairs, world, noise_of_pairs(rig, pairs, sigma_px))
+
+
+def noise_of_pairs(
+    rig: RigParameters, pairs: pd.DataFrame, sigma_px: float | None = None
+) -> PointNoise | None:
+    """The noise of matched points; None if nothing is known of it.
+
+    Pairs were matched below some threshold, and what lies beyond it is missing: the estimate takes
+    the largest error for the threshold.
+
+    Args:
+        sigma_px: the noise, if it is known; None: by their columns, else by their errors, else that
+            of the calibration.
+    """
+    check_sigma(sigma_px)
+    if sigma_px is not None:
+        return PointNoise(sigma_px, "stated")
+    if set(PAIR_SIGMAS) <= set(pairs):
+        stated = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
+        if np.isfinite(stated).any():
+            return PointNoise(float(np.sqrt(np.nanmean(stated**2))), "columns")
+    thin = pairs.iloc[:: max(len(pairs) // SAMPLE_PAIRS, 1)]
+    pixels = thin[list(PIXELS)].to_numpy(dtype=np.float64)
+    errors = pair_errors(rig, pixels[:, :2], pixels[:, 2:], thin["frame"].to_numpy())
+    if len(errors) >= FEWEST_PAIRS:
+        limit = errors.error_px.max() / np.quantile(errors.relative, 0.99)
+        found = fit_noise(errors, float(limit))
+        if found is not None and found.is_clear:
+            return PointNoise(found.deviation, "estimated", found.relative_error)
+    return noise_of_calibration(rig)
+
+
+def measure_tables(
+    rig: RigParameters | RigFile,
+    table: PointTable,
+    out: Path,
+    world: Pose | None = None,
+    sigma_px: float | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+) -> Report | None:
+    """Reconstruct the points of a table of pairs, or of the tracks of a rig, and write them.
+
+    Args:
+        table: of pairs, or of tracks; pairs are measured a block at a time.
+        world: `world_from_primary`, of a rig `world_from_reference`.
+        sigma_px: as of `reconstruct`; of a rig estimated from the errors in all cameras if None.
+        progress: called with the number of rows done and the total.
+        executor: measures blocks; None: the calling thread.
+
+    Returns:
+        The report; None if cancelled, then no file is written.
+    """
+    check_sigma(sigma_px)
+    timing, sample = "", list[pd.DataFrame]()
+    if isinstance(rig, RigParameters):
+        table, timing = bring_into_step(table, PIXELS[2:], rig)
+
+    def look(block: pd.DataFrame) -> list[RowProblem]:
+        sample.append(block.iloc[:: max(len(block) // SAMPLE_PAIRS, 1)])
+        return points_outside_images(rig, block)
+
+    rows = table.check(look).rows
+    blocks: Iterable[pd.DataFrame] = table.blocks()
+    noise: PointNoise | None
+    if isinstance(rig, RigFile):
+        blocks = [pd.concat(list(blocks))]
+        pixels = _pixels(rig, blocks[0])
+        fitter = ViewFitter(rig)
+        seen = np.isfinite(pixels[..., 0]).sum(axis=1)
+        chi_square = fitter.fit(pixels, fitter.rays(pixels)).chi_square
+        noise = noise_of_tracks(rig, seen, chi_square, sigma_px)
+    else:
+        noise = noise_of_pairs(rig, pd.concat(sample), sigma_px)
+    tasks = (Task(_measured, (rig, block, world, noise), len(block)) for block in blocks)
+    measured = run_tasks(tasks, executor, rows, progress, cancelled, ahead=AHEAD)
+    errors, outside = list[FloatArray](), 0
+    try:
+        with open_table(out) as writer, closing(measured):
+            for _, points in measured:
+                writer.add(points)
+                errors.append(points["error_px"].to_numpy(dtype=np.float64))
+                if OUTSIDE_VOLUME in points:
+                    outside += int((points[OUTSIDE_VOLUME] & points["error_px"].notna()).sum())
+    except StoppedError:
+        return None
+    pooled = np.concatenate(errors)
+    lost = int(np.isnan(pooled).sum())
+    median = float(np.nanmedian(pooled)) if lost < len(pooled) else float("nan")
+    error = f"median reprojection error {rounded(median, 3)} px"
+    if isinstance(rig, RigFile):
+        assert noise is not None
+        sentence = _of_tracks(len(pooled), lost, outside, error, noise)
+        return Report(len(pooled), [sentence], lost=lost)
+    notes = [*filter(None, [timing, purpose_warning(rig, "reconstruction")])]
+    diagonal = float(np.hypot(*rig.primary.image_size))
+    if lost > len(pooled) / 2 or median > FAR_OFF * diagonal:
+        notes.append(
+            "Most pairs do not fit these parameters at all: make sure that both are of the same "
+            "rig, and that primary and secondary are not exchanged."
+        )
+    sentences = [_of_pairs(rig.volume, len(pooled), lost, outside, error), _of_errors(noise)]
+    return Report(len(pooled), sentences, notes, lost)
+
+
+def _of_tracks(points: int, lost: int, outside: int, error: str, noise: PointNoise) -> str:
+    """What was found of tracks, in words; `error` tells the median."""
+    behind = f"; {lost} do not meet in front of the cameras" if lost else ""
+    beyond = (
+        f" {outside} lie outside the volume that the object filled, where errors can be "
+        "larger than stated."
+    )
+    return (
+        f"{points - lost} points, {error}{behind}.{beyond * bool(outside)} Standard errors are for "
+        f"points known to {rounded(noise.sigma_px)} px."
+    )
+
+
+def _of_pairs(volume: Volume | None, pairs: int, lost: int, outside: int, error: str) -> str:
+    """The same of pairs."""
+    behind = f"; {count(lost, 'pair', 'do')} not meet in front of both cameras" * bool(lost)
+    found = pairs - lost
+    text = f"{count(found, 'point')}, {error}{behind}."
+    if volume is None:
+        return text
+    filled = f"outside the volume that the bars filled ({volume.depths})"
+    if not outside:
+        return f"{text} No point lies {filled}."
+    return (
+        f"{text} {outside} of {found} points {'lies' if outside == 1 else 'lie'} "
+        f"{filled}; errors there can be larger than stated."
+    )
+
+
+def _of_errors(noise: PointNoise | None) -> str:
+    """What the standard errors of pairs rest on."""
+    if noise is None:
+        return "No standard errors: the noise of the points is unknown. State it in pixels."
+    words = (
+        "The standard errors contain those of pose and lenses, which neighbouring points "
+        f"share; the points are known to {noise.in_words}"
+    )
+    if noise.source != "calibration":
+        return f"{words}.{noise.disagreement}"
+    return (
+        f"{words}: that of the targets, because the pairs do not show their own. If your "
+        "points are less exact, state their noise."
+    )
+
+
+def _measured(
+    rig: RigParameters | RigFile, rows: pd.DataFrame, world: Pose | None, noise: PointNoise | None
+) -> pd.DataFrame:
+    """The table of points of pairs, or of tracks."""
+    if isinstance(rig, RigFile):
+        assert noise is not None
+        return _measured_tracks(rig, rows, world, noise.sigma_px)
+    return _measured_pairs(rig, rows, world, noise)
+
+
+def _measured_pairs(
+    rig: RigParameters, pairs: pd.DataFrame, world: Pose | None, noise: PointNoise | None
+) -> pd.DataFrame:
+    """As `reconstruct`, of pairs in step and with their noise."""
+    pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
+    sigmas = None
+    if noise is not None:  # of the points of both cameras
+        sigmas = np.full((len(pairs), 2), noise.sigma_px)
+        if noise.source == "columns":
+            own = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
+            sigmas = np.where(np.isfinite(own), own, sigmas)
+    found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigmas)
+    passed = pairs.drop(columns=["frame", *PIXELS, *OF_MATCHING, *SIGMAS], errors="ignore")
+    return _table(pairs["frame"], found, world, {}, passed, "of_pair")
+
+
+def _measured_tracks(
+    rig: RigFile, tracks: pd.DataFrame, world: Pose | None, sigma_px: float
+) -> pd.DataFrame:
+    """The points of tracks, from all cameras that see each."""
+    pixels = _pixels(rig, tracks)
+    fitter = ViewFitter(rig)
+    found = fitter.fit(pixels, fitter.rays(pixels), max(sigma_px, 1e-6))
+    outside = None if rig.volume is None else ~rig.volume.contains(found.xyz)
+    xyz, covariance = found.xyz, found.covariance
+    if world is not None:
+        xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
+    points = Points(xyz, found.error_px, np.sqrt(np.einsum("nii->ni", covariance)), outside)
+    further = tracks.drop(columns=["frame", *pixel_columns(rig), *OF_TRACKS], errors="ignore")
+    views = {"views": np.isfinite(pixels[..., 0]).sum(axis=1)}
+    return _table(tracks["frame"], points, world, views, _common(further, rig.names), "of_track")
+
+
+def _table(
+    frame: "pd.Series[int]",
+    found: Points,
+    world: Pose | None,
+    views: Mapping[str, IntArray],
+    passed: pd.DataFrame,
+    source: str,
+) -> pd.DataFrame:
+    """Rows of `points.csv`; columns that are passed on get the name of their `source` added where
+    it is taken.
+    """
+    columns: dict[str, Any] = {"frame": frame.to_numpy()}
+    columns |= dict(zip("xyz", found.xyz.T, strict=True))
+    columns["error_px"] = found.error_px.round(ERROR_DECIMALS)
+    if found.sigma_m is not None:
+        columns |= dict(zip(SIGMA_COLUMNS, found.sigma_m.T, strict=True))
+    columns |= views
+    if found.outside_volume is not None:
+        columns[OUTSIDE_VOLUME] = found.outside_volume
+    if world is not None:
+        columns[COORDINATES] = np.full(len(frame), name_of_world(world))
+    taken = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES, *views}
+    for name in passed:
+        columns[f"{name}_{source}" if name in taken else str(name)] = passed[name].array
+    return pd.DataFrame(columns)
+
+
+def _pixels(rig: RigFile, tracks: pd.DataFrame) -> FloatArray:
+    """(n, c, 2): of all cameras; NaN where one does not see a point."""
+    pixels = tracks[pixel_columns(rig)].to_numpy(dtype=np.float64)
+    shaped = pixels.reshape(len(pixels), len(rig.names), 2).copy()
+    shaped[~np.isfinite(shaped).all(axis=2)] = np.nan
+    return shaped
+
+
+def _common(further: pd.DataFrame, cameras: Sequence[str]) -> pd.DataFrame:
+    """One column in place of those that end in the cameras' names: what all that have a value say;
+    empty where they differ, and not there where none agree."""
+    groups: dict[str, list[str]] = {}
+    by_length = sorted(cameras, key=len, reverse=True)
+    for name in map(str, further):
+        camera = next((each for each in by_length if name.endswith(f"_{each}")), None)
+        groups.setdefault(name if camera is None else name[: -len(camera) - 1], []).append(name)
+    found = {}
+    for stem, names in groups.items():
+        values = further[names].where(further[names] != "")
+        first = values.bfill(axis=1).iloc[:, 0]
+        agree = (values.eq(first, axis=0) | values.isna()).all(axis=1) & first.notna()
+        if agree.any():
+            found[stem] = first.where(agree, "")
+    return pd.DataFrame(found, index=further.index)
+
+
+def points_outside_images(rig: PlacedCameras, block: pd.DataFrame) -> list[RowProblem]:
+    """The rows of a block of pairs, or of tracks, with a point outside its image."""
+    problems = []
+    for which, (camera, _) in rig.placed.items():
+        pixels = block[[f"u_{which}", f"v_{which}"]].to_numpy(dtype=np.float64)
+        size, lines = np.array(camera.image_size), block.index.to_numpy()
+        problems += [
+            RowProblem(
+                int(lines[row]),
+                f"the {which} point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is outside the "
+                f"{size[0]}x{size[1]} px image: are these parameters of other images?",
+            )
+            for row in np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
+        ]
+    return sorted(problems, key=lambda problem: problem.line)

@@ -1,0 +1,127 @@
+"""The tables of points of two cameras or more: checked once, then read frame by frame."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from heapq import merge
+from itertools import groupby, repeat
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import RowProblem, StereocalError
+from stereocal.matching.names import AUTO, stated_columns
+from stereocal.matching.point_table import POINT, Contents, PointTable, pixels_of
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.rig import PlacedCameras
+from stereocal.system.numbers import count
+
+OTHER_IMAGES = 0.2
+"""With a larger fraction of points outside the image, the parameters are of other images."""
+Frame = tuple[int, list[pd.DataFrame]]
+"""Number, and rows of each camera, in the order of the tables; none where it saw nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class TablesByCamera:
+    """Tables `frame,u,v` with further columns, and what was found when they were checked."""
+
+    tables: Mapping[str, PointTable]
+    contents: Mapping[str, Contents]
+    columns: tuple[str, ...]
+    """The columns that may name points."""
+
+    @classmethod
+    def checked(
+        cls, tables: Mapping[str, PointTable], rig: PlacedCameras, names: str = AUTO
+    ) -> "TablesByCamera":
+        """Read each table once and check its points.
+
+        Args:
+            rig: which has cameras of these names.
+            names: as of `names.stated_columns`.
+        """
+        columns = stated_columns(names, *(table.further for table in tables.values()))
+        contents = {
+            name: _check_points(table, rig.placed[name].camera, name, columns)
+            for name, table in tables.items()
+        }
+        return cls(tables, contents, columns)
+
+    @cached_property
+    def frames(self) -> IntArray:
+        """The frames of any table, in order."""
+        return reduce(np.union1d, (each.frames for each in self.contents.values()))
+
+    @property
+    def distinct(self) -> list[pd.DataFrame]:
+        """The different names in each table."""
+        return [each.distinct for each in self.contents.values()]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """By camera, a note on the rows without a point."""
+        return {
+            name: f"{self.tables[name].label}: {count(each.left_out, 'row')} without a point left "
+            "out."
+            for name, each in self.contents.items()
+            if each.left_out
+        }
+
+    def side_by_side(self) -> Iterator[Frame]:
+        """Each frame of any table in order, with its rows in all of them."""
+        tables = list(self.tables.values())
+        empty = [
+            pd.DataFrame({name: [] for name in ("frame", *POINT, *table.sigmas, *table.further)})
+            for table in tables
+        ]
+        numbered = (zip(repeat(k), table.frames(), strict=False) for k, table in enumerate(tables))
+        for frame, sides in groupby(merge(*numbered, key=_frame_of), key=_frame_of):
+            seen = {k: rows for k, (_, rows) in sides}
+            yield frame, [seen.get(k, none) for k, none in enumerate(empty)]
+
+
+def _frame_of(side: tuple[int, tuple[int, pd.DataFrame]]) -> int:
+    return side[1][0]
+
+
+def _check_points(
+    table: PointTable, camera: Camera, which: str, columns: tuple[str, ...]
+) -> Contents:
+    size = np.array(camera.image_size)
+    image = f"{size[0]}x{size[1]} px"
+
+    def refuse(block: pd.DataFrame) -> list[RowProblem]:
+        pixels = pixels_of(block)
+        off = np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
+        if len(off) > OTHER_IMAGES * len(block):
+            u, v = pixels.max(axis=0)
+            raise StereocalError(
+                f"{table.label}: the points of the {which} camera reach ({u:.0f}, {v:.0f}) px, but "
+                f"the parameters are of images of {image}: they are of another camera, or the "
+                "images were scaled or cropped."
+            )
+        again = np.flatnonzero(block.duplicated(["frame", *POINT]).to_numpy())
+        lines, frames = block.index.to_numpy(), block["frame"].to_numpy()
+        outside = f"is outside the {image} image of the {which} camera"
+        problems = [
+            RowProblem(int(lines[row]), f"frame {frames[row]}{colon} the point {point} {what}")
+            for rows, colon, what in ((off, ":", outside), (again, " has", "twice"))
+            for row, point in ((row, f"({pixels[row, 0]:g}, {pixels[row, 1]:g})") for row in rows)
+        ]
+        return sorted(problems, key=lambda problem: problem.line)
+
+    return table.check(refuse, columns)
+
+
+def pixel_columns(rig: PlacedCameras) -> list[str]:
+    """The columns of image points in a table of pairs, or of tracks."""
+    return [f"{axis}_{name}" for name in rig.placed for axis in POINT]
+
+
+def without_partner(rows: pd.DataFrame, camera: str, partnered: IntArray) -> pd.DataFrame:
+    """The rows of a camera in one frame but those that have a partner."""
+    alone = rows.iloc[np.setdiff1d(np.arange(len(rows)), partnered)].copy()
+    alone.insert(0, "camera", camera)
+    return alone
