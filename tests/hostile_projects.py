@@ -135,7 +135,10 @@ def _reads(project: Project) -> Iterator[Callable[[], object]]:
     yield lambda: _use_calibration(project)
     yield lambda: project.evaluation
     yield lambda: (photographs.photographs, photographs.proposal.pairing.sentence, photographs.rows)
-    yield lambda: [thumbnail(photographs, frame) for frame in (photographs.frames or [])[:1]]
+    yield lambda: [
+        thumbnail(photographs, frame.files, frame.centres)
+        for frame in (photographs.frames or [])[:1]
+    ]
     yield lambda: read_review(photographs)
     for which in CAMERAS:
         lens = ProjectLens(project, which)

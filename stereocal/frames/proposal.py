@@ -8,8 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from stereocal.frames.by_time import Alignment
-from stereocal.frames.clocks import Times, aligned_clocks, times_of
+from stereocal.frames.by_time import Alignment, Times, aligned_clocks, times_of
 from stereocal.frames.conventions import FOLDERS, Reading, divisions_in, words_in
 from stereocal.frames.pairing import (
     Alone,

@@ -17,7 +17,7 @@ import numpy as np
 
 from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.clocks import aligned_clocks, times_of
+from stereocal.frames.by_time import aligned_clocks, times_of
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair, number_pairs, short_names

@@ -26,6 +26,7 @@ from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences, Dataset, check_length, refuse_points_outside
+from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, unpack
 
@@ -45,7 +46,10 @@ OF_TABLE = ("exchanged", "put_back", "left_out")
 """Corrections of frames, valid for one table of points."""
 KEPT: dict[type, Latest[Any]] = {
     kind: Latest(most)
-    for kind, most in ((Camera, 64), (Table, 8), (Dataset, 32), (Calibration, 8), (Evaluation, 8))
+    for kind, most in (
+        *((Camera, 64), (Table, 8), (Dataset, 32), (Recording, 8)),
+        *((Calibration, 8), (Evaluation, 8)),
+    )
 }
 """In memory, by the digests of the contents."""
 
@@ -146,9 +150,9 @@ class Project:
         for slot, (label, content) in files.items():  # before the transaction: others wait for it
             digest = hashlib.sha256(content).hexdigest()
             if slot == "correspondences":
-                _once(Table, digest, partial(read_table, content, label))
+                once(Table, digest, partial(read_table, content, label))
             else:
-                _once(Camera, digest, partial(read_camera, content, label, "brown"))
+                once(Camera, digest, partial(read_camera, content, label, "brown"))
             stored[slot] = self.database.keep_file(content, label)
         with self.database.transaction():
             before = self.inputs
@@ -219,7 +223,7 @@ class Project:
             return inputs.dataset(Path(file.label).stem, primary, secondary, _rows(file))
 
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
-        return None if inputs.missing else _once(Dataset, key, made)
+        return None if inputs.missing else once(Dataset, key, made)
 
     @property
     def table(self) -> tuple[str, bytes] | None:
@@ -243,7 +247,7 @@ class Project:
         file = self._file(inputs, slot)
         if file is None:
             return None
-        return _once(
+        return once(
             Camera, file.sha256, lambda: read_camera(file.read_bytes(), file.label, "brown")
         )
 
@@ -285,7 +289,7 @@ class Project:
             digest = self.database.result_digest(name)
             if digest is None:
                 return None
-            return _once(kind, digest, lambda: unpacked(self.database.result(name) or b""))
+            return once(kind, digest, lambda: unpacked(self.database.result(name) or b""))
 
     @property
     def calibration_digest(self) -> str | None:
@@ -351,7 +355,7 @@ class Project:
     @property
     def more_datasets(self) -> list[Dataset]:
         files = self.database.files(FURTHER).values()
-        return [_once(Dataset, _key(file), partial(_parse_stored, file)) for file in files]
+        return [once(Dataset, _key(file), partial(_parse_stored, file)) for file in files]
 
 
 class ProjectPart:
@@ -366,7 +370,7 @@ class ProjectPart:
         return self.database.keep_file(content, name)
 
 
-def _once(kind: type[T], key: str, make: Callable[[], T]) -> T:
+def once(kind: type[T], key: str, make: Callable[[], T]) -> T:
     found: T = KEPT[kind].once(key, make)
     return found
 
@@ -382,5 +386,5 @@ def _parse_stored(file: StoredFile) -> Dataset:
 
 def _rows(file: StoredFile) -> Correspondences:
     """The rows of a table, all of which must be valid."""
-    table = _once(Table, file.sha256, lambda: read_table(file.read_bytes(), file.label))
+    table = once(Table, file.sha256, lambda: read_table(file.read_bytes(), file.label))
     return table.strict(file.label)

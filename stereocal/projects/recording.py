@@ -8,13 +8,13 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import cameras_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import POINTS, find_description, parse_recording
+from stereocal.formats.recording_files import DESCRIPTION, find_description, parse_recording
 from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.project import INPUT, Project, ProjectPart, packed, stated_in
+from stereocal.projects.project import INPUT, KEPT, Project, ProjectPart, once, packed, stated_in
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 
@@ -46,14 +46,15 @@ class ProjectRecording(ProjectPart):
     @property
     def camera_count(self) -> int:
         """How many cameras the recording has, without reading its points."""
-        return len(find_description(self._contents(POINTS), SOURCE).entries["cameras"])
+        files = self.database.files(RECORDING).items()
+        described = {name: each.read_bytes() for name, each in files if name.endswith(DESCRIPTION)}
+        return len(find_description(described, SOURCE).entries["cameras"])
 
     @property
     def cameras(self) -> dict[str, Camera]:
         """The cameras of the recording, or of the files that are no recording yet."""
-        contents = self._contents(POINTS)
-        if contents:
-            return dict(parse_recording(contents, SOURCE, with_points=False).cameras)
+        if (recording := self.read()) is not None:
+            return dict(recording.cameras)
         files = {name: file.read_bytes() for name, file in self.parts.items()}
         cameras = {name: each for name, each in files.items() if not is_table(name, each)}
         return cameras_in(cameras, ExchangeOptions())
@@ -63,10 +64,6 @@ class ProjectRecording(ProjectPart):
         """The pairs of the rig that see bars together; before there is one, all pairs."""
         every = [pair_name(pair) for pair in combinations(self.cameras, 2)]
         return every if self.rig is None else [n for n in every if n in self.rig.about["pairs"]]
-
-    def _contents(self, but: str = "") -> dict[str, bytes]:
-        files = self.database.files(RECORDING).items()
-        return {name: file.read_bytes() for name, file in files if name != but}
 
     @property
     def parts(self) -> dict[str, StoredFile]:
@@ -97,23 +94,30 @@ class ProjectRecording(ProjectPart):
             self.database.name_files(PARTS, {name: self.database.files(REPLACED)[name]})
             self.database.forget_files(REPLACED, [name])
 
-    def give(self, files: Mapping[str, bytes], source: str) -> Recording:
-        """Store a recording instead of what was there; its rig goes."""
-        found = parse_recording(files, source)
+    def give(self, found: Recording, files: Mapping[str, bytes]) -> None:
+        """Store a recording and its files instead of what was there; its rig goes."""
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
         if kept == self.database.files(RECORDING):
-            return found
+            return
         with self.database.transaction():
             self.database.replace_files(RECORDING, kept)
             self.database.forget_files(RIG_FILES)
             self.database.forget_pairs()
             self.database.keep_values(INPUT, {"name": found.name})
-        return found
+        KEPT[Recording].keep(" ".join(self.digest), found)
 
     def read(self) -> Recording | None:
         """The recording; None if the project holds none."""
-        contents = self._contents()
-        return parse_recording(contents, SOURCE) if contents else None
+        if not (digest := self.digest):
+            return None
+
+        def parsed() -> Recording:
+            files = self.database.files(RECORDING).items()
+            contents = {name: each.read_bytes() for name, each in files}
+            # The lens models were settled when it was given.
+            return parse_recording(contents, SOURCE, lens_model="brown")
+
+        return once(Recording, " ".join(digest), parsed)
 
     def keep_rig(self, rig: str, pairs: bytes) -> None:
         """Store rig.json and the zip of the pairs' files."""

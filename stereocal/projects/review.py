@@ -10,8 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.frames.frame import Centre, CentrePair, Frame, frame_from_json
-from stereocal.frames.pairing import Pair
+from stereocal.frames.frame import CentrePair, frame_from_json
 from stereocal.frames.review import Edit, Review
 from stereocal.frames.thumbnails import board_tile, side_by_side, tile
 from stereocal.intrinsics.boards import BoardView, find_board
@@ -65,33 +64,23 @@ def change_review(store: ProjectPhotographs, change: Callable[[Review], Review])
     return after
 
 
-def thumbnail(store: ProjectPhotographs, frame: Frame) -> bytes:
-    """A JPEG of both photographs around the targets."""
-    return _drawn(_files(store, frame.files), frame.centres)
-
-
-def pair_thumbnail(store: ProjectPhotographs, names: tuple[str | None, str | None]) -> bytes:
-    """A JPEG of two whole photographs; grey where there is none."""
-    return _drawn(_files(store, names), ((None, None), (None, None)))
-
-
-def board_thumbnail(
-    store: ProjectPhotographs, pair: Pair, corners: tuple[FloatArray, FloatArray]
+def thumbnail(
+    store: ProjectPhotographs,
+    names: Sequence[str | None],
+    marks: Sequence[CentrePair | FloatArray] = ((None, None), (None, None)),
 ) -> bytes:
-    """A JPEG of both photographs, with the corners (n, 2) of the board in each."""
-    marks = tuple(own.astype(np.float64).tobytes() for own in corners)
-    return _drawn(_files(store, (pair.primary, pair.secondary)), marks)
+    """A JPEG of two photographs; grey where there is none.
 
-
-def held_thumbnail(
-    store: ProjectPhotographs, pair: Pair, points: tuple[FloatArray, FloatArray]
-) -> bytes:
-    """A JPEG of both photographs, with the two targets, the corners or the markers (n, 2) px that
-    were found in each."""
-    if all(len(own) in (0, 2) for own in points):
-        marks = tuple(_centres(own) for own in points)
-        return _drawn(_files(store, (pair.primary, pair.secondary)), marks)
-    return board_thumbnail(store, pair, points)
+    Args:
+        marks: of each, its targets, about which it is cut out; or the corners (n, 2) px of a board
+            or markers, on the whole photograph.
+    """
+    photographs = store.photographs
+    files = tuple(photographs.get(name) if name else None for name in names)
+    hashable = tuple(
+        own.astype(np.float64).tobytes() if isinstance(own, np.ndarray) else own for own in marks
+    )
+    return _drawn(files, hashable)
 
 
 @lru_cache(maxsize=200)
@@ -112,18 +101,6 @@ def _drawn(files: tuple[StoredFile | None, ...], marks: Sequence[CentrePair | by
         for file, own in zip(files, marks, strict=True)
     )
     return side_by_side(first, second)
-
-
-def _centres(points: FloatArray) -> CentrePair:
-    if not len(points):
-        return None, None
-    a, b = points.tolist()
-    return Centre(*a), Centre(*b)
-
-
-def _files(store: ProjectPhotographs, names: Sequence[str | None]) -> tuple[StoredFile | None, ...]:
-    photographs = store.photographs
-    return tuple(photographs.get(name) if name else None for name in names)
 
 
 def _image(file: StoredFile | None) -> GreyImage | None:

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from stereocal.errors import StereocalError
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -66,6 +66,23 @@ class Recording:
             baseline_sigma_m=None if free else dataset.baseline_sigma_m,
             notes=dataset.notes,
         )
+
+    def refuse_points_outside(self) -> None:
+        """Raise an error if points are outside their image, which ends 0.5 px beyond the outermost
+        pixel centres."""
+        sizes = np.array([camera.image_size for camera in self.cameras.values()])[self.camera]
+        names, problems = list(self.cameras), []
+        outside = ((self.points < -0.5) | (self.points > sizes - 0.5)).any(axis=1)
+        for row in np.flatnonzero(outside).tolist():
+            (u, v), (width, height) = self.points[row], sizes[row]
+            reason = (
+                f"frame {self.frame[row]}, camera {names[self.camera[row]]}, target "
+                f"{self.object.names[self.target[row]]}: the point ({u:g}, {v:g}) is outside the "
+                f"{width}x{height} px image"
+            )
+            problems.append(RowProblem(0, reason))
+        if problems:
+            raise RefusedRowsError("", problems, "cannot be used")
 
     @property
     def pairs(self) -> list[Pair]:

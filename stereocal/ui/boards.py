@@ -13,7 +13,7 @@ from stereocal.intrinsics.calibrate_lens import LensSettings
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.review import board_corners, board_thumbnail
+from stereocal.projects.review import board_corners, thumbnail
 from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -102,7 +102,7 @@ def _show_pair(
     place: DeltaGenerator,
 ) -> None:
     alt = f"Both photographs of frame {pair.frame} with the corners of the board"
-    place.image(board_thumbnail(store, pair, corners), width="stretch", alt=alt)
+    place.image(thumbnail(store, (pair.primary, pair.secondary), corners), width="stretch", alt=alt)
 
 
 def _show_found(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:

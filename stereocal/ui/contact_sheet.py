@@ -75,7 +75,7 @@ def _show_frame(
     store: ProjectPhotographs, running: bool, look_closely: Callable[[int], None], frame: Frame
 ) -> None:
     alt = f"Both photographs of frame {frame.frame} about the targets found"
-    st.image(thumbnail(store, frame), width="stretch", alt=alt)
+    st.image(thumbnail(store, frame.files, frame.centres), width="stretch", alt=alt)
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
     seen = "corrected" if frame.corrected else "reviewed" if frame.reviewed else ""
     reviewed = f" · {seen}" if seen else ""

@@ -16,14 +16,14 @@ from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, parse_dataset, parse_survey
 from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
-from stereocal.formats.recording_files import find_description
+from stereocal.formats.recording_files import Description, find_description, parse_recording
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import NAMES, Project, as_read, packed, stated_in
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.camera import CAMERAS, LensModel
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES
@@ -168,7 +168,9 @@ def give_dataset(
     if description.is_recording:
         if len(description.entries.get("cameras") or ()) > 2:
             own = {name: content for name, content in files.items() if name.startswith(folder)}
-            ProjectRecording(project).give(own, source)
+            recording = parse_recording(own, source, lens_model=lens_model)
+            own |= _fisheyes(description, recording.cameras)
+            ProjectRecording(project).give(recording, own)
         else:
             give_pair(project, parse_dataset(files, source, lens_model=lens_model), found)
         return
@@ -179,12 +181,22 @@ def give_dataset(
         survey = parse_dataset(files, source, lens_model=lens_model)
         table = as_read(files[folder + TABLE], Table(survey.correspondences, []))
         given["correspondences"] = TABLE, table
-    for which, camera in zip(CAMERAS, (survey.primary, survey.secondary), strict=True):
+    cameras: dict[str, Camera] = {"primary": survey.primary, "secondary": survey.secondary}
+    stated = {**files, **_fisheyes(description, cameras)}
+    for which in CAMERAS:
         name: str = description.entries["cameras"][which]
-        # That of a fisheye must state it.
-        content = write_camera(camera) if camera.is_fisheye else files[folder + name]
-        given[which] = name, as_read(content, camera)
+        given[which] = name, as_read(stated[folder + name], cameras[which])
     _replace(project, survey, given, found)
+
+
+def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[str, bytes]:
+    """The files of fisheyes, which state that they are, by name."""
+    folder, names = description.folder, description.entries["cameras"]
+    return {
+        folder + names[which]: write_camera(camera)
+        for which, camera in cameras.items()
+        if camera.is_fisheye
+    }
 
 
 def give_pair(

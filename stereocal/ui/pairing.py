@@ -13,7 +13,7 @@ from stereocal.frames.pairing import Alone, Pair, short_names
 from stereocal.frames.proposal import Choice, Proposal, Way
 from stereocal.frames.slips import Slip, find_slip
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.review import pair_thumbnail
+from stereocal.projects.review import thumbnail
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
@@ -206,7 +206,7 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None
     else:
         names = (None, item.name) if item.camera else (item.name, None)
         alt = f"A photograph of the {CAMERAS[item.camera]} camera without a partner"
-    st.image(pair_thumbnail(store, names), width="stretch", alt=alt)
+    st.image(thumbnail(store, names), width="stretch", alt=alt)
     short = [escape_markdown(short_names([name])[0]) for name in names if name]
     if isinstance(item, Alone):
         st.markdown(f":orange-badge[:material/question_mark: no partner] {short[0]}")

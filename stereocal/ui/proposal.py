@@ -10,12 +10,14 @@ import streamlit as st
 
 from stereocal.detection.target import Balls, Tags
 from stereocal.errors import StereocalError
+from stereocal.frames.frame import Centre, CentrePair
 from stereocal.frames.pairing import Pair
 from stereocal.intrinsics.held_object import HeldObject, held_object, spread
 from stereocal.intrinsics.proposed_board import ProposedBoard
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.review import held_thumbnail
+from stereocal.projects.review import thumbnail
+from stereocal.rig.compiled import FloatArray
 from stereocal.ui.fields import Field
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
@@ -118,8 +120,16 @@ def _values(held: HeldObject) -> dict[str, Any]:
 
 def _picture(store: ProjectPhotographs, said: dict[str, Any]) -> bytes:
     try:
-        pair = Pair(int(said["frame"]), *map(str, said["names"]))
-        first, second = (np.reshape(own, (-1, 2)).astype(np.float64) for own in said["marks"])
+        first, second = map(str, said["names"])
+        points = [np.reshape(own, (-1, 2)).astype(np.float64) for own in said["marks"]]
     except (KeyError, TypeError, ValueError) as error:
         raise StereocalError("The proposal is damaged: give the photographs again.") from error
-    return held_thumbnail(store, pair, (first, second))
+    of_bar = all(len(own) in (0, 2) for own in points)
+    return thumbnail(store, (first, second), [_targets(own) if of_bar else own for own in points])
+
+
+def _targets(points: FloatArray) -> CentrePair:
+    if not len(points):
+        return None, None
+    a, b = points.tolist()
+    return Centre(*a), Centre(*b)

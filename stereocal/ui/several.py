@@ -1,5 +1,6 @@
 """The Data page for three cameras and more: their files, and one table of points or photographs."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -21,7 +22,6 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
-from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
@@ -76,10 +76,11 @@ def several_in(project: Project) -> None:
         st.warning(escape_markdown(str(error)))
         return
     _show(found)
-    calibrate = partial(_calibrate, store, found.recording)
+    calibrate = partial(_calibrate, store, found)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
     # Of what is in use already, the next thing to do is on the page Rig.
-    is_used = found.digest == sorted(store.digest)
+    digests = (hashlib.sha256(content).hexdigest() for content in found.files.values())
+    is_used = sorted(digests) == sorted(store.digest)
     if store.is_given:
         st.session_state[PRESS_FIRST] = not is_used
     st.button(title, type=button_type(not is_used), key="several_run", on_click=calibrate)
@@ -165,14 +166,15 @@ def _show(found: EveryCamera) -> None:
 
 
 @callback
-def _calibrate(store: ProjectRecording, recording: Recording) -> None:
+def _calibrate(store: ProjectRecording, found: EveryCamera) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
+    recording = found.recording
     if len(recording.cameras) == 2:
         give_pair(store.project, with_baseline_found(recording.pair(*recording.cameras)))
         for name in store.parts:
             store.drop_part(name)
         return
-    store.give(pack_recording(recording), recording.name)
+    store.give(recording, found.files)
     jobs.start(work_of(store.project, False))
     go_to("rig")
 
@@ -219,7 +221,7 @@ def _keep(store: ProjectPhotographs, found: several.Everywhere, digest: str) -> 
     project, recording = store.project, ProjectRecording(store.project)
     if found.recording.object.board is not None:
         whole = replace(found.recording, name=project.inputs.name or "Rig")
-        recording.give(pack_recording(whole), whole.name)
+        recording.give(whole, pack_recording(whole))
     else:
         recording.add_parts({POINTS: write_points(found.recording)})
     project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused]})

@@ -18,11 +18,13 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
+from stereocal.ui.start import RIG
 from tests.files import zipped
 from tests.pages.stored_projects import (
     FULL,
@@ -34,7 +36,7 @@ from tests.pages.stored_projects import (
     project_of,
     wait_until,
 )
-from tests.pages.test_pages import FIELD, give_zip, open_sample
+from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
 
 
 def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
@@ -86,6 +88,18 @@ def test_a_data_set_is_parsed_once(
     go(app, "calibrate")
     assert project_of(app, home).dataset is not None
     assert (len(tables), len(cameras)) == (1, 2)
+
+
+def test_a_recording_of_more_cameras_is_parsed_once(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forget(monkeypatch)
+    tables = counted(monkeypatch, "stereocal.formats.recording_files.read_points")
+    files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
+    give_zip(app, files)
+    go(app, "rig")
+    assert ProjectRecording(project_of(app, home)).read() is not None
+    assert len(tables) == 1
 
 
 def test_single_files_are_parsed_once(

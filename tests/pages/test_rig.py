@@ -46,7 +46,7 @@ def project(home: Path) -> Project:
     recording = store.read()
     assert recording is not None
     fitted = rows_where(recording, recording.frame % 3 == 0)
-    store.give(pack_recording(fitted), "the frames that the rig was fitted to")
+    store.give(fitted, pack_recording(fitted))
     store.keep_rig(rig_text(), b"zip")
     return found
 

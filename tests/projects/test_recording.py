@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera
 from stereocal.formats.recording_files import parse_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.placings import rows_where
@@ -17,7 +18,8 @@ from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
+from stereocal.projects.recording import RECORDING, ProjectRecording
+from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.start import RIG, three_cameras
 
@@ -57,7 +59,7 @@ def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
     assert copy.digest == store.digest
     assert copy.rig is not None and copy.rig.names == found.names
     # a new recording has no rig yet
-    store.give(given(), "again")
+    store.give(parse_recording(given(), "again"), given())
     assert store.rig is None
 
 
@@ -65,8 +67,19 @@ def test_an_invalid_recording_changes_nothing(project: Project) -> None:
     store = ProjectRecording(project)
     before = store.digest
     with pytest.raises(StereocalError, match="dataset"):
-        store.give({"dataset.json": b"{}"}, "damaged")
+        give_dataset(project, {"dataset.json": b"{}"}, "damaged")
     assert store.digest == before
+
+
+def test_the_files_of_fisheyes_state_that_they_are(tmp_path: Path) -> None:
+    """Four coefficients, of a lens that was asked about."""
+    four = json.dumps({"K": np.diag([900, 900, 1]).tolist(), "image_size": [2048, 2048]})
+    lens = f'{four[:-1]}, "distortion": [0.1, 0.01, 0.0, 0.0]}}'.encode()
+    files = {name: lens if name.endswith(".yaml") else content for name, content in given().items()}
+    project = Project.create(tmp_path)
+    give_dataset(project, files, "fisheyes", lens_model="fisheye")
+    stored = project.database.files(RECORDING)["camera_1.yaml"].read_bytes()
+    assert read_camera(stored, "camera_1.yaml").is_fisheye
 
 
 def test_other_projects_have_no_rig_page(tmp_path: Path) -> None:
@@ -121,7 +134,7 @@ def test_a_pair_is_kept_in_the_project_of_its_rig(project: Project, tmp_path: Pa
     assert again.dataset is not None
     assert again.dataset.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1.0)
     # Another recording has no pairs yet.
-    store.give(given(), "again")
+    store.give(parse_recording(given(), "again"), given())
     assert not pair.inputs.files
 
 

@@ -1,6 +1,5 @@
 """A recording of all cameras, from their files and one table of points."""
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,13 +16,7 @@ from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
-from stereocal.formats.recording_files import (
-    NUMBERS,
-    REQUIRED,
-    pack_recording,
-    parse_recording,
-    read_points,
-)
+from stereocal.formats.recording_files import NUMBERS, REQUIRED, pack_recording, read_points
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import check_length
 from stereocal.rig.recording import Recording
@@ -44,10 +37,9 @@ class EveryCamera:
     remarks: tuple[str, ...]
 
     @cached_property
-    def digest(self) -> list[str]:
-        """SHA-256 of the recording's files, sorted."""
-        files = pack_recording(self.recording).values()
-        return sorted(hashlib.sha256(content).hexdigest() for content in files)
+    def files(self) -> dict[str, bytes]:
+        """Of the recording, by name."""
+        return pack_recording(self.recording)
 
 
 def gather_all(
@@ -127,7 +119,7 @@ def _of_bars(
         bars.pixels[row, camera_of_row],
         np.full(len(row), np.nan),
     )
-    parse_recording(pack_recording(recording), name or "Data set")  # refuses what cannot be used
+    recording.refuse_points_outside()
     if unseen := [each for k, each in enumerate(recording.cameras) if k not in camera_of_row]:
         raise StereocalError(
             f"Camera {unseen[0]} sees no end of the bar that another camera sees: use two of the "
