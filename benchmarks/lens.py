@@ -13,9 +13,9 @@ import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensSettings, calibrate_lens
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import field_rig
 from tools.photographs.board_series import draw_board_poses, true_corners
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch, BoardView
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rigid_object import BoardPattern
 from tests.files import encoded
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import (

@@ -8,8 +8,7 @@ from pathlib import Path
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.intrinsics import detect_board
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
-from stereocal.commands.pairing import PAIR_BY, pairing_of
-from stereocal.commands.videos import take_frames
+from stereocal.commands.photographs import PAIR_BY, pairing_of, take_frames
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import read_survey

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
-from stereocal.commands.pairing import pairing_of, taken_of
-from stereocal.commands.videos import take_frames
+from stereocal.commands.photographs import pairing_of, take_frames, taken_of
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
@@ -37,9 +36,9 @@ from stereocal.intrinsics.stereo_boards import (
     lenses_of_boards,
     recording_of,
 )
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all, write_atomically
 from stereocal.system.described import descriptions
 from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in

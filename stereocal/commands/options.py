@@ -16,10 +16,10 @@ from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.inputs import read_input
 from stereocal.formats.world_file import read_world
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all
 from stereocal.system.described import descriptions
 from stereocal.system.executors import engine

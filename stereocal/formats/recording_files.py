@@ -13,13 +13,11 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, StereocalError, naming
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import codes_of
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
-from stereocal.rig.recording import Pair, Recording
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.recording import Pair, Recording, check_camera_names
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
 from stereocal.system.records import of_plain, plain, settings_of

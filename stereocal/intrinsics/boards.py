@@ -27,8 +27,8 @@ from stereocal.intrinsics.board_corners import (
     halved,
     refine,
 )
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks

@@ -27,7 +27,6 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.fisheye_fit import CRITERIA, UNDETERMINED, fit_fisheye
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import (
     FISHEYE_UNKNOWNS,
     LENS_MODELS,
@@ -37,6 +36,7 @@ from stereocal.rig.camera import (
     LensUncertainty,
 )
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.described import check_described, described
 from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 

@@ -28,8 +28,8 @@ from stereocal.intrinsics.proposed_board import (
     markers_in,
     smallest_dictionary,
 )
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import PhotographFile, read_colours, read_photograph
 
 LOOKED_AT = 5

@@ -26,12 +26,11 @@ from stereocal.intrinsics.calibrate_lens import (
     board_pose,
     calibrate_lens,
 )
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Earlier, Progress
 

@@ -19,10 +19,10 @@ from stereocal.network.unknowns import camera_at, lens_places
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
-from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters, software_versions
+from stereocal.rig.recording import check_camera_names
 from stereocal.rig.rig import PlacedCamera, Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset

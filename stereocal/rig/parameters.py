@@ -17,10 +17,10 @@ import scipy
 
 from stereocal.errors import DAMAGED, StereocalError, naming, refuse
 from stereocal.rig.camera import Camera
-from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.recording import check_camera_names
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume

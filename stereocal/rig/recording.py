@@ -1,19 +1,22 @@
 """A recording of one object by any number of cameras; any two of them are a data set."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from unicodedata import category
 
 import numpy as np
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.camera_names import check_camera_names
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 
+LONGEST_NAME = 64
+LETTERS, OTHERS = "LMN", " -_."
+"""Categories of characters: letters, marks on letters, numbers; and other characters."""
 Pair = tuple[str, str]
 
 
@@ -152,3 +155,29 @@ class Recording:
         _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
         order = np.argsort(one)
         return rows[0][one[order]], rows[1][other[order]]
+
+
+def check_camera_names(names: Iterable[str]) -> None:
+    """Refuse names that cannot be part of the name of a file, and pairs whose files would be one.
+
+    Raises:
+        StereocalError: names the camera.
+    """
+    names = [*names]
+    for name in names:
+        known = all(sign in OTHERS or category(sign)[0] in LETTERS for sign in name)
+        whole = 0 < len(name.strip(" ")) == len(name) <= LONGEST_NAME
+        if not (known and whole) or name[0] == ".":
+            raise StereocalError(
+                f"A camera cannot be called {name[:LONGEST_NAME]!r}, since files are named after "
+                f"it: rename it, with 1 to {LONGEST_NAME} letters, digits, spaces, -, _ or . (no "
+                "dot at the beginning)."
+            )
+    pairs: dict[str, tuple[str, str]] = {}
+    for pair in combinations(names, 2):
+        other = pairs.setdefault("-".join(pair).casefold(), pair)
+        if other != pair:
+            raise StereocalError(
+                f"The files of the cameras {' and '.join(other)} and those of {' and '.join(pair)} "
+                "would have one name: rename a camera."
+            )

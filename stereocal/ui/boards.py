@@ -14,9 +14,9 @@ from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import board_corners, thumbnail
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
 from stereocal.ui.holding import ask_if_bar, board_form, first_pairs, settle

@@ -28,7 +28,7 @@ from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import holds_board
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.moments import ask_held, moment_search
+from stereocal.ui.several import ask_held, moment_search
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 

@@ -27,8 +27,8 @@ from stereocal.frames.pairing import Pair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.board_pattern import DICTIONARIES, BoardPattern
 from stereocal.rig.camera import Camera
+from stereocal.rig.rigid_object import DICTIONARIES, BoardPattern
 from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.messages import callback, readable

@@ -23,8 +23,8 @@ from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.described import descriptions
 from stereocal.system.numbers import count, rounded
 from stereocal.ui import intake, jobs

@@ -16,8 +16,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.ui import holding, jobs
 from stereocal.ui.boards import boards_in, press_search
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
-from stereocal.ui.pairing import show_pairing
-from stereocal.ui.pairs import ROUND, clear
+from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.review import show_frames
 from stereocal.ui.texts import escape_markdown

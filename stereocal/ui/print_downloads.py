@@ -20,7 +20,7 @@ from stereocal.field.printing.print_target import (
 from stereocal.field.printing.prints import fitted, print_board, print_tags, print_targets
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
-from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, choose, setting
 from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, corner_fields, held_kind, held_tags

@@ -1,13 +1,14 @@
 """The Data page for three cameras and more: their files, and one table of points or photographs."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import pandas as pd
 import streamlit as st
 
+from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
@@ -15,6 +16,9 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, pack_recording, write_points
 from stereocal.frames import several
 from stereocal.frames.pairing import natural
+from stereocal.frames.search import STAGES, pack_detection, unpack_detection
+from stereocal.intrinsics.files import pack_board, unpack_board
+from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -22,16 +26,17 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
+from stereocal.system.records import plain
 from stereocal.ui import jobs
-from stereocal.ui.boards import press_search
+from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
-from stereocal.ui.holding import settle
+from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_pair
 from stereocal.ui.menu import PRESS_FIRST, button_type
 from stereocal.ui.messages import callback, readable, show_stale
-from stereocal.ui.moments import ask_held, moment_search
 from stereocal.ui.navigation import go_to
 from stereocal.ui.rig import work_of
 from stereocal.ui.texts import escape_markdown, escaped_table
@@ -226,3 +231,65 @@ def _keep(store: ProjectPhotographs, found: several.Everywhere, digest: str) -> 
         recording.add_parts({POINTS: write_points(found.recording)})
     project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused]})
     settle(project)
+
+
+Held = Target | BoardPattern
+
+
+def ask_held(
+    store: ProjectPhotographs, moments: several.Moments, fold: bool
+) -> tuple[Held | None, bool]:
+    """What is held, and whether it can be searched for: of a board, its size must be stated.
+
+    Args:
+        fold: once it is said.
+    """
+    pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
+    held: Held | None = ask_what_is_held(store, pairs, fold)
+    stated = True
+    if holds_board(store.project):
+        held, stated = held_board(store.project)
+    return held, held is not None and stated
+
+
+def moment_search(
+    store: ProjectPhotographs,
+    cameras: Mapping[str, Camera],
+    moments: several.Moments,
+    held: Held | None,
+    keep: Callable[[several.Everywhere, str], None],
+    **more: float | None,
+) -> jobs.Work:
+    """The search, for a button.
+
+    Args:
+        keep: stores what was found, and the digest of the search.
+        more: what else it is a result of.
+    """
+    files = {name: file.name for name, file in store.photographs.items()}
+    about = {
+        "photographs": [
+            {"frame": k, **{c: files[n] for c, n in own.items()}} for k, own in moments.items()
+        ],
+        "cameras": {name: camera.to_json() for name, camera in cameras.items()},
+        "target": None if held is None else [type(held).__name__, plain(held)],
+        **more,
+    }
+
+    def run(job: jobs.Job) -> bool:
+        control = job.executor, job.begin, job.progress, lambda: job.cancelled
+        photographs = store.photographs
+        if isinstance(held, BoardPattern):
+            boards = job.found_before(pack_board, unpack_board)
+            found = boards_everywhere(moments, photographs, cameras, held, *control, boards)
+        elif held is not None:
+            seen = job.found_before(pack_detection, unpack_detection)
+            found = several.find_everywhere(moments, photographs, cameras, held, *control, seen)
+        else:
+            found = None
+        if found is not None:
+            keep(found, job.work.digest)
+        return found is not None
+
+    stages = (BOARDS_STAGE,) if isinstance(held, BoardPattern) else STAGES
+    return jobs.Work(store.project, "photographs", stages, run, jobs.digest_of(about))

@@ -16,10 +16,10 @@ from stereocal.field.printing.paper import PAPERS, Paper, Sheet, paper_named
 from stereocal.field.printing.print_target import target_size
 from stereocal.field.printing.prints import print_board, print_tags, print_targets
 from stereocal.intrinsics.boards import BoardView, find_board
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rigid_object import BoardPattern
 from tools.photographs.rendering import (
     Board,
     Photograph,

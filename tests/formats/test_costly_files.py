@@ -14,8 +14,7 @@ from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.exchange.text_formats import MOST_DOTS, read_toml
 from stereocal.formats.file_storage import read_storage, read_yaml
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.rig.board_pattern import BoardPattern
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.guarded import Reader
 from stereocal.system.json_text import DEEPEST, MOST_VALUES, read_json
 from stereocal.system.latest import read_once

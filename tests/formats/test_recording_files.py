@@ -20,9 +20,8 @@ from stereocal.formats.dataset_files import (
     read_recording,
 )
 from stereocal.formats.recording_files import pack_recording, parse_recording
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.recording import Recording
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from tests.rigs.objects import BOARD, recorded
 
 FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")

@@ -25,9 +25,9 @@ from stereocal.intrinsics.calibrate_lens import (
 )
 from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rigid_object import BoardPattern
 from tests.fisheye_rig import fisheye
 from tests.lens import (
     PATTERN,

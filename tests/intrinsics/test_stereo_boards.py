@@ -28,8 +28,8 @@ from stereocal.intrinsics.stereo_boards import (
     stereo_boards,
 )
 from stereocal.refined.refine import refine
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.photograph import read_photograph
 from tests.ball_bars import BAR_M, RIG

@@ -36,7 +36,7 @@ from tests.pages.stored_projects import (
     project_of,
     wait_until,
 )
-from tests.pages.test_pages import FIELD, give_zip, open_sample, zipped
+from tests.pages.test_pages import FIELD, give_zip, open_sample
 
 
 def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:

@@ -13,7 +13,7 @@ from stereocal.detection.target import Sighting, Spot
 from stereocal.frames.search import pack_detection, unpack_detection
 from stereocal.intrinsics.boards import BoardView, Refused, find_board
 from stereocal.intrinsics.files import pack_board, unpack_board
-from stereocal.rig.board_pattern import BoardPattern
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import read_photograph
 
 SAMPLES = Path(__file__).parents[2] / "sample_data" / "photographs"

@@ -3,10 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.rig.board_pattern import BoardPattern
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Correspondences, Dataset
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from tests import known_rig
 
 WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.25, 0, 0], [0.75, 0, 0]]), 2e-4)

@@ -1,12 +1,16 @@
-"""How the photographs of two cameras are paired by a command."""
+"""The photographs of two cameras for a command: their pairs, and frames of videos as such."""
 
+import argparse
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
-from stereocal.commands.console import Options
+from stereocal.commands.console import Options, in_stages, say
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pairing
 from stereocal.frames.proposal import WAYS, Choice, Way, propose
+from stereocal.frames.video.extract import VideoSettings, extract
+from stereocal.system.atomic_files import write_atomically
 from stereocal.system.taken import Taken, read_taken
 
 PAIR_BY: Options = {
@@ -49,3 +53,20 @@ def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = 
         ways = " or ".join(f"--pair-by {each}" for each in proposal.ways)
         raise StereocalError(f"{source}: {pairing.sentence} Or state how to pair them: {ways}.")
     return pairing
+
+
+def take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
+    """Write frames of two videos into the folder of the data set."""
+    if parsed.dataset.exists() and not parsed.dataset.is_dir():
+        raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
+    every, ahead = parsed.every, parsed.clock_ahead
+    if every is not None and every < 1:
+        raise StereocalError(f"--every is {every}: it must be 1 or more.")
+    settings = VideoSettings("every" if every else "still", every or 1, ahead, coloured)
+    first, second = parsed.videos
+
+    def write(name: str, content: bytes) -> None:
+        write_atomically(parsed.dataset / name, content)
+
+    for sentence in in_stages(partial(extract, (first, second), settings, write)).sentences:
+        say(sentence)
