@@ -29,7 +29,7 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import images_of, observations_of, rows_where
+from stereocal.network.placings import observations_of
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
@@ -69,7 +69,7 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
     ratios, faster = [], []
     for seed in range(rigs):
         scene = simulated_rig(np.random.default_rng(seed), cameras, 2 * frames)
-        fitted = rows_where(scene.recording, scene.recording.frame % 2 == 0)
+        fitted = scene.recording.where(scene.recording.frame % 2 == 0)
         began = time.perf_counter()
         rig = calibrate_rig(fitted, settings(scene))
         whole_s = time.perf_counter() - began
@@ -167,7 +167,7 @@ def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list
 def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera]) -> float:
     """Root mean square distance of the images of the odd frames, px."""
     names = list(scene.cameras)
-    own = observations_of(rows_where(scene.recording, scene.recording.frame % 2 == 1))
+    own = observations_of(scene.recording.where(scene.recording.frame % 2 == 1))
     pixels = own.pixels.reshape(-1, len(names), 2)
     pixels = pixels[np.isfinite(pixels[..., 0]).sum(axis=1) > 1]
     fitter = _fitter(dict(zip(names, lenses, strict=True)), dict(zip(names, poses, strict=True)))
@@ -178,7 +178,7 @@ def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera
 def real(folder: str) -> None:
     """A recording of three cameras: even frames fitted, odd ones tested, by all programs."""
     recording = replace(read_recording(folder), baselines_m={})
-    even, odd = (rows_where(recording, recording.frame % 2 == k) for k in (0, 1))
+    even, odd = (recording.where(recording.frame % 2 == k) for k in (0, 1))
     calibrate_rig(even)  # compiles
     began = time.perf_counter()
     rig = calibrate_rig(even)
@@ -186,7 +186,7 @@ def real(folder: str) -> None:
     stated = dict(recording.cameras)
     fused = dict(zip(rig.names, rig.fused.poses, strict=True))
     _tested("stereocal", odd, rig.cameras, rig.poses, ours_s)
-    ends = rows_where(even, even.target != 1)
+    ends = even.where(even.target != 1)
     without = calibrate_rig(ends)
     _tested("stereocal, without the middle marker", odd, without.cameras, without.poses, 0.0)
     began = time.perf_counter()
@@ -231,10 +231,10 @@ def cut_in_time(folder: str) -> None:
         ]
         rigs = []
         for fitted in (0, 1):
-            rig = calibrate_rig(rows_where(recording, part % 2 == fitted))
-            rest = rows_where(recording, part % 2 != fitted)
+            rig = calibrate_rig(recording.where(part % 2 == fitted))
+            rest = recording.where(part % 2 != fitted)
             _tested(f"{name}, part {fitted + 1} fitted", rest, rig.cameras, rig.poses, 0.0)
-            _, images = images_of(rest)
+            _, images = rest.images()
             thirds = third_cameras(rig, images.reshape(-1, len(rig.names), 2))
             print(
                 "  third camera, median px: "
@@ -277,7 +277,7 @@ def _tested(
     """Print px of the ends and of the middle marker, and length errors, of the best 98 %."""
     names = list(cameras)
     fitter = _fitter(cameras, poses)
-    _, pixels = images_of(recording)
+    _, pixels = recording.images()
     pixels = pixels[(np.isfinite(pixels[..., 0]).sum(axis=2) > 2).all(axis=1)]
     flat = pixels.reshape(-1, len(names), 2)
     found = fitter.fit(flat, fitter.rays(flat))

@@ -12,7 +12,6 @@ from aniposelib.cameras import CameraGroup
 
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.network.placings import images_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -41,7 +40,7 @@ def solve_rig(recording: Recording, start: Sequence[Pose]) -> dict[str, Pose]:
             for (name, camera), pose in zip(recording.cameras.items(), start, strict=True)
         ]
     )
-    frames, pixels = images_of(recording)
+    frames, pixels = recording.images()
     seen = np.argwhere(np.isfinite(pixels[..., 0]).sum(axis=2) > 1)
     points = np.moveaxis(pixels[tuple(seen.T)], 1, 0)
     with contextlib.redirect_stdout(io.StringIO()):

@@ -19,7 +19,6 @@ from stereocal.network.pairs import (
     reached,
     shared_bars,
 )
-from stereocal.network.placings import rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
 from stereocal.network.unknowns import RigSettings, unknowns_of
@@ -75,7 +74,7 @@ def calibrate_rig(
     out = out[~np.isin(out, [own.frame for own in wrong])]
     good = ~rows_of(kept, wrong) & ~np.isin(kept.frame, out)
     report(steps - 1, steps)
-    fit, offsets = _fit(rows_where(kept, good), fused, settings, screening.sigma_px)
+    fit, offsets = _fit(kept.where(good), fused, settings, screening.sigma_px)
     report(steps, steps)
     left_out = {*out.tolist(), *fit.frames[fit.outlying].tolist()}
     return RigCalibration(
@@ -98,7 +97,7 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
     found = refine(screening.dataset, own)
     pairs = Pairs(bars, {pair: PairFit.of(*pair, found)})
     fused = fused_pairs(recording, [*pairs.fits.values()], settings)
-    kept = rows_where(recording, ~np.isin(recording.frame, screening.left_out))
+    kept = recording.where(~np.isin(recording.frame, screening.left_out))
     fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), found.pose], settings)
     fit.end_at(found)
     left_out = tuple(sorted({*screening.left_out, *found.outlying_frames}))
@@ -112,7 +111,7 @@ def of_cameras(recording: Recording, names: list[str]) -> Recording:
     if names == every:
         return recording
     numbers = np.array([names.index(name) if name in names else -1 for name in every])
-    found = rows_where(recording, numbers[recording.camera] >= 0)
+    found = recording.where(numbers[recording.camera] >= 0)
     return replace(
         found,
         cameras={name: recording.cameras[name] for name in names},
@@ -194,7 +193,7 @@ def _shifted(recording: Recording, offsets: FloatArray) -> tuple[Recording, Floa
         known[own] &= found.inside(camera.image_size)[own]
     points = np.where((moved & known)[:, None], found.positions, recording.points)
     kept = ~moved | known
-    shifted = rows_where(replace(recording, points=points), kept)
+    shifted = replace(recording, points=points).where(kept)
     return shifted, np.nan_to_num(found.velocities[kept])
 
 

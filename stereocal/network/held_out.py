@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import rows_where
 from stereocal.refined.observations import Observations
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import Clusters
@@ -97,7 +96,7 @@ def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
     for part in range(PARTS):
         out = used[parts == part]
         fitted = np.isin(fit.recording.frame, seen.frames[used[parts != part]])
-        again = RigFit(rows_where(fit.recording, fitted), fit.poses, settings)
+        again = RigFit(fit.recording.where(fitted), fit.poses, settings)
         again.start_at(start, fit.sigma_px)
         if not again.run():
             return None

@@ -15,7 +15,6 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import Progress
-from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import WrongImage, rows_of
 from stereocal.network.unknowns import lens_places
@@ -96,7 +95,7 @@ def data_of_pair(recording: Recording, pair: Pair, rig: RigFile | None) -> Datas
         return recording.pair(*pair)
     wrong = [WrongImage(**own) for own in rig.about.get("wrong_images", [])]
     out = rows_of(recording, wrong) | np.isin(recording.frame, rig.about["frames_left_out"])
-    dataset = rows_where(recording, ~out).pair(*pair)
+    dataset = recording.where(~out).pair(*pair)
     late = rig.time_offsets[pair[1]] - rig.time_offsets[pair[0]]
     if late:
         shifted = usable_after(dataset, TimeOffset(late)).correspondences

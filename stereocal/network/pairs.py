@@ -7,7 +7,6 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.fuse import PairFit
-from stereocal.network.placings import images_of
 from stereocal.network.unknowns import RigSettings
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import RefinedResult, refine
@@ -50,7 +49,7 @@ def pair_name(pair: Pair) -> str:
 
 def shared_bars(recording: Recording) -> dict[Pair, int]:
     """How many bars each pair of cameras sees, of all pairs that see any; most first."""
-    _, pixels = images_of(recording)
+    _, pixels = recording.images()
     ends = pixels[..., 0][:, list(recording.object.longest)]
     whole = np.asarray(np.isfinite(ends).all(axis=1), dtype=np.int64)
     counts, names = whole.T @ whole, list(recording.cameras)

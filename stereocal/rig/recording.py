@@ -1,5 +1,6 @@
 """A recording of one object by any number of cameras; any two of them are a data set."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -9,7 +10,7 @@ import numpy as np
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
@@ -18,6 +19,8 @@ LONGEST_NAME = 64
 LETTERS, OTHERS = "LMN", " -_."
 """Categories of characters: letters, marks on letters, numbers; and other characters."""
 Pair = tuple[str, str]
+MOST_IMAGES = 50_000_000
+"""Of all targets in all frames and cameras: 800 MB of pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,29 @@ class Recording:
             problems.append(RowProblem(0, reason))
         if problems:
             raise RefusedRowsError("", problems, "cannot be used")
+
+    def where(self, kept: BoolArray) -> "Recording":
+        """The rows for which `kept` (n,) is true."""
+        columns = ("frame", "camera", "target", "points", "sigma_px")
+        return replace(self, **{name: getattr(self, name)[kept] for name in columns})
+
+    def images(self, values: FloatArray | None = None) -> tuple[IntArray, FloatArray]:
+        """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen.
+
+        Args:
+            values: (n, v): others of the rows, instead of their pixels.
+        """
+        of_rows = self.points if values is None else values
+        frames, at = np.unique(self.frame, return_inverse=True)
+        shape = len(frames), len(self.object.names), len(self.cameras)
+        if math.prod(shape) > MOST_IMAGES:
+            raise StereocalError(
+                f"{shape[0]} frames of an object with {shape[1]} points before {shape[2]} cameras "
+                "are too many: name only the points that are seen, or take fewer frames."
+            )
+        found = np.full((*shape, of_rows.shape[1]), np.nan)
+        found[at, self.target, self.camera] = of_rows
+        return frames, found
 
     @property
     def pairs(self) -> list[Pair]:

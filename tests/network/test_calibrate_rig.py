@@ -12,7 +12,6 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fit import RigFit
-from stereocal.network.placings import images_of, rows_where
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import rig_file
 from stereocal.network.unknowns import RigSettings, camera_at
@@ -53,7 +52,7 @@ def pose_errors(rig: RigCalibration, truth: SimulatedRig) -> FloatArray:
 
 
 def without(recording: Recording, rows: FloatArray) -> Recording:
-    return rows_where(recording, ~np.asarray(rows, dtype=np.bool_))
+    return recording.where(~np.asarray(rows, dtype=np.bool_))
 
 
 @pytest.mark.parametrize("cameras", [3, 4])
@@ -135,7 +134,7 @@ def test_measured_baselines_give_the_scale() -> None:
 def test_a_wrong_image_is_named_with_its_camera() -> None:
     truth = simulated(5)
     rows = truth.recording
-    frames, pixels = images_of(rows)
+    frames, pixels = rows.images()
     whole = frames[np.isfinite(pixels[..., 0])[:, [0, 2]].all(axis=(1, 2))][:6].tolist()
     points = rows.points.copy()
 
@@ -196,7 +195,7 @@ def test_no_pair_at_all() -> None:
 def held_out(rig: RigCalibration, rows: Recording) -> tuple[float, dict[tuple[str, str], float]]:
     """The root mean square distance of images, in px, of frames that three cameras see, best
     98 %; and mean length errors, best 98 %, of pairs of targets."""
-    _, pixels = images_of(rows)
+    _, pixels = rows.images()
     pixels = pixels[(np.isfinite(pixels[..., 0]).sum(axis=2) > 2).all(axis=1)]
     flat = pixels.reshape(-1, *pixels.shape[2:])
     rays = np.stack(
@@ -232,8 +231,8 @@ def ewand() -> Recording:
 
 
 def test_a_real_recording_of_three_cameras(ewand: Recording) -> None:
-    rig = calibrate_rig(rows_where(ewand, ewand.frame % 2 == 0))
-    px, lengths = held_out(rig, rows_where(ewand, ewand.frame % 2 == 1))
+    rig = calibrate_rig(ewand.where(ewand.frame % 2 == 0))
+    px, lengths = held_out(rig, ewand.where(ewand.frame % 2 == 1))
     # 0.288 px and 0.098 %; a joint bundle adjustment in SciPy 0.288 px and 0.097 %
     assert px <= 0.30
     assert lengths["A", "B"] <= 0.0010
@@ -249,8 +248,8 @@ def test_a_real_recording_of_three_cameras(ewand: Recording) -> None:
 
 def test_the_marker_between_need_not_be_used(ewand: Recording) -> None:
     ends = (ewand.frame % 2 == 0) & (ewand.target != 1)
-    rig = calibrate_rig(rows_where(ewand, ends))
-    _, lengths = held_out(rig, rows_where(ewand, ewand.frame % 2 == 1))
+    rig = calibrate_rig(ewand.where(ends))
+    _, lengths = held_out(rig, ewand.where(ewand.frame % 2 == 1))
     # 0.33 px; 0.28 % of 0.13 m and 0.15 % of 0.26 m
     assert lengths["M", "px"] <= 0.36
     assert lengths["A", "M"] <= 0.0032

@@ -5,7 +5,6 @@ import numpy as np
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.held_out import frame_errors, length_errors, point_fits
 from stereocal.network.in_words import rig_errors, rig_sentence
-from stereocal.network.placings import rows_where
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile
 from stereocal.network.unknowns import RigSettings
@@ -32,8 +31,8 @@ def test_they_are_those_of_frames_to_come() -> None:
         settings = RigSettings(lenses=dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS)))
         frames = np.unique(truth.recording.frame)
         few = np.isin(truth.recording.frame, frames[:30])
-        rig = calibrate_rig(rows_where(truth.recording, few), settings)
-        own, true = rig.held_out["frames"], errors_on(rig, rows_where(truth.recording, ~few))
+        rig = calibrate_rig(truth.recording.where(few), settings)
+        own, true = rig.held_out["frames"], errors_on(rig, truth.recording.where(~few))
         assert "runs" not in rig.held_out  # its frames do not follow each other
         fitted = float(np.sqrt(np.nanmean(np.square(rig.reprojection_px))))
         ratios.append((own.reprojection_px / true[0], fitted / true[0]))

@@ -12,7 +12,6 @@ from stereocal.commands.intrinsics import write_recording
 from stereocal.errors import StereocalError
 from stereocal.field.checking.rig_check import check_rig, rig_sentence
 from stereocal.network.calibrate import calibrate_rig, of_cameras
-from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.several import SimulatedRig, simulated_rig
@@ -26,11 +25,11 @@ def truth() -> SimulatedRig:
 
 @pytest.fixture(scope="module")
 def rig(truth: SimulatedRig) -> RigFile:
-    return rig_file(calibrate_rig(rows_where(truth.recording, truth.recording.frame < 160)))
+    return rig_file(calibrate_rig(truth.recording.where(truth.recording.frame < 160)))
 
 
 def later(recording: Recording) -> Recording:
-    return rows_where(recording, recording.frame >= 160)
+    return recording.where(recording.frame >= 160)
 
 
 def test_nothing_has_moved(truth: SimulatedRig, rig: RigFile) -> None:

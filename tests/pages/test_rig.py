@@ -16,7 +16,6 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.recording_files import pack_recording, write_points
 from stereocal.matching.application import points_by_camera
 from stereocal.matching.lengths import check_lengths
-from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication, ProjectCheck, slot_of
 from stereocal.projects.home import find_projects
@@ -45,7 +44,7 @@ def project(home: Path) -> Project:
     store = ProjectRecording(found)
     recording = store.read()
     assert recording is not None
-    fitted = rows_where(recording, recording.frame % 3 == 0)
+    fitted = recording.where(recording.frame % 3 == 0)
     store.give(fitted, pack_recording(fitted))
     store.keep_rig(rig_text(), b"zip")
     return found
@@ -114,7 +113,7 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
     store, files = ProjectApplication(project), tmp_path / "files"
     recording = ProjectRecording(project).read()
     assert recording is not None
-    some = points_by_camera(rows_where(recording, recording.frame % 30 == 0))
+    some = points_by_camera(recording.where(recording.frame % 30 == 0))
     files.mkdir()
     (files / "rig.json").write_text(rig_text())
     given = []
@@ -148,7 +147,7 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
 def test_names_of_a_rigs_points_decide_with_a_switch(project: Project) -> None:
     store, recording = ProjectApplication(project), ProjectRecording(project).read()
     assert recording is not None
-    some = points_by_camera(rows_where(recording, recording.frame % 150 == 0))
+    some = points_by_camera(recording.where(recording.frame % 150 == 0))
     for camera, table in some.items():
         named = table.rename(columns={"target": "point"}).to_csv(index=False)
         store.offer_points(slot_of(camera), f"{camera}.csv", named.encode())
@@ -178,7 +177,7 @@ def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: P
     assert recording is not None
     moved = recording.points.copy()
     moved[recording.camera == 1] += [4.0, 0.0]  # of camera 2, turned by 0.2 degrees
-    some = rows_where(replace(recording, points=moved), recording.frame % 12 == 0)
+    some = replace(recording, points=moved).where(recording.frame % 12 == 0)
     app = go(session(project), "check")
     assert "this project's rig" in told(app, "caption")
     app.file_uploader(key="upload_check_images_0").upload("new.csv", write_points(some)).run()

@@ -12,7 +12,6 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.recording_files import parse_recording
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.placings import rows_where
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
@@ -32,7 +31,7 @@ def given() -> dict[str, bytes]:
 def rig_text() -> str:
     """The rig of every third frame."""
     recording = parse_recording(given(), "sample")
-    return rig_file(calibrate_rig(rows_where(recording, recording.frame % 3 == 0))).dumps()
+    return rig_file(calibrate_rig(recording.where(recording.frame % 3 == 0))).dumps()
 
 
 @pytest.fixture
