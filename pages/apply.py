@@ -5,7 +5,7 @@ from stereocal.ui.menu import page_head
 page_head("Apply", "Which points belong together, and where are they?")
 
 from stereocal.projects.application import ProjectApplication
-from stereocal.ui import apply, apply_rig
+from stereocal.ui.apply import bring_up_to_date, choose_inputs
 from stereocal.ui.apply_results import show_application
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.prerequisites import project_or_begin
@@ -14,8 +14,7 @@ project = project_or_begin("points of both cameras and parameter files", "apply_
 store = ProjectApplication(project)
 chosen = None
 with ErrorsShown():
-    page = apply_rig if apply_rig.applies_rig(project) else apply
-    chosen = page.choose_inputs(project, store)
+    chosen = choose_inputs(project, store)
     if chosen is not None and chosen.work is not None:
-        apply.bring_up_to_date(project, store, chosen.work)
+        bring_up_to_date(project, store, chosen.work)
 show_application(project, store, chosen)

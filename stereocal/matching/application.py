@@ -305,18 +305,17 @@ def _measured_with(work: Application) -> dict[str, Any]:
     }
 
 
-def unlabelled(rows: Correspondences) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The bar's points as two tables; `target` is passed through and not used for matching."""
+def unlabelled(rows: Correspondences) -> dict[str, pd.DataFrame]:
+    """The bar's points by camera; `target` is passed through and not used for matching."""
     targets = np.array(rows.names)[rows.target]
     order = np.lexsort([rows.target, rows.frame])
-    first, second = (
-        pd.DataFrame(
-            {"frame": rows.frame, "u": side[:, 0], "v": side[:, 1], "target": targets}
-            | ({"time_frame": rows.time_frame} if rows.has_times else {})
+    times = {"time_frame": rows.time_frame} if rows.has_times else {}
+    return {
+        which: pd.DataFrame(
+            {"frame": rows.frame, "u": pixels[:, 0], "v": pixels[:, 1], "target": targets} | times
         ).iloc[order]
-        for side in (rows.primary, rows.secondary)
-    )
-    return first, second
+        for which, pixels in zip(CAMERAS, (rows.primary, rows.secondary), strict=True)
+    }
 
 
 def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:

@@ -1,4 +1,4 @@
-"""The Apply page: choice of points, parameter sets and threshold, and the computation."""
+"""The Apply page: choice of points, parameters and threshold, and the computation."""
 
 from collections.abc import Callable
 from functools import partial
@@ -8,34 +8,31 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.matching.application import STAGES, Application, Points, unlabelled
+from stereocal.matching.application import STAGES, Application, points_by_camera, unlabelled
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import Stated
-from stereocal.projects.application import USES, Asked, ProjectApplication
+from stereocal.projects.application import USES, ProjectApplication, slot_of
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.rig import camera_in_words
-from stereocal.system.numbers import count
 from stereocal.ui import jobs
-from stereocal.ui.apply_threshold import ThresholdForm, ask_names, chosen_depths
-from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.intake import take_one
+from stereocal.ui.apply_points import FEWEST, PointsForm
+from stereocal.ui.apply_threshold import (
+    ThresholdForm,
+    ask_names,
+    ask_noise,
+    chosen_depths,
+    noise_field,
+)
 from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
 from stereocal.ui.refined import set_in_use
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.wizard import ask_about_points
 from stereocal.ui.world import choose_world
 from stereocal.verdict.in_words import listed
 
-OWN, FILES = "The bar's own points", "Two point files"
-POINT_KINDS = ["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"]
-POINT_FILES = (
-    "A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, DeepLabCut "
-    "(CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program."
-)
 INSTANT_S = 2.0
 """Shorter computations run as the controls move."""
 
@@ -50,21 +47,40 @@ class Chosen(NamedTuple):
 
 
 def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
-    """Uploaders of points, and the inputs in two rows; None if something is missing."""
-    source = Source(project, APPLY_SETS)
-    lacking = _take_points(project, store)
+    """Uploaders of points, and the inputs; None if something is missing."""
+    if project.pair is None and (ProjectRecording(project).is_given or store.rig_given):
+        return _choose_for_rig(project, store)
+    return _choose_for_pair(project, store)
+
+
+def _choose_for_pair(project: Project, store: ProjectApplication) -> Chosen | None:
+    """Points of two cameras; a set to match with, one to measure with, and a threshold."""
+    source, dataset = Source(project, APPLY_SETS), project.dataset
+    own = None if dataset is None else partial(unlabelled, dataset.correspondences)
+    titles, slots = (
+        ("The bar's own points", "Two point files"),
+        {str(name): name for name in CAMERAS},
+    )
+    form = PointsForm(store, slots, "apply_points", *titles, own)
+    given = store.set_of("matching")
+    cameras = {
+        which: camera or (getattr(given[1], which) if given else None)
+        for which, camera in zip(CAMERAS, project.cameras, strict=True)
+    }
+    form.take({which: camera and camera.image_size[1] for which, camera in cameras.items()})
     points_at, noise_at = st.columns([2, 1])
     matching_at, threshold_at, measuring_at = st.columns(3)
     with points_at:
-        points = _choose_points(project, store)
-        names = AUTO if points is None else ask_names(store, points)
+        points = form.choose("Targets A and B", dataset.name if dataset else "")
+        is_complete = len(points) == len(CAMERAS)
+        names = ask_names(store, list(points.values())) if is_complete else AUTO
     sets = _choose_sets(source, store, (matching_at, measuring_at))
-    form = threshold = depths = sigma_px = world = None
-    if points is not None and sets is not None:
+    thresholds = threshold = depths = sigma_px = world = None
+    if is_complete and sets is not None:
         with ErrorsShown():
             depths = chosen_depths(project)
-        form = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH, names)
-        threshold, sigma_px = form.choose(noise_at, threshold_at)
+        thresholds = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH, names)
+        threshold, sigma_px = thresholds.choose(noise_at, threshold_at)
         for warning in filter(None, map(purpose_warning, sets, ("matching", "reconstruction"))):
             st.warning(escape_markdown(warning))
     open_question = any(store.asking(use) for use in USES)
@@ -76,84 +92,19 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
     if sets is not None:
         world = choose_world(project, store, sets[1])
     show_refusal()
-    if lacking and (points is None or len(lacking) == 1):
-        which = "both cameras" if len(lacking) == 2 else f"the {lacking[0]} camera"
+    if form.missing and (not is_complete or len(form.missing) == 1):
+        both = len(form.missing) == len(CAMERAS)
+        which = "both cameras" if both else f"the {form.missing[0]} camera"
         st.info(f"Still missing: the points of {which}.")
     if sets is None:
         source.tell_missing("a parameter file to match with, and one to measure with")
-    if points is None or sets is None or form is None:
+    if sets is None or thresholds is None:
         return None
     work = None
     if threshold is not None and depths is not None:
         forced = threshold.threshold_px if threshold.is_forced else None
-        stated = Stated(forced, depths, sigma_px, names)
-        work = Application(dict(zip(CAMERAS, points, strict=True)), *sets, stated, world)
-    return Chosen(work, partial(form.show, threshold))
-
-
-def _points_kind(project: Project, store: ProjectApplication) -> Field:
-    kinds = [*([OWN] if project.dataset else []), FILES]
-    given = all(map(store.point_file, CAMERAS))
-    return setting(project, "apply_points", FILES if given else kinds[0], one_of(kinds))
-
-
-def _take_points(project: Project, store: ProjectApplication) -> list[CameraName]:
-    """Uploaders of points, and questions about them; returns the cameras without a file."""
-
-    def take(side: Asked, name: str, content: bytes) -> None:
-        store.offer_points(side, name, content)
-        if all(map(store.point_file, CAMERAS)):
-            _points_kind(project, store).set(FILES)
-
-    used = _points_kind(project, store).value() == FILES
-    for side, column in zip(CAMERAS, st.columns(2), strict=True):
-        with column:
-            upload_points(store, side, camera_in_words(side), used, take)
-    given = store.set_of("matching")
-    for side, camera in zip(CAMERAS, project.cameras, strict=True):
-        if camera is None and given is not None:
-            camera = getattr(given[1], side)
-        ask_about_points(store, side, None if camera is None else camera.image_size[1])
-    return [side for side in CAMERAS if store.point_file(side) is None]
-
-
-def upload_points(
-    store: ProjectApplication,
-    side: Asked,
-    camera: str,
-    used: bool,
-    take: Callable[[Asked, str, bytes], object],
-) -> None:
-    """The uploader of one camera's points.
-
-    Args:
-        camera: in words.
-        used: whether the page uses the files given.
-    """
-    if (file := store.point_file(side)) is not None:
-        in_use = "In use" if used else "Not in use"
-        st.caption(f"{in_use}: {escape_markdown(file.label)}, {count(file.rows, 'point')}")
-        if file.answers is not None:
-            again = callback(partial(store.ask_again, side))
-            st.button("Read it differently", key=f"again_{side}", on_click=again)
-    title, key = f"Points of {escape_markdown(camera)}", f"upload_points_{side}"
-    upload = st.file_uploader(title, type=POINT_KINDS, key=key, help=POINT_FILES)
-    take_one(upload, partial(take, side))
-
-
-def _choose_points(project: Project, store: ProjectApplication) -> tuple[Points, Points] | None:
-    dataset, kind = project.dataset, _points_kind(project, store)
-    if dataset is not None:
-        st.selectbox("Points", [OWN, FILES], **kind.widget())
-    if dataset is not None and kind.value() == OWN:
-        st.caption("Targets A and B are left aside: the matching has to tell them apart.")
-        primary, secondary = (
-            store.own_points(table, f"{which} points of {dataset.name}")
-            for which, table in zip(CAMERAS, unlabelled(dataset.correspondences), strict=True)
-        )
-        return primary, secondary
-    first, second = (store.points(side) for side in CAMERAS)
-    return None if first is None or second is None else (first, second)
+        work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
+    return Chosen(work, partial(thresholds.show, threshold))
 
 
 def _choose_sets(
@@ -173,6 +124,42 @@ def _choose_sets(
             place.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")
             found.append(kept[1])
     return (found[0], found[1]) if len(found) == len(USES) else None
+
+
+def _choose_for_rig(project: Project, store: ProjectApplication) -> Chosen | None:
+    """Points of three cameras and more, and the rig that matches and measures them."""
+    recording = ProjectRecording(project)
+    rig, label = recording.rig, "the rig of this project"
+    if not recording.is_given and (given := store.rig_given) is not None:
+        label, rig = given
+        with st.container(horizontal=True, vertical_alignment="center"):
+            st.caption(f"In use: {escape_markdown(label)}, a rig of {len(rig.names)} cameras")
+            st.button("Use other parameters", key="forget_rig", on_click=callback(store.forget_rig))
+    if rig is None:
+        st.info("The cameras are not calibrated yet.")
+        st.page_link("pages/rig.py", label="Calibrate all on the page Rig")
+        return None
+    found = recording.read() if recording.is_given else None
+    own = None if found is None else partial(points_by_camera, found)
+    titles = "The object's own points", "A point file of each camera"
+    slots = {name: slot_of(name) for name in rig.names}
+    form = PointsForm(store, slots, "apply_points_of_rig", *titles, own)
+    form.take({name: camera.image_size[1] for name, camera in rig.cameras.items()})
+    points_at, noise_at, rig_at = st.columns([2, 1, 1])
+    with points_at:
+        points = form.choose("The targets' names", found.name if found else "")
+        names = ask_names(store, list(points.values())) if points else AUTO
+    with noise_at:
+        otherwise = "estimated from their epipolar errors, else as exact as the targets"
+        sigma_px = ask_noise(noise_field(project, "apply_sigma_px"), "by the points", otherwise)
+    rig_at.caption(f"Match and measure with  \nIn use: {escape_markdown(label)}")
+    world = choose_world(project, store, rig)
+    show_refusal()
+    if len(points) < FEWEST:
+        st.info("Still missing: the points of two cameras at least.")
+        return None
+    stated = Stated(sigma_px=sigma_px, names=names)
+    return Chosen(Application(points, rig, rig, stated, world), None)
 
 
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:

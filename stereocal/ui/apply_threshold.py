@@ -1,6 +1,6 @@
 """The threshold of the Apply page, by the noise of the points or stated; depths; and that noise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -60,7 +60,7 @@ class ThresholdForm:
     """What a threshold depends on."""
 
     store: ProjectApplication
-    points: tuple[Points, Points]
+    points: Mapping[str, Points]
     rig: RigParameters
     """To match with."""
     depths: Depths
@@ -69,7 +69,7 @@ class ThresholdForm:
     @property
     def key(self) -> str:
         """Of the points."""
-        return " ".join(each.name for each in self.points)
+        return " ".join(each.name for each in self.points.values())
 
     def choose(
         self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
@@ -144,7 +144,9 @@ def _sampled(form: ThresholdForm) -> Sample:
 
 
 def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
-    first, second = (whole_table(each.name, each.label, form.store) for each in form.points)
+    first, second = (
+        whole_table(each.name, each.label, form.store) for each in form.points.values()
+    )
     return first, second
 
 

@@ -29,7 +29,6 @@ from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
 from stereocal.ui.columns import choose_columns, header_key
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
@@ -141,26 +140,20 @@ def ask_about(
 
 
 def ask_about_points(
-    store: ProjectApplication,
-    side: Asked,
-    image_height: int | None,
-    camera: str | None = None,
-    number: int | None = None,
+    store: ProjectApplication, side: Asked, image_height: int | None, camera: str, number: int
 ) -> None:
     """The questions about one camera's file, if there is one.
 
     Args:
-        camera: in words; None: `side` is its name.
+        camera: in words.
         number: of the camera in a file of several, as a first proposal.
     """
-    camera = camera or camera_in_words(side)
-    at = CAMERAS.index(side) if number is None and side in CAMERAS else number or 0
 
     def form(label: str, content: bytes) -> Use | None:
         layout, asked = _laid_out(store.project, f"wizard_{side}", label, content, camera)
         if layout is None:
             return None
-        first = point_answers.first_answers(layout, at, image_height)
+        first = point_answers.first_answers(layout, number, image_height)
         answers = _point_form(asked, layout, camera, first)
         if answers.corner == "lower-left" and answers.image_height is None:
             st.info("Give the image height: the points are counted from the lower left.")

@@ -60,7 +60,7 @@ forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
 reconstruct_points(rig, rows.primary, rows.secondary)
 reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
-sample = sample_frames(*unlabelled(rows))
+sample = sample_frames(*unlabelled(rows).values())
 frames = [NO_NAMES.samples(*own)[0] for own in sample]
 nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
 image = read_photograph(data / "photographs" / "primary" / "0001.jpg")
