@@ -14,6 +14,7 @@ stated); then come 5 new bars, or matched points alone.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +27,7 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.recheck import recheck
 from stereocal.refined.unknowns import pose_of
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import lens_off_by, place_bars
 from tests.rigs.bumps import (
@@ -35,12 +37,17 @@ from tests.rigs.bumps import (
     bumped,
     cases,
     joined,
-    longer,
     matched,
     new_bars,
     true_fit,
 )
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
+
+
+def longer(case: Case, factor: float) -> Rig:
+    """The rig with another baseline."""
+    pose = case.truth.pose
+    return replace(case.truth, pose=Pose(pose.R, pose.T * factor))
 
 
 def print_unmoved(trials: int) -> None:

@@ -16,7 +16,7 @@ from stereocal.detection.corner_model import ALL, CORE, FRAME, fill_frame, fill_
 from stereocal.detection.detect import corner_near
 from stereocal.detection.fit import window
 from stereocal.rig.compiled import FloatArray
-from tests.detection.boards import Board, picture, plane_to_image
+from tests.detection.boards import Board, picture
 from tools.photographs.rendering import Photograph
 
 RENDERS = 200
@@ -34,9 +34,8 @@ class Case:
 
     def picture(self) -> Photograph:
         """(size, size), with a board on grey."""
-        fine = 8 if self.board.side < 120 else 4
         grey = float(np.random.default_rng([2, self.seed]).uniform(20, 230))
-        return picture(self.board, (self.size, self.size), self.noise, self.seed, grey, fine)
+        return picture(self.board, (self.size, self.size), self.noise, self.seed, grey)
 
 
 def cases(count: int, first: int = 0) -> Iterator[Case]:
@@ -72,10 +71,9 @@ def bound(case: Case) -> FloatArray:
     that of rounding; the border of the board, which could tell more, is left out.
     """
     board = case.board
-    H = plane_to_image(board)
-    ends = H @ np.array([[1e-4, 0, 1], [0, 1e-4, 1], [0, 0, 1]]).T
-    flat = ends[:2] / ends[2]
-    along: FloatArray = np.asarray((flat[:, :2] - flat[:, 2:]).T * 1e4)
+    ends = 1e-4 * np.array([[1.0, 0, 0], [0, 1, 0]])
+    pixels_of_ends = board.camera((case.size, case.size)).project(board.pose.apply(ends))
+    along: FloatArray = 1e4 * (pixels_of_ends - board.centre)
     lengths: FloatArray = np.sqrt((along**2).sum(axis=1))
     p = np.zeros(ALL)
     p[:2] = board.centre

@@ -7,20 +7,27 @@ and 5 px, the baseline by 5 mm, the bar by 0.5 mm; uncertainties are stated as t
 and sound sets are of rigs of several kinds (`tests.rigs.culprits`), with nothing stated.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from benchmarks.studies import run_studies
+from stereocal.calibration.readings import changed
 from stereocal.errors import StereocalError
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import undetectable_errors
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.simulate import lens_off_by
 from stereocal.verdict.in_words import why_not_trusted
 from stereocal.workflow import calibrate
 from tests.rigs.accuracy import turned
 from tests.rigs.culprits import KINDS, MISTAKES, accusations_of, sound, waved
-from tests.rigs.mistakes import WRONG, rig, said_of, with_frames_exchanged, with_points_off
+from tests.rigs.mistakes import flipped, rig, scaled, with_frames_exchanged, with_points_off
+from tests.rigs.refined_rigs import Misjudged
 
 
 def frames(rigs: int) -> None:
@@ -77,17 +84,58 @@ def points(rigs: int) -> None:
     )
 
 
+def far_off(camera: Camera) -> Camera:
+    """The lens with a focal length 2 % too long."""
+    return lens_off_by(camera, 0.02, (0.0, 0.0))
+
+
+WRONG: dict[str, tuple[Callable[[Dataset], Dataset], str]] = {
+    "baseline 3 %": (lambda d: replace(d, baseline_m=1.03 * d.baseline_m), "baseline"),
+    "bar 2 %": (lambda d: replace(d, target_distance_m=1.02 * d.target_distance_m), "distance"),
+    "focal length 2 %": (lambda d: changed(d, ("primary",), far_off), "primary focal"),
+    "distortion sign, primary": (
+        lambda d: changed(d, ("primary",), flipped),
+        "primary camera's distortion",
+    ),
+    "distortion sign, secondary": (
+        lambda d: changed(d, ("secondary",), flipped),
+        "secondary camera's distortion",
+    ),
+    "K of half the image": (
+        lambda d: changed(d, ("primary",), partial(scaled, factor=0.5)),
+        "primary camera's lens",
+    ),
+    "K of twice the image": (
+        lambda d: changed(d, ("secondary",), partial(scaled, factor=2.0)),
+        "secondary camera's matrix K",
+    ),
+}
+"""A wrong input, and the words that name it in a message, or as an accused input or its rival."""
+
+
+def said_of(
+    number: int, change: Callable[[Dataset], Dataset], words: str
+) -> tuple[bool, bool, bool]:
+    """Whether the words are said of a rig with a change, it is refused, and any input accused."""
+    _, data, _ = rig(number)
+    stated = replace(Misjudged().settings(), baseline_sigma_m=None, distance_sigma_m=None)
+    try:
+        found = calibrate(change(data), refined=stated)
+    except StereocalError as error:
+        return words in str(error), True, False
+    items = what_disagrees(found.refined) if found.refined else []
+    accused = [key for item in items if item.accused for key in (item.key, *item.rivals)]
+    return words in " ".join(found.warnings) or words in accused, False, bool(accused)
+
+
 def inputs(rigs: int) -> None:
     """Each wrong input, and sound ones."""
-    for name in WRONG:
-        found = [said_of(name, number) for number in range(rigs)]
-        print(
-            f"  {name}: named {sum(one.named for one in found)} of {rigs}, "
-            f"refused {sum(one.refused for one in found)}"
-        )
-    sound = [said_of("sound", number) for number in range(5 * rigs)]
-    accused = sum(bool(one.accused) or one.refused for one in sound)
-    print(f"  sound rigs accused: {accused} of {5 * rigs}")
+    for name, (change, words) in WRONG.items():
+        said = [said_of(number, change, words) for number in range(rigs)]
+        named, refused, _ = np.sum(said, axis=0)
+        print(f"  {name}: named {named} of {rigs}, refused {refused}")
+    sound = [said_of(number, lambda data: data, "sound") for number in range(5 * rigs)]
+    print(f"  sound rigs accused: {sum(a or r for _, r, a in sound)} of {5 * rigs}")
     asked = 0
     for number in range(rigs):
         _, data, _ = rig(number)

@@ -37,14 +37,12 @@ def plain(level: float, size: tuple[int, int] = CAMERA.image_size) -> ColourPict
 
 
 @lru_cache(maxsize=2)
-def ball_bars(
-    frames: int, seed: int = 4, shapes: int = 25
-) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
+def ball_bars(frames: int, seed: int = 4) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
     """Photographs by name (primary/0001.png), and the true centres of A and B in each."""
     rng = np.random.default_rng(seed)
     files, truth = {}, {}
     scene = place_visible_bars(RIG, rng, frames, BAR_M, 2 * BALL_M, (1.2, 2.0), margin_px=40.0)
-    behind = [clutter(CAMERA.image_size, rng, shapes) for _ in range(2)]
+    behind = [clutter(CAMERA.image_size, rng, 25) for _ in range(2)]
     light = side_light(rng, 30.0, 70.0)
     for number, ends in enumerate(scene.ends_m, start=1):
         for k, (which, pose) in enumerate((("primary", HERE), ("secondary", RIG.pose))):

@@ -8,8 +8,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from tests.files import encoded
 from tests.photographed_rig import BAR_M, BOARD_M, OUTDOORS, PRIMARY, RIG, SECONDARY
-from tests.tagged_bars import tag
 from tools.photographs.bars import BarSettings, facing, place_boards, place_visible_bars, rod
+from tools.photographs.objects import tag
 from tools.photographs.rendering import HERE, Placed, photograph, turned
 
 CAMERAS = {"left": PRIMARY, "mid": PRIMARY, "right": SECONDARY}
@@ -36,14 +36,14 @@ POSES = {"left": HERE, "mid": _middle(), "right": RIG.pose}
 
 @lru_cache(maxsize=2)
 def photographed_bars(
-    kind: str = "bar2x2", frames: int = 12, seed: int = 5
+    kind: str = "bar2x2", frames: int = 12
 ) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
     """Photographs by name (left/0001.png), and the true centres of A and B (2, 2) in each.
 
     Args:
         kind: `bar2x2`, whose ends look alike, or `TAGS`.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(5)
     scene = place_visible_bars(RIG, rng, 4 * frames, BAR_M, BOARD_M, (2.2, 3.5), 60.0)
     inside = [
         (np.abs(PRIMARY.project(POSES["mid"].apply(ends)) - [400, 300]) < [340, 240]).all()

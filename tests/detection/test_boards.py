@@ -139,11 +139,10 @@ def checkered(grid: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8
     return image
 
 
-def charuco_board(squares: tuple[int, int], legacy: bool = False) -> Board:
+def charuco_board(squares: tuple[int, int]) -> Board:
     """A ChArUco board with a white border of one square; eight cells a square."""
     printed = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     drawn = cv2.aruco.CharucoBoard(squares, 0.03, 0.0225, printed)
-    drawn.setLegacyPattern(legacy)
     # Drawn large, one pixel of each cell taken: OpenCV 4.9 rounds small markers to wrong places.
     large = drawn.generateImage((80 * squares[0], 80 * squares[1]), marginSize=0)
     pixels = large[5::10, 5::10]

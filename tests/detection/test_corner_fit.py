@@ -44,11 +44,11 @@ def test_the_derivatives_are_those_of_the_model(pixel: tuple[float, float], samp
         assert slope[i] == pytest.approx(numeric, rel=1e-5, abs=1e-3)
 
 
-def near(board: Board, noise: float, seed: int = 0, off: float = 0.6, **how: int) -> Corner:
+def near(board: Board, noise: float) -> Corner:
     side = int(1.4 * board.side) + 24
     centred = replace(board, centre=(side / 2 + board.centre[0], side / 2 + board.centre[1]))
-    image = picture(centred, (side, side), noise, seed, **how)
-    corner = corner_near(image, (centred.centre[0] + off, centred.centre[1] - off))
+    image = picture(centred, (side, side), noise)
+    corner = corner_near(image, (centred.centre[0] + 0.6, centred.centre[1] - 0.6))
     assert corner is not None
     return replace(corner, centre=corner.centre - centred.centre)
 
@@ -58,7 +58,7 @@ def near(board: Board, noise: float, seed: int = 0, off: float = 0.6, **how: int
 )
 def test_a_clean_board_is_found_to_hundredths(side: float, tilt: float, blur: float) -> None:
     board = Board((0.31, -0.17), side, 0.4, tilt, 0.9, blur=blur)
-    error = near(board, 0.0, fine=4 if side > 100 else 8).centre
+    error = near(board, 0.0).centre
     # Rounding to 8 bits and the finite grid of the picture; largest measured 0.004.
     assert np.abs(error).max() < 0.01
 

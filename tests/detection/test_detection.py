@@ -22,7 +22,7 @@ RIGHT = Board((520.3, 170.2), 90.0, 1.0, 0.3, 2.0)
 
 def scene(boards: Sequence[Board], noise: float = 2.0, blur: float = 1.0) -> Photograph:
     blurred = [replace(board, blur=blur) for board in boards]
-    return picture(blurred, SIZE, noise, seed=1, fine=4 if blur < 5.0 else 1)
+    return picture(blurred, SIZE, noise, seed=1)
 
 
 @pytest.fixture(scope="module")

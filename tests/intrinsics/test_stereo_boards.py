@@ -34,8 +34,9 @@ from stereocal.simulation.simulate import place_bars
 from stereocal.system.photograph import read_photograph
 from tests.ball_bars import BAR_M, RIG
 from tests.lens import PATTERN, SMALL, AtOnce
-from tests.rigs.boards import charuco, photographs, placings, stereo
+from tests.rigs.boards import photographs, placings, stereo
 from tools.photographs.bars import BarSettings, photograph_bars
+from tools.photographs.objects import charuco
 from tools.photographs.rendering import PhotographSettings
 
 SQUARE, EVEN = BoardPattern(6, 6, 0.03), BoardPattern(7, 5, 0.03)
@@ -57,9 +58,9 @@ def seen(rig: Pose, count: int, pattern: BoardPattern = PATTERN, seed: int = 1) 
     ]
 
 
-def turned_at_random(boards: list[Seen], pattern: BoardPattern, seed: int = 0) -> list[Seen]:
+def turned_at_random(boards: list[Seen], pattern: BoardPattern) -> list[Seen]:
     """Each secondary board in any of the orders in which it looks the same."""
-    rng, found = np.random.default_rng(seed), []
+    rng, found = np.random.default_rng(0), []
     for frame, (first, second) in boards:
         order = orders_of(pattern)[rng.integers(len(orders_of(pattern)))]
         found.append(Seen(frame, (first, replace(second, ids=order[second.ids]))))
@@ -165,7 +166,7 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In every third frame a part is hidden."""
     rig = stereo(np.pi - 0.2)
-    for name, content in photographs(rig, 10, 2, charuco(), hidden=240).items():
+    for name, content in photographs(rig, 10, 2, charuco(PATTERN.square_m), hidden=240).items():
         (tmp_path / name).write_bytes(content)
     out = tmp_path / "found"
     command = ["detect", str(tmp_path), "--out", str(out), "--target"]

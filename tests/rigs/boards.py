@@ -87,12 +87,3 @@ def _rays() -> tuple[FloatArray, FloatArray]:
     columns, rows = ((np.arange(2 * n) - 0.5) / 2 for n in SMALL.image_size)
     x, y = ray_splines(SMALL, columns, rows)
     return x(rows, columns), y(rows, columns)
-
-
-def charuco() -> Board:
-    """A ChArUco board of the same size: DICT_4X4_50, markers of 22 mm."""
-    printed = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    board = cv2.aruco.CharucoBoard(SQUARES, PATTERN.square_m, 0.022, printed)
-    drawn = board.generateImage((80 * SQUARES[0], 80 * SQUARES[1]))
-    width, height = (PATTERN.square_m * squares for squares in SQUARES)
-    return Board(np.where(drawn > 127, 205.0, 25.0), (width, height))

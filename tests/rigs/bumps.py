@@ -18,7 +18,6 @@ from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
@@ -65,12 +64,6 @@ def bumped(case: Case, angle_rad: float) -> Rig:
     axis = case.rng.standard_normal(3)
     vector = angle_rad * axis / np.linalg.norm(axis)
     return replace(case.truth, pose=turned(case.truth.pose, int(case.rng.integers(2)), vector))
-
-
-def longer(case: Case, factor: float) -> Rig:
-    """The rig with another baseline."""
-    pose = case.truth.pose
-    return replace(case.truth, pose=Pose(pose.R, pose.T * factor))
 
 
 def bound(case: Case, images: NewImages, rig: Rig) -> float:
