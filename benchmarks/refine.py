@@ -25,8 +25,8 @@ from scipy.sparse import lil_matrix
 
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.refined.refine import refine
-from stereocal.refined.two_views import BAR, PRIMARY, SECONDARY
-from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, pose_of, unknowns_of
+from stereocal.refined.two_views import BAR, PRIMARY, SECONDARY, pose_of
+from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of
 from stereocal.refined.views import OWN
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray

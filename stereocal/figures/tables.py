@@ -13,10 +13,9 @@ from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation_panels import COLUMNS, standings
-from stereocal.refined.local_pose import is_near_pole, largest_turn_sigma
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.two_views import BAR
+from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset

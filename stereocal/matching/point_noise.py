@@ -24,8 +24,8 @@ from scipy.special import gammaln, ndtr, stdtr
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.distortion import lenses_of_cameras
+from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.uncertainty import point_jacobians
-from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded

@@ -9,9 +9,8 @@ import numpy.typing as npt
 from stereocal.errors import StereocalError
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.parameter_file import covariance_names
-from stereocal.refined.two_views import BASELINE, SHARED
+from stereocal.refined.two_views import BASELINE, SHARED, shared_unknowns
 from stereocal.refined.uncertainty import point_errors
-from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
 from stereocal.rig.parameters import RigParameters

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 from stereocal.network.unknowns import lens_places, turned
 from stereocal.refined import views
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BAR, BASELINE, TIME, views_of
-from stereocal.refined.unknowns import Unknowns, pose_of, shared_unknowns
-from stereocal.refined.unknowns import lens_places as places_of_lens
+from stereocal.refined.two_views import BAR, BASELINE, TIME, pose_of, shared_unknowns, views_of
+from stereocal.refined.two_views import lens_places as places_of_lens
+from stereocal.refined.unknowns import Unknowns
 from stereocal.refined.views import EACH, LENS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

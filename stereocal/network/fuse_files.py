@@ -12,8 +12,8 @@ from stereocal.network.fuse import LOCAL, Fused, PairFit, chained, difference, f
 from stereocal.network.pairs import reached
 from stereocal.network.rig_file import RigFile, fused_file
 from stereocal.network.unknowns import RigSettings, unknowns_of
-from stereocal.refined.two_views import BAR, SHARED
-from stereocal.refined.unknowns import LensPrior, Unknowns, shared_unknowns, with_lens
+from stereocal.refined.two_views import BAR, SHARED, shared_unknowns, with_lens
+from stereocal.refined.unknowns import LensPrior, Unknowns
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording

@@ -22,8 +22,8 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine, settings_for
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.time_offset import usable_after
-from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import RefineSettings, RigPrior, shared_unknowns
+from stereocal.refined.two_views import BAR, shared_unknowns
+from stereocal.refined.unknowns import RefineSettings, RigPrior
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters

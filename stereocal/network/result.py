@@ -15,7 +15,7 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.unknowns import camera_of
+from stereocal.refined.two_views import camera_of
 from stereocal.refined.views import EACH, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from stereocal.refined.two_views import with_lens
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_DISTANCE,
@@ -16,7 +17,6 @@ from stereocal.refined.unknowns import (
     free_parameters,
     lens_block,
     lens_prior,
-    with_lens,
 )
 from stereocal.refined.views import DISTORTION, EACH, LENS, TIME, TRANSLATION
 from stereocal.rig.camera import Camera

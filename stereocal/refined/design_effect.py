@@ -15,8 +15,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import SHARED
-from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_places, lens_prior
+from stereocal.refined.two_views import SHARED, lens_places
+from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Correspondences, Dataset

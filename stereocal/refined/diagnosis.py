@@ -10,7 +10,6 @@ from stereocal.calibration.checks import warnings_about_copies
 from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.refined.best_reading import find_wrong_input, nothing_fits
-from stereocal.refined.local_pose import largest_turn_sigma
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
     MAXIMUM_LEFT_OUT,
@@ -20,6 +19,7 @@ from stereocal.refined.screening import (
     wide_settings,
 )
 from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, bring_into_step
+from stereocal.refined.two_views import largest_turn_sigma
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.tracks import MeasuredOffset

@@ -31,14 +31,13 @@ from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
-from stereocal.refined.two_views import BAR, BASELINE, SHARED
+from stereocal.refined.two_views import BAR, BASELINE, SHARED, lens_places
 from stereocal.refined.unknowns import (
     LensPrior,
     RefineSettings,
     baseline_sigma_m,
     distance_sigma_m,
     free_distortion,
-    lens_places,
     lens_prior,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS

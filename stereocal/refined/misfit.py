@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.unknowns import rig_errors
+from stereocal.refined.two_views import rig_errors
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 

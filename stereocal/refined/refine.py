@@ -30,14 +30,12 @@ from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.noise import Noise
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import BAR, DRIFT, TIME
+from stereocal.refined.two_views import BAR, DRIFT, TIME, camera_of, pose_of
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
     baseline_sigma_m,
-    camera_of,
     distance_sigma_m,
-    pose_of,
     with_lens_priors,
 )
 from stereocal.rig.camera import Camera

@@ -1,29 +1,17 @@
 """The unknowns of the refined method, their priors, and its settings."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.refined.local_pose import moved
-from stereocal.refined.two_views import (
-    BAR,
-    BASELINE,
-    DISTORTION,
-    DRIFT,
-    EPSILON,
-    PRIMARY,
-    SECONDARY,
-    SHARED,
-    TIME,
-)
+from stereocal.refined.two_views import BAR, BASELINE, DRIFT, EPSILON, SHARED, TIME, lens_places
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset, check_uncertainty
-from stereocal.rig.geometry import Angles, Pose
-from stereocal.rig.rig import Rig
+from stereocal.rig.geometry import Pose
 from stereocal.system.records import plain, settings_of
 
 DEFAULT_FOCAL = 0.01
@@ -309,12 +297,6 @@ def lens_block(name: str, prior: LensPrior, places: list[int]) -> Block:
     return columns, None if whole is None else np.array(whole)
 
 
-def lens_places(number: int) -> list[int]:
-    """(8,): the indices in q of the lens unknowns of the primary (0) or the secondary (1)."""
-    first, distortion = (PRIMARY, SECONDARY)[number], DISTORTION + 4 * number
-    return [*range(first, first + 4), *range(distortion, distortion + 4)]
-
-
 def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     """The prior of a lens: `given`, else from the camera's uncertainty, else the default.
 
@@ -379,59 +361,6 @@ def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
     ):
         if sigma and np.isfinite(sigma):
             check_uncertainty(what, sigma, length)
-
-
-def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
-    """The stated primary (0) or secondary (1) with the lens values of q instead of its own."""
-    return with_lens(stated, q[lens_places(number)])
-
-
-def with_lens(stated: Camera, lens: FloatArray) -> Camera:
-    """The stated camera with the fx, fy, cx, cy, k1, k2, p1, p2 of a lens, (8,)."""
-    fx, fy, cx, cy, *distortion = lens.tolist()
-    K = stated.K.copy()
-    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx, cy
-    whole = stated.distortion.copy()
-    if not len(whole) and any(distortion):
-        whole = np.zeros(4)
-    whole[:4] = distortion[: len(whole)]
-    return Camera(K, whole, stated.image_size, model=stated.model)
-
-
-def shared_unknowns(rig: Rig) -> FloatArray:
-    """(25,): the shared unknowns of `two_views` of a rig, with a bar factor of 1."""
-    first, second = rig.primary.lens_values, rig.secondary.lens_values
-    return np.concatenate(
-        [
-            [*rig.pose.angles, rig.pose.baseline, 1.0],
-            *(first[:4], second[:4], first[4:], second[4:], np.zeros(2)),
-        ]
-    )
-
-
-def pose_of(q: FloatArray) -> Pose:
-    """The pose of the shared unknowns."""
-    return Pose.from_angles(Angles(*q[: EPSILON + 1].tolist()), float(q[BASELINE]))
-
-
-def rig_of(primary: Camera, secondary: Camera, q: FloatArray) -> Rig:
-    """The rig with the shared unknowns q instead of the stated lenses and pose."""
-    return Rig(camera_of(primary, q, 0), camera_of(secondary, q, 1), pose_of(q))
-
-
-def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray) -> FloatArray:
-    """(n, r): derivatives of n errors that are computed with a rig, by central differences.
-
-    Args:
-        spread: (25, r): steps of the shared unknowns, by whose factors the derivatives are.
-    """
-    q = shared_unknowns(rig)
-
-    def at(unknowns: FloatArray) -> FloatArray:
-        return errors(rig_of(rig.primary, rig.secondary, unknowns))
-
-    columns = [0.5 * (at(moved(q, along)) - at(moved(q, -along))) for along in spread.T]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
 
 
 def _first(*values: float | None) -> float:

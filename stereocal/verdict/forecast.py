@@ -22,12 +22,10 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.disagreement import Comparison, compare_inputs
-from stereocal.refined.local_pose import carried, step_between
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import shared_unknowns
+from stereocal.refined.two_views import BAR, carried, shared_unknowns, step_between
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.parameters import FileForecast
 from stereocal.rig.rig import Rig

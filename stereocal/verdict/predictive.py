@@ -20,10 +20,8 @@ from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.evaluation import compiled_run
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.design_effect import lenses_without
-from stereocal.refined.local_pose import moved
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import shared_unknowns
+from stereocal.refined.two_views import BAR, moved, shared_unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import without_nan

@@ -18,8 +18,8 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.two_views import undistort_rays
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, rig_of, unknowns_of
+from stereocal.refined.two_views import rig_of, undistort_rays
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose

@@ -18,8 +18,8 @@ from stereocal.network.unknowns import RigSettings, camera_at
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import LensPrior, shared_unknowns
+from stereocal.refined.two_views import BAR, shared_unknowns
+from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH, TRANSLATION, fit_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

@@ -11,8 +11,8 @@ from stereocal.network.pair_of_rig import data_of_pair, sets_of_pairs, settings_
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.unknowns import RigSettings
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
+from stereocal.refined.two_views import BAR, shared_unknowns
+from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Pair, Recording
 from stereocal.simulation.several import LENS_ERRORS, simulated_rig

@@ -9,7 +9,8 @@ from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.misfit import misfit_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, shared_unknowns
+from stereocal.refined.two_views import shared_unknowns
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.workflow import calibrate

@@ -7,9 +7,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.two_views import SHARED
+from stereocal.refined.two_views import SHARED, pose_of
 from stereocal.refined.uncertainty import Plane, accuracy_map, length_errors, point_covariances
-from stereocal.refined.unknowns import RefineSettings, pose_of
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import triangulate
 from tests import known_rig as rig
 from tests.rigs.accuracy import deviations, over_bound

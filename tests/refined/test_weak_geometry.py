@@ -9,10 +9,17 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
 from stereocal.refined.diagnosis import geometry_warning
-from stereocal.refined.local_pose import largest_turn_sigma, moved, pose_directions, step_between
 from stereocal.refined.screening import screen
-from stereocal.refined.two_views import BASELINE, SHARED
-from stereocal.refined.unknowns import pose_of, shared_unknowns
+from stereocal.refined.two_views import (
+    BASELINE,
+    SHARED,
+    largest_turn_sigma,
+    moved,
+    pose_directions,
+    pose_of,
+    shared_unknowns,
+    step_between,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset

@@ -10,7 +10,8 @@ from stereocal.evaluation.compiled_run import CORRECT, REPROJECTION, RESIDUAL, U
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.unknowns import RefineSettings, shared_unknowns
+from stereocal.refined.two_views import shared_unknowns
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig

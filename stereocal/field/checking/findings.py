@@ -14,8 +14,7 @@ from stereocal.field.checking import fits
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
-from stereocal.refined.two_views import BASELINE
-from stereocal.refined.unknowns import pose_of, rig_of
+from stereocal.refined.two_views import BASELINE, pose_of, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose

@@ -17,11 +17,18 @@ from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
-from stereocal.refined.local_pose import pose_directions, step_between
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED
-from stereocal.refined.unknowns import RefineSettings, Unknowns, rig_of
+from stereocal.refined.two_views import (
+    BASELINE,
+    PRIMARY,
+    SECONDARY,
+    SHARED,
+    pose_directions,
+    rig_of,
+    step_between,
+)
+from stereocal.refined.unknowns import RefineSettings, Unknowns
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 

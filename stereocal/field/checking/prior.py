@@ -9,8 +9,8 @@ import numpy as np
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.matching.reconstruction import POSE, noise_of_file
 from stereocal.refined.noise import ASSUMED, GIVEN
-from stereocal.refined.two_views import BAR
-from stereocal.refined.unknowns import DEFAULT_DISTANCE, shared_unknowns
+from stereocal.refined.two_views import BAR, shared_unknowns
+from stereocal.refined.unknowns import DEFAULT_DISTANCE
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters

@@ -27,7 +27,7 @@ from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since, since_when
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
-from stereocal.refined.unknowns import pose_of, rig_of
+from stereocal.refined.two_views import pose_of, rig_of
 from stereocal.rig.clusters import FEWEST, Clusters
 from stereocal.rig.compiled import BoolArray, IntArray
 

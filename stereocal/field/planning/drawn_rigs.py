@@ -23,8 +23,15 @@ from stereocal.field.planning.expected import planned_dataset, refine_settings
 from stereocal.field.planning.plan import Plan
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
-from stereocal.refined.two_views import BAR, BASELINE, PRIMARY, SECONDARY, undistort_rays
-from stereocal.refined.unknowns import pose_of, shared_unknowns
+from stereocal.refined.two_views import (
+    BAR,
+    BASELINE,
+    PRIMARY,
+    SECONDARY,
+    pose_of,
+    shared_unknowns,
+    undistort_rays,
+)
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 from stereocal.verdict.intervals import MERGE

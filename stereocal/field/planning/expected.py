@@ -17,7 +17,8 @@ from stereocal.field.planning.plan import Plan, common_points, sees
 from stereocal.refined import uncertainty
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.unknowns import LensPrior, RefineSettings, shared_unknowns
+from stereocal.refined.two_views import shared_unknowns
+from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Correspondences, Dataset
 from stereocal.verdict.judging import photograph

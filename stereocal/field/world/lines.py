@@ -15,7 +15,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import FEWEST_DEGREES, Blocks, Solution, culprit, solve
 from stereocal.field.world.noise import Noise, check_inside, noise_of, turns_at, usual_place
-from stereocal.refined.unknowns import rig_errors
+from stereocal.refined.two_views import rig_errors
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters

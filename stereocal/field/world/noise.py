@@ -13,9 +13,8 @@ from stereocal.errors import StereocalError
 from stereocal.field.checking.prior import root_of
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.two_views import SHARED
+from stereocal.refined.two_views import SHARED, shared_unknowns
 from stereocal.refined.uncertainty import point_errors
-from stereocal.refined.unknowns import shared_unknowns
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
