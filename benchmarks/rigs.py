@@ -28,11 +28,11 @@ from scipy.spatial.transform import Rotation
 from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigFit
+from stereocal.network.fit import RigFit, RigSettings
+from stereocal.network.fuse import Fused, fuse
 from stereocal.network.placings import observations_of
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
 from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
@@ -76,8 +76,9 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
         if rig.unreached:
             continue
         began = time.perf_counter()
-        fit = RigFit(rig.recording, rig.fused.poses, settings(scene))
-        free = dict(zip(rig.fused.unknowns.names, rig.fused.p.tolist(), strict=True))
+        fused = fused_pairs(rig, settings(scene))
+        fit = RigFit(rig.recording, fused.poses, settings(scene))
+        free = fused.unknowns.named(fused.p)
         fit.start_at(free, rig.fit.sigma_px)
         fit.run()
         ours_s = time.perf_counter() - began
@@ -96,6 +97,11 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
         f"px over SciPy's: {np.mean(ratios):.4f}, at most {max(ratios):.4f}; SciPy takes "
         f"{np.median(faster):.0f} times as long"
     )
+
+
+def fused_pairs(rig: RigCalibration, settings: RigSettings | None = None) -> Fused:
+    """The pairs of a rig fused, from where its joint fit began."""
+    return fuse(rig.recording, list(rig.pairs.fits.values()), settings or RigSettings())
 
 
 def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
@@ -145,7 +151,7 @@ def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list
         )
 
     start = np.zeros(shared + own.pixels[:, :, 0].size // 2 * 3)
-    for number, pose in enumerate(rig.fused.poses[1:]):
+    for number, pose in enumerate(fused_pairs(rig).poses[1:]):
         turn = Rotation.from_matrix(pose.R).as_rotvec()
         start[OF_POSE * number : OF_POSE * (number + 1)] = np.concatenate([turn, pose.T])
     points = np.where(np.isfinite(rig.point_fits[0]), rig.point_fits[0], [0.0, 0.0, 1.0])
@@ -184,7 +190,7 @@ def real(folder: str) -> None:
     rig = calibrate_rig(even)
     ours_s = time.perf_counter() - began
     stated = dict(recording.cameras)
-    fused = dict(zip(rig.names, rig.fused.poses, strict=True))
+    fused = dict(zip(rig.names, fused_pairs(rig).poses, strict=True))
     _tested("stereocal", odd, rig.cameras, rig.poses, ours_s)
     ends = even.where(even.target != 1)
     without = calibrate_rig(ends)

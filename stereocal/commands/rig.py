@@ -10,11 +10,11 @@ from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets_of_pairs
 from stereocal.network.rig_file import RIG, rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.verdict.forecast import outlook_of

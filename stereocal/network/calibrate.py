@@ -7,8 +7,8 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.diagnosis import camera_warnings
-from stereocal.network.fit import RigFit
-from stereocal.network.fuse import Fused, PairFit, chained, fuse
+from stereocal.network.fit import RigFit, RigSettings
+from stereocal.network.fuse import Fused, PairFit, fuse
 from stereocal.network.pairs import (
     FEWEST_BARS,
     FURTHER_STEPS,
@@ -21,14 +21,13 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
-from stereocal.network.unknowns import RigSettings, unknowns_of
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import interpolate
 from stereocal.system.numbers import count
 
@@ -60,10 +59,8 @@ def calibrate_rig(
         name: _why_unreached(name, pairs) for name in recording.cameras if name not in names
     }
     kept = of_cameras(recording, names)
-    fits, contradicting = _consistent(kept, pairs, settings)
-    pairs = replace(pairs, fits=fits, failed={**pairs.failed, **contradicting})
-    fused = fused_pairs(kept, list(fits.values()), settings)
-    noise = float(np.median([own.noise_px for own in fits.values()]))
+    pairs, fused = _consistent(kept, pairs, settings)
+    noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
     wide = replace(settings, lenses=dict.fromkeys(names, WIDE_LENS), object_sigma=WIDE_LENGTH_PRIOR)
     report = progress or (lambda *_: None)
     steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
@@ -80,7 +77,6 @@ def calibrate_rig(
     return RigCalibration(
         fit,
         pairs,
-        fused,
         tuple(wrong),
         tuple(sorted(left_out)),
         unreached,
@@ -95,14 +91,13 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
     dataset, own = problem_of(recording, pair, settings)
     screening = screened(with_baseline_found(dataset), CalibrationSettings())
     found = refine(screening.dataset, own)
-    pairs = Pairs(bars, {pair: PairFit.of(*pair, found)})
-    fused = fused_pairs(recording, [*pairs.fits.values()], settings)
+    pairs = Pairs(bars, {pair: PairFit.of(pair, found)})
     kept = recording.where(~np.isin(recording.frame, screening.left_out))
     fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), found.pose], settings)
     fit.end_at(found)
     left_out = tuple(sorted({*screening.left_out, *found.outlying_frames}))
     warnings = tuple(camera_warnings(fit, fit.sigma_px))
-    return RigCalibration(fit, pairs, fused, (), left_out, {}, np.zeros(2), warnings)
+    return RigCalibration(fit, pairs, (), left_out, {}, np.zeros(2), warnings)
 
 
 def of_cameras(recording: Recording, names: list[str]) -> Recording:
@@ -122,30 +117,19 @@ def of_cameras(recording: Recording, names: list[str]) -> Recording:
     )
 
 
-def fused_pairs(recording: Recording, fits: list[PairFit], settings: RigSettings) -> Fused:
-    """The pairs of a recording, fused."""
-    names = list(recording.cameras)
-    start = chained(names, {(own.first, own.second): own.pose for own in fits})
-    unknowns = unknowns_of(recording, [start[name] for name in names], settings)
-    return fuse(names, fits, unknowns)
-
-
-def _consistent(
-    recording: Recording, pairs: Pairs, settings: RigSettings
-) -> tuple[dict[Pair, PairFit], dict[Pair, str]]:
-    """The pairs that agree with each other, and those that do not, worst first."""
-    names, fits = list(recording.cameras), dict(pairs.fits)
-    fits = {pair: own for pair, own in fits.items() if {*pair} <= {*names}}
-    failed: dict[Pair, str] = {}
+def _consistent(recording: Recording, pairs: Pairs, settings: RigSettings) -> tuple[Pairs, Fused]:
+    """The pairs without those that contradict the others, worst first, and the others fused."""
+    names, failed = list(recording.cameras), dict(pairs.failed)
+    fits = {pair: fit for pair, fit in pairs.fits.items() if {*pair} <= {*names}}
     while True:
-        misfits = fused_pairs(recording, list(fits.values()), settings).misfits
+        fused = fuse(recording, list(fits.values()), settings)
         spare = [
             pair
-            for pair, misfit in sorted(misfits.items(), key=lambda item: -item[1])
+            for pair, misfit in sorted(fused.misfits.items(), key=lambda item: -item[1])
             if misfit > MOST_MISFIT and len(reached(names, fits.keys() - {pair})) == len(names)
         ]
         if not spare:
-            return fits, failed
+            return replace(pairs, fits=fits, failed=failed), fused
         del fits[spare[0]]
         failed[spare[0]] = "it contradicts the other pairs"
 

@@ -4,9 +4,8 @@ from itertools import combinations
 
 import numpy as np
 
-from stereocal.network.fit import RigFit
+from stereocal.network.fit import RigFit, lens_places
 from stereocal.network.pairs import LEAST_NOISE_PX, MOST_NOISE
-from stereocal.network.unknowns import lens_places
 from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import LensPrior, lens_prior
 from stereocal.refined.views import EACH

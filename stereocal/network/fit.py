@@ -1,20 +1,115 @@
-"""The joint adjustment of a rig: the robust fit of `refined.robust` over N views."""
+"""The joint adjustment of a rig: its unknowns, their priors, and the robust fit of N views."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.network.placings import observations_of
-from stereocal.network.unknowns import RigSettings, baselines_of, unknowns_of
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import views_of
-from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.views import EACH, Cameras
+from stereocal.refined.two_views import views_of, with_lens
+from stereocal.refined.unknowns import (
+    DEFAULT_BASELINE,
+    DEFAULT_DISTANCE,
+    WIDE_TIME,
+    Block,
+    LensPrior,
+    RefineSettings,
+    Unknowns,
+    free_parameters,
+    lens_block,
+    lens_prior,
+)
+from stereocal.refined.views import DISTORTION, EACH, LENS, TIME, TRANSLATION, Cameras
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
+
+
+@dataclass(frozen=True)
+class RigSettings:
+    """What is stated of a rig's cameras and lengths, where the recording does not say it."""
+
+    lenses: Mapping[str, LensPrior] = field(default_factory=dict)
+    """By camera. Others: the camera's own uncertainty if it has one, else 1 % and 10 px."""
+    baseline_sigma_m: float | None = None
+    """None: the recording's, else 1 % of each."""
+    object_sigma: float | None = None
+    """Standard deviation of the object's lengths, as a fraction, common to all. None: the
+    recording's, else 0.1 %."""
+    time_offsets: bool = False
+    """Whether each camera may be out of step by some frames."""
+
+
+def lens_places(number: int) -> list[int]:
+    """The places in q of the lens unknowns of a camera."""
+    first, distortion = EACH * number + LENS, EACH * number + DISTORTION
+    return [*range(first, first + 4), *range(distortion, distortion + 4)]
+
+
+def unknowns_of(
+    recording: Recording, poses: Sequence[Pose], settings: RigSettings, bars: bool = True
+) -> Unknowns:
+    """The unknowns of a recording; the first camera is the reference and has no pose.
+
+    Args:
+        poses: `camera_from_reference` of each camera.
+        bars: whether there are known lengths; if not, their factor is held fixed.
+    """
+    count = EACH * len(recording.cameras) + 1
+    origin = np.zeros(count)
+    origin[-1] = 1.0
+    blocks: list[Block] = []
+    focal_lengths: list[int] = []
+    for number, (name, camera) in enumerate(recording.cameras.items()):
+        first, places = EACH * number, lens_places(number)
+        origin[first + TRANSLATION : first + LENS] = poses[number].T
+        origin[places] = camera.lens_values
+        focal_lengths += places[:2]
+        if number:
+            turns = [(f"{name} turn {axis}", np.inf, [first + i]) for i, axis in enumerate("xyz")]
+            shifts = [
+                (f"{name} {axis}", np.inf, [first + TRANSLATION + i])
+                for i, axis in enumerate("xyz")
+            ]
+            blocks.append((turns + shifts, None))
+        blocks.append(lens_block(name, lens_prior(camera, settings.lenses.get(name)), places))
+        late = WIDE_TIME * (settings.time_offsets and number > 0)
+        blocks.append(([(f"{name} time offset", late, [first + TIME])], None))
+    stated = recording.object.sigma_m
+    longest = recording.object.longest_m
+    sigma = DEFAULT_DISTANCE if stated is None else stated / longest
+    if settings.object_sigma is not None:
+        sigma = settings.object_sigma
+    blocks.append(([("object", sigma * bars, [count - 1])], None))
+    return free_parameters(blocks, origin, focal_lengths)
+
+
+def baselines_of(recording: Recording, settings: RigSettings) -> FloatArray:
+    """The measured baselines, as `adjustment.add_baselines` takes them."""
+    numbers = {name: number for number, name in enumerate(recording.cameras)}
+    stated = settings.baseline_sigma_m or recording.baseline_sigma_m
+    rows = [
+        (numbers[one], numbers[other], length, stated or DEFAULT_BASELINE * length)
+        for (one, other), length in recording.baselines_m.items()
+        if not np.isinf(stated or 0.0)
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+
+def turned(R: FloatArray, q: FloatArray) -> FloatArray:
+    """(c, 3, 3): the rotations R after the small ones of q."""
+    turns = q[:-1].reshape(-1, EACH)[:, :3]
+    return np.asarray(Rotation.from_rotvec(turns).as_matrix() @ R)
+
+
+def camera_at(stated: Camera, q: FloatArray, number: int) -> Camera:
+    """The stated camera with the lens of q."""
+    return with_lens(stated, q[lens_places(number)])
 
 
 class RigFit(RobustFit):

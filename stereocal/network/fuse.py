@@ -7,22 +7,23 @@ stated ones 1.11 with 3 cameras, 1.33 with 4); the joint adjustment, which start
 once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.unknowns import lens_places, turned
+from stereocal.network.fit import RigSettings, lens_places, turned, unknowns_of
 from stereocal.refined import views
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import BAR, BASELINE, TIME, pose_of, shared_unknowns, views_of
 from stereocal.refined.two_views import lens_places as places_of_lens
 from stereocal.refined.unknowns import Unknowns
-from stereocal.refined.views import EACH, LENS
+from stereocal.refined.views import EACH, LENS, TRANSLATION
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Pair, Recording
 from stereocal.rig.rig import Rig
 
 PLACES = [*places_of_lens(0), *places_of_lens(1), BAR, TIME]
@@ -38,8 +39,7 @@ LOCAL = 24
 class PairFit:
     """A pair's refined set, and what its images say of it."""
 
-    first: str
-    second: str
+    pair: Pair
     q: FloatArray
     """(25,): the pair's shared unknowns, as of `two_views`."""
     information: FloatArray
@@ -50,11 +50,13 @@ class PairFit:
     frames: int
 
     @classmethod
-    def of(cls, first: str, second: str, fit: RefinedResult) -> "PairFit":
-        """Of a refined set; frames that follow each other count for less."""
+    def of(cls, pair: Pair, fit: RefinedResult) -> "PairFit":
+        """From a refined set; frames that follow each other count for less."""
         H, g = fit.images_alone
-        used = int((~fit.outlying).sum())
-        return cls(first, second, fit.q, H, g, float(fit.sigma_px.value), used)
+        q, used = fit.q.copy(), int((~fit.outlying).sum())
+        if fit.dataset.time_offset is not None:
+            q[TIME] += fit.dataset.time_offset.frames  # by which the points have been shifted
+        return cls(pair, q, H, g, float(fit.sigma_px.value), used)
 
     @cached_property
     def pose(self) -> Pose:
@@ -90,7 +92,7 @@ class Fused:
     poses: list[Pose]
     information: FloatArray
     """(Q, Q)."""
-    misfits: dict[tuple[str, str], float]
+    misfits: dict[Pair, float]
     """By how much the chi-square of each pair grew by being fused."""
 
     @property
@@ -99,59 +101,55 @@ class Fused:
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
 
-def chained(cameras: Sequence[str], poses: Mapping[tuple[str, str], Pose]) -> dict[str, Pose]:
-    """`camera_from_first` of the cameras that a chain of pairs reaches, the first one's included.
-
-    Args:
-        poses: `second_from_first` of each pair, best pair first.
-    """
-    found = {cameras[0]: Pose(np.eye(3), np.zeros(3))}
-    grew = True
-    while grew:
-        grew = False
-        for (one, other), pose in poses.items():
-            if one in found and other not in found:
-                found[other], grew = pose @ found[one], True
-            elif other in found and one not in found:
-                found[one], grew = pose.inverse() @ found[other], True
-            if grew:
-                break
-    return found
-
-
-def fuse(cameras: Sequence[str], pairs: Sequence[PairFit], unknowns: Unknowns) -> Fused:
-    """Fuse pairs.
+def chained(cameras: Sequence[str], pairs: Iterable[PairFit]) -> list[Pose]:
+    """`camera_from_first` of the cameras, by a chain of pairs.
 
     Args:
         cameras: names, all reached by `pairs`.
-        unknowns: of `unknowns.unknowns_of`, with the poses of the chain in their origin; the
-            rotations are those of the chain.
+        pairs: the best first.
     """
-    known = chained(cameras, {(own.first, own.second): own.pose for own in pairs})
-    R = np.array([known[name].R for name in cameras])
+    poses, grew = {cameras[0]: Pose(np.eye(3), np.zeros(3))}, True
+    while grew:
+        grew = False
+        for fit in pairs:
+            first, second = fit.pair
+            if first in poses and second not in poses:
+                poses[second], grew = fit.pose @ poses[first], True
+            elif second in poses and first not in poses:
+                poses[first], grew = fit.pose.inverse() @ poses[second], True
+            if grew:
+                break
+    return [poses[name] for name in cameras]
+
+
+def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) -> Fused:
+    """Fuse pairs, which must reach all cameras of a recording; the best first."""
+    numbers = {name: number for number, name in enumerate(recording.cameras)}
+    poses = chained(list(numbers), pairs)
+    unknowns = unknowns_of(recording, poses, settings)
+    R = np.array([pose.R for pose in poses])
     M, p = unknowns.M, np.zeros(len(unknowns.names))
-    turns = M.reshape(len(M), -1)[np.arange(len(M)) % EACH < 3]
-    of_turn = turns.any(axis=0) if len(turns) else np.zeros(len(p), dtype=np.bool_)
-    at = {name: number for number, name in enumerate(cameras)}
-    misfits: dict[tuple[str, str], float] = {}
+    # Rotations are in R after a step, and the factor of lengths begins each step at its origin.
+    at_origin = M[np.arange(len(M)) % EACH < TRANSLATION].any(axis=0)
+    misfits: dict[Pair, float] = {}
     H = np.zeros((len(M), len(M)))
     for _ in range(MOST_STEPS):
         q, H, g = unknowns.origin + M @ p, np.zeros((len(M), len(M))), np.zeros(len(M))
-        for own in pairs:
-            d, J = difference(own, at[own.first], at[own.second], q, R)
-            _, A, b = own.local
-            misfits[own.first, own.second] = float(d @ A @ d + 2 * b @ d)
+        for fit in pairs:
+            first, second = (numbers[name] for name in fit.pair)
+            d, J = difference(fit, first, second, q, R)
+            _, A, b = fit.local
+            misfits[fit.pair] = float(d @ A @ d + 2 * b @ d)
             H += J.T @ A @ J
             g += J.T @ (A @ d + b)
         b = M.T @ g + unknowns.precision @ p
         step = -unknowns.covariance(H) @ b
         moved = p + step
-        R, p = turned(R, M @ moved), np.where(of_turn, 0.0, moved)
+        R, p = turned(R, M @ moved), np.where(at_origin, 0.0, moved)
         if -float(step @ b) < CONVERGED:
             break
-    T = (unknowns.origin + M @ p)[:-1].reshape(-1, EACH)[:, 3:6]
-    poses = [Pose(own, shift) for own, shift in zip(R, T, strict=True)]
-    return Fused(unknowns, p, poses, H, misfits)
+    T = (unknowns.origin + M @ p)[:-1].reshape(-1, EACH)[:, TRANSLATION:LENS]
+    return Fused(unknowns, p, list(map(Pose, R, T)), H, misfits)
 
 
 def difference(

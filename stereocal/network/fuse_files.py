@@ -1,19 +1,19 @@
 """Refined parameter files of pairs, recorded at different times or by different people, fused."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.network.fuse import LOCAL, Fused, PairFit, chained, difference, fuse
-from stereocal.network.pairs import reached
+from stereocal.network.fit import RigSettings
+from stereocal.network.fuse import LOCAL, Fused, PairFit, difference, fuse
+from stereocal.network.pairs import pair_name, reached
 from stereocal.network.rig_file import RigFile, fused_file
-from stereocal.network.unknowns import RigSettings, unknowns_of
 from stereocal.refined.two_views import BAR, SHARED, shared_unknowns, with_lens
-from stereocal.refined.unknowns import LensPrior, Unknowns
+from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
@@ -32,27 +32,24 @@ def fuse_files(files: Sequence[Path]) -> RigFile:
     """The rig of the pairs of some files."""
     sets = [RigParameters.load(file) for file in files]
     pairs = [_pair(own, str(file)) for own, file in zip(sets, files, strict=True)]
-    names = list(dict.fromkeys(name for own in pairs for name in (own.first, own.second)))
-    known = reached(names, [(own.first, own.second) for own in pairs])
+    names = list(dict.fromkeys(name for fit in pairs for name in fit.pair))
+    known = reached(names, [fit.pair for fit in pairs])
     if len(known) < len(names):
         lost = ", ".join(name for name in names if name not in known)
         raise StereocalError(
             f"No file connects {lost} with {', '.join(known)}: calibrate a pair of both groups."
         )
     stated, priors = _lenses(sets, files)
-    chain = chained(names, {(own.first, own.second): own.pose for own in pairs})
     none = np.empty(0, dtype=np.int64)
     wand = RigidObject.bar(1.0)
     empty = Recording("", stated, wand, none, none, none, np.empty((0, 2)), np.empty(0))
-    settings = RigSettings(lenses=priors)
-    unknowns = unknowns_of(empty, [chain[name] for name in names], settings)
-    fused = fuse(names, pairs, unknowns)
-    found = fused_file(stated, pairs, fused)
-    about: dict[str, Any] = dict(found.about)
-    if max(fused.misfits.values()) > CONTRADICTS:
-        growth = sum(fused.misfits.values())
-        about["warnings"] = [_contradiction(names, pairs, unknowns, growth)]
-    return replace(found, about=about)
+    fuse_these = partial(fuse, empty, settings=RigSettings(lenses=priors))
+    fused = fuse_these(pairs)
+    rig = fused_file(stated, pairs, fused)
+    if max(fused.misfits.values()) <= CONTRADICTS:
+        return rig
+    warning = _contradiction(names, pairs, fuse_these, sum(fused.misfits.values()))
+    return replace(rig, about={**rig.about, "warnings": [warning]})
 
 
 def _pair(own: RigParameters, source: str) -> PairFit:
@@ -77,7 +74,7 @@ def _pair(own: RigParameters, source: str) -> PairFit:
         frames = int(stored["frames"])
     except DAMAGED as error:
         raise StereocalError(f"{source}: its information is damaged ({error}).") from error
-    return PairFit(*own.camera_names, q, H, g, own.noise_px, frames)
+    return PairFit(own.camera_names, q, H, g, own.noise_px, frames)
 
 
 def _lenses(
@@ -107,7 +104,10 @@ def _lenses(
 
 
 def _contradiction(
-    names: Sequence[str], pairs: Sequence[PairFit], unknowns: Unknowns, growth: float
+    names: Sequence[str],
+    pairs: Sequence[PairFit],
+    fuse_these: Callable[[Sequence[PairFit]], Fused],
+    growth: float,
 ) -> str:
     """Which file contradicts the others: the one whose known length, left open, explains it."""
     total, length = [], []
@@ -116,7 +116,7 @@ def _contradiction(
         along = H[:, BAR] / H[BAR, BAR]
         alone = replace(own, information=H - np.outer(along, H[BAR]), gradient=g - along * g[BAR])
         others = [*pairs[:k], alone, *pairs[k + 1 :]]
-        fused = fuse(names, others, unknowns)
+        fused = fuse_these(others)
         total.append(sum(fused.misfits.values()))
         length.append(_length_of(own, names, fused))
     order = np.argsort(total)
@@ -125,7 +125,7 @@ def _contradiction(
         own = pairs[order[0]]
         percent = 100 * (length[order[0]] - 1)
         return (
-            f"The pair {own.first}-{own.second} contradicts the others by its length: its object "
+            f"The pair {pair_name(own.pair)} contradicts the others by its length: its object "
             f"seems {rounded(abs(percent))} % {'longer' if percent > 0 else 'shorter'} than stated "
             "there. Measure it, correct the length of that recording, and calibrate the pair again."
         )
@@ -139,7 +139,8 @@ def _contradiction(
 def _length_of(own: PairFit, names: Sequence[str], fused: Fused) -> float:
     """The length of a pair's object over the stated one, as the others have it."""
     R = np.array([pose.R for pose in fused.poses])
-    d, _ = difference(own, names.index(own.first), names.index(own.second), fused.q, R)
+    first, second = (names.index(name) for name in own.pair)
+    d, _ = difference(own, first, second, fused.q, R)
     _, A, b = own.local
     bar = LOCAL - 2
     rest = A[bar] @ d - A[bar, bar] * d[bar] + b[bar]

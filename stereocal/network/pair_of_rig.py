@@ -13,11 +13,11 @@ import numpy as np
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
+from stereocal.network.fit import lens_places
 from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import Progress
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import WrongImage, rows_of
-from stereocal.network.unknowns import lens_places
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine, settings_for
 from stereocal.refined.robust import RobustFit

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.network.fit import RigSettings
 from stereocal.network.fuse import PairFit
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import bring_into_step
-from stereocal.refined.two_views import TIME
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Pair, Recording
@@ -92,7 +91,7 @@ def calibrate_pairs(
             f"{len(fit.frames)} frames"
         )
         del fits[pair]
-    found = {pair: _pair_fit(pair, fit) for pair, fit in fits.items()}
+    found = {pair: PairFit.of(pair, fit) for pair, fit in fits.items()}
     best = sorted(found.items(), key=lambda item: -item[1].frames / item[1].noise_px ** 2)
     return Pairs(bars, dict(best), failed)
 
@@ -120,16 +119,6 @@ def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResu
         if in_step is not None:
             return in_step
     return refine(dataset, own)
-
-
-def _pair_fit(pair: Pair, fit: RefinedResult) -> PairFit:
-    own = PairFit.of(*pair, fit)
-    shift = fit.dataset.time_offset
-    if shift is None:
-        return own
-    q = own.q.copy()
-    q[TIME] += shift.frames  # the points have been shifted by so much
-    return replace(own, q=q)
 
 
 def reached(cameras: Sequence[str], pairs: Iterable[Pair]) -> list[str]:

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.network.fit import RigFit
-from stereocal.network.fuse import Fused
+from stereocal.network.fit import RigFit, camera_at
 from stereocal.network.held_out import HeldOut, frame_errors, held_out, length_errors, point_fits
 from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
-from stereocal.network.unknowns import camera_at
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.two_views import camera_of
 from stereocal.refined.views import EACH, fit_points, jacobians_of
@@ -35,7 +33,6 @@ class RigCalibration:
     fit: RigFit
     """The joint fit of the sound images of the cameras that are connected."""
     pairs: Pairs
-    fused: Fused
     wrong: tuple[WrongImage, ...]
     left_out: tuple[int, ...]
     """Frames that contradict the others, and no single image does; ascending."""

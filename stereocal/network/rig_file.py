@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError, naming
+from stereocal.network.fit import camera_at, lens_places
 from stereocal.network.fuse import Fused, PairFit, pair_covariance
 from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration, third_cameras
-from stereocal.network.unknowns import camera_at, lens_places
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
@@ -338,12 +338,12 @@ def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused)
             "object": {"factor": float(q[-1])},
             "frames_left_out": [],
             "pairs": {
-                pair_name((own.first, own.second)): {
-                    "cameras": [own.first, own.second],
+                pair_name(own.pair): {
+                    "cameras": list(own.pair),
                     "bars": own.frames,
                     "frames": own.frames,
                     "noise_px": own.noise_px,
-                    "chi_square_growth": fused.misfits[own.first, own.second],
+                    "chi_square_growth": fused.misfits[own.pair],
                 }
                 for own in pairs
             },

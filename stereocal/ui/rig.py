@@ -11,10 +11,10 @@ from stereocal.figures.rig_report import (
     plot_rig_graph,
 )
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import files_of_sets, sets_of_pairs
 from stereocal.network.rig_file import RIG, RigFile, rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.system.numbers import count

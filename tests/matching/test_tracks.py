@@ -17,8 +17,8 @@ from stereocal.matching.point_table import PointTable
 from stereocal.matching.report import Report
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose

@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig, of_cameras
-from stereocal.network.fit import RigFit
+from stereocal.network.fit import RigFit, RigSettings, camera_at
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import rig_file
-from stereocal.network.unknowns import RigSettings, camera_at
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.robust import RobustFit

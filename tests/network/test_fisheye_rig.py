@@ -3,8 +3,8 @@
 import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.network.result import RigCalibration
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import FIXED_LENS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose

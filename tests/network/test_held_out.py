@@ -3,11 +3,11 @@
 import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.network.held_out import frame_errors, length_errors, point_fits
 from stereocal.network.in_words import rig_errors, rig_sentence
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.recording import Recording
 from stereocal.simulation.several import LENS_ERRORS, simulated_rig

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.network.pair_of_rig import data_of_pair, sets_of_pairs, settings_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import BAR, shared_unknowns
 from stereocal.refined.unknowns import LensPrior, RefineSettings

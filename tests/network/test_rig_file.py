@@ -10,11 +10,11 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import camera_table
 from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.fit import RigSettings
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import rig_notes, rig_sentence
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine

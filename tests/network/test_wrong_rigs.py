@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import rig_file
-from stereocal.network.unknowns import RigSettings
 from stereocal.rig.recording import Recording
 from stereocal.simulation.several import IMAGE_SIZE, SimulatedRig, simulated_rig
 
