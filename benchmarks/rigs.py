@@ -30,9 +30,9 @@ from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import Fused, fuse
-from stereocal.network.placings import observations_of
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.observations import Observations
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
 from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
@@ -106,7 +106,7 @@ def fused_pairs(rig: RigCalibration, settings: RigSettings | None = None) -> Fus
 
 def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
     """One `least_squares` over poses, lenses, factor of lengths, and all points."""
-    own = observations_of(rig.recording)
+    own = Observations.of_recording(rig.recording)
     count = len(rig.names)
     shared = OF_POSE * (count - 1) + OF_LENS * count + 1
     seen = np.isfinite(own.pixels[..., 0])  # (n, 2, c)
@@ -173,7 +173,7 @@ def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list
 def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera]) -> float:
     """Root mean square distance of the images of the odd frames, px."""
     names = list(scene.cameras)
-    own = observations_of(scene.recording.where(scene.recording.frame % 2 == 1))
+    own = Observations.of_recording(scene.recording.where(scene.recording.frame % 2 == 1))
     pixels = own.pixels.reshape(-1, len(names), 2)
     pixels = pixels[np.isfinite(pixels[..., 0]).sum(axis=1) > 1]
     fitter = _fitter(dict(zip(names, lenses, strict=True)), dict(zip(names, poses, strict=True)))

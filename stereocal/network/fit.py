@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.placings import observations_of
 from stereocal.refined.adjustment import add_baselines
+from stereocal.refined.observations import Observations
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import views_of, with_lens
@@ -124,7 +124,7 @@ class RigFit(RobustFit):
     ) -> None:
         """From first poses; velocities (n, 2) of the points in pixels per frame, if known."""
         self.recording, self.rig_settings = recording, settings
-        seen = observations_of(recording, velocities)
+        seen = Observations.of_recording(recording, velocities)
         unknowns = unknowns_of(recording, poses, settings, seen.has_lengths)
         R, baselines = np.array([pose.R for pose in poses]), baselines_of(recording, settings)
         super().__init__(seen, unknowns, RefineSettings(), R, baselines)

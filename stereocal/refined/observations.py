@@ -7,6 +7,7 @@ import numpy as np
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 
 
@@ -76,6 +77,46 @@ class Observations:
             lenses_of_cameras(dataset.primary, dataset.secondary),
             dataset.target_distance_m,
             variances,
+        )
+
+    @classmethod
+    def of_recording(
+        cls, recording: Recording, velocities: FloatArray | None = None
+    ) -> "Observations":
+        """Those of the points that two cameras or more see, with units as in a pair.
+
+        Args:
+            velocities: (n, 2): of the points in pixels per frame, if cameras may be late.
+        """
+        frames, images = recording.images()
+        of_rows = np.nonzero(np.isfinite(images[..., 0]).sum(axis=2) > 1)
+        part, place = recording.object.parts_of(*of_rows)
+        _, first = np.unique(part, return_index=True)
+        kept, frame_of = np.unique(of_rows[0][first], return_inverse=True)
+        targets = np.full((len(first), 2), -1)
+        targets[part, place] = of_rows[1]
+        pixels = np.full((len(first), 2, *images.shape[2:]), np.nan)
+        pixels[part, place] = images[of_rows]
+        cameras, rays = list(recording.cameras.values()), np.full(pixels.shape, np.nan)
+        for number, camera in enumerate(cameras):
+            seen = np.isfinite(pixels[:, :, number, 0])
+            rays[:, :, number][seen] = camera.undistort(pixels[:, :, number][seen])
+        motion = np.zeros((0 if velocities is None else len(first), *pixels.shape[1:3], 3))
+        if velocities is not None:
+            _, moving = recording.images(np.pad(velocities, [(0, 0), (0, 1)]))
+            motion[part, place] = np.nan_to_num(moving[of_rows])
+        distances = recording.object.distance(*targets.T)
+        return cls(
+            frames[kept],
+            frame_of,
+            targets,
+            pixels,
+            rays,
+            motion,
+            np.where(targets[:, 1] < 0, np.nan, distances),
+            lenses_of_cameras(*cameras),
+            recording.object.longest_m,
+            np.ones(len(kept)),
         )
 
     @property

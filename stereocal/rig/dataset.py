@@ -211,21 +211,7 @@ class Correspondences:
         """
         if self.rigid_object is None:
             return np.searchsorted(self.frames, self.frame), self.target
-        part, place, count = np.empty_like(self.frame), np.zeros_like(self.frame), 0
-        order = np.lexsort([self.target, self.frame])
-        pairs_of: dict[bytes, IntArray] = {}
-        for rows in np.split(order, np.flatnonzero(np.diff(self.frame[order])) + 1):
-            seen = self.target[rows]
-            key = seen.tobytes()
-            if key not in pairs_of:
-                pairs_of[key] = np.searchsorted(seen, self.rigid_object.pairs_among(seen.tolist()))
-            pairs = rows[pairs_of[key]]
-            single = np.setdiff1d(rows, pairs)
-            part[pairs] = count + np.arange(len(pairs))[:, None]
-            place[pairs] = [0, 1]
-            part[single] = count + len(pairs) + np.arange(len(single))
-            count += len(pairs) + len(single)
-        return part, place
+        return self.rigid_object.parts_of(self.frame, self.target)
 
     @cached_property
     def copies(self) -> dict[int, int]:

@@ -186,6 +186,24 @@ class RigidObject:
             left = np.setdiff1d(left, found[-1])
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
+    def parts_of(self, frame: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
+        """(n,) each: as of `Correspondences.parts`, of the rows of some targets in some frames."""
+        part, place, count = np.empty_like(frame), np.zeros_like(frame), 0
+        order = np.lexsort([target, frame])
+        pairs_of: dict[bytes, IntArray] = {}
+        for rows in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1):
+            seen = target[rows]
+            key = seen.tobytes()
+            if key not in pairs_of:
+                pairs_of[key] = np.searchsorted(seen, self.pairs_among(seen.tolist()))
+            pairs = rows[pairs_of[key]]
+            single = np.setdiff1d(rows, pairs)
+            part[pairs] = count + np.arange(len(pairs))[:, None]
+            place[pairs] = [0, 1]
+            part[single] = count + len(pairs) + np.arange(len(single))
+            count += len(pairs) + len(single)
+        return part, place
+
     def _farthest(self, among: IntArray) -> IntArray:
         """(2,): the two points that are farthest apart; the first such pair if there are several.
 
