@@ -343,7 +343,7 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
     tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
     figure = measured.plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
     words = measured.describe_points(points, tracks, outcome.world)
-    show_figure(figure, words, "points", fold=False)
+    show_figure(figure, words, "points", caption=True)
 
 
 @st.cache_resource(show_spinner=False, max_entries=8)

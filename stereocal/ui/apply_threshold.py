@@ -109,7 +109,7 @@ class ThresholdForm:
             sample = [NO_NAMES.samples(*own)[0] for own in _sampled(self)]
             nearest = jobs.compute(nearest_errors, self.rig, sample, self.depths)
             words = describe_pair_errors(nearest, threshold, found)
-            show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", fold=False)
+            show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
 
 
 @st.cache_resource(

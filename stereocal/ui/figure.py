@@ -38,16 +38,18 @@ FOLLOWS_MS = 1500
 
 def show_figure(
     figure: go.Figure,
-    sentence: str,
+    words: str,
     key: str,
-    fold: bool = True,
+    *,
+    caption: bool = False,
     narrow: go.Figure | None = None,
     **chart: Any,
 ) -> None:
-    """A figure with its description in words.
+    """A figure.
 
     Args:
-        fold: the words are folded away; not where they say what is not in the figure.
+        words: the same for screen readers.
+        caption: the words stand below it too, where they say what is not in the figure.
         narrow: the same figure for a narrow screen.
         chart: passed on to `st.plotly_chart`.
     """
@@ -57,13 +59,14 @@ def show_figure(
                 f"theme.{st.context.theme.type or 'light'}.textColor"
             )
     if narrow is None:
-        st.plotly_chart(figure, key=key, **chart)
+        st.plotly_chart(figure, key=key, alt=words, **chart)
     else:
         st.html(WIDE_OR_NARROW)
-        st.container(key="wide").plotly_chart(figure, key=key, **chart)
-        st.container(key="narrow").plotly_chart(narrow, key=f"{key}_narrow", **chart)
-    with st.expander("In words") if fold else st.container():
-        st.caption(escape_markdown(sentence))
+        wide, small = (st.container(key=name) for name in ("wide", "narrow"))
+        wide.plotly_chart(figure, key=key, alt=words, **chart)
+        small.plotly_chart(narrow, key=f"{key}_narrow", alt=words, **chart)
+    if caption:
+        st.caption(escape_markdown(words))
 
 
 def scroll_to(key: str) -> None:

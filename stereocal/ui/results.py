@@ -229,7 +229,7 @@ def _show_images(
             st.markdown(f"**{side.capitalize()}**")
             figure = two_sets.plot_image(views, method, camera, photographs[camera])
             words = two_sets.describe_image(views, method, camera)
-            show_figure(figure, words, f"image_{side}", fold=False)
+            show_figure(figure, words, f"image_{side}", caption=True)
 
 
 def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
@@ -243,7 +243,7 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
     with space:
         st.markdown("**In space, where the rays pass each other**")
         words = two_sets.describe_gap(views, method)
-        show_figure(two_sets.plot_gap(views, method), words, "gap", fold=False)
+        show_figure(two_sets.plot_gap(views, method), words, "gap", caption=True)
 
 
 def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:

@@ -23,6 +23,7 @@ from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
 from stereocal.system.resources import ROOT
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.jobs import pool
 from stereocal.ui.messages import refusing
@@ -56,16 +57,16 @@ def show_story() -> None:
     story = _story()
     bars = len(next(iter(story.sets.values())).length_errors)
     st.markdown(f"**Length errors of the same {bars} real bars**")
-    st.plotly_chart(figures.plot_story_lengths(story), key="story_lengths")
-    with st.expander("Why, and in words"):
-        st.caption(figures.describe_story_lengths(story))
+    words = figures.describe_story_lengths(story)
+    show_figure(figures.plot_story_lengths(story), words, "story_lengths")
+    with st.expander("Why"):
         others = (
             ("two_rays", figures.plot_two_rays, figures.describe_two_rays),
             ("story_lines", figures.plot_story_lines, figures.describe_story_lines),
         )
         for place, (key, plot, describe) in zip(st.columns(2), others, strict=True):
-            place.plotly_chart(plot(story), key=key)
-            place.caption(describe(story))
+            with place:
+                show_figure(plot(story), describe(story), key, caption=True)
 
 
 def _sample(folder: Path, names: Sequence[str], source: str) -> Project:

@@ -98,9 +98,8 @@ def show_evaluation(project: Project, evaluation: Evaluation, datasets: Sequence
         with st.container(key=place):
             for name, shown in of_place.items():
                 config = _saved_as(picture, name)
-                st.plotly_chart(plot_validation(pooled, shown), key=name, config=config)
-    with st.expander("In words"):
-        st.caption(escape_markdown(describe_validation(pooled, columns)))
+                words = describe_validation(pooled, shown)
+                show_figure(plot_validation(pooled, shown), words, name, config=config)
     if screenings:
         _downloads(project, screenings, evaluation, pooled, by_dataset)
     with st.expander("Figures as a table, and the width of the bins"):

@@ -39,6 +39,7 @@ CUT = """() => {
 }"""
 """Texts that do not fit: cut off by their own box, or beyond the screen."""
 
+UNNAMED = "[data-testid=stPlotlyChart]:not([role=figure][aria-label])"
 RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"], "resultTypes": ["violations"]}
 """What axe looks for: names of controls, contrast, labels, roles, languages."""
 NOT_OURS: Mapping[str, str] = {
@@ -84,6 +85,7 @@ def test_pages_fit_a_narrow_screen_and_axe_finds_nothing(
         width = page.evaluate("document.documentElement.scrollWidth")
         main = page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth")
         found = [f"{width} px wide"] * (max(width, main) > 420)
+        found += ["a figure without words"] * page.locator(UNNAMED).count()
         problems[path] = found + page.evaluate(CUT) + violations(page)
         background = page.evaluate(
             "getComputedStyle(document.querySelector('.stApp')).backgroundColor"

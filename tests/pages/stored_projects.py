@@ -66,6 +66,11 @@ def messages(app: AppTest) -> str:
     return told(app, "error", "info", "warning", "success")
 
 
+def pictured(app: AppTest) -> str:
+    """What screen readers say of the figures."""
+    return " ".join(figure.proto.alt for figure in app.get("plotly_chart"))
+
+
 def wait_until(done: Callable[[], bool]) -> None:
     end = time.monotonic() + SLOW
     while not done():

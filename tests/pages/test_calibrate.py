@@ -38,7 +38,9 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     assert labels == ["Wrong pairs let in", "95 % of lengths within", "Threshold"]
     assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
     assert "forecast for similar bars" in told(pressed, "caption")
-    assert "held out: " in told(pressed, "caption") and "not yet" not in told(pressed, "caption")
+    assert "held out here: " in told(pressed, "caption") and "not yet" not in told(
+        pressed, "caption"
+    )
     pressed.switch_page("pages/validate.py").run()
     assert project.evaluation is not None
     assert not pressed.exception and not pressed.error

@@ -17,7 +17,16 @@ from stereocal.ui import refined
 from stereocal.ui.refined import refine_settings
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.workflow import calibrate, conclusions_of_seeds
-from tests.pages.stored_projects import FULL, again, messages, placed, project_of, told, wait_until
+from tests.pages.stored_projects import (
+    FULL,
+    again,
+    messages,
+    pictured,
+    placed,
+    project_of,
+    told,
+    wait_until,
+)
 from tests.pages.test_pages import open_sample, states
 
 
@@ -72,7 +81,7 @@ def test_the_slider_moves_along_the_curve_and_the_distortion_is_estimated(
     assert project.settings["along"] == 100
     # Residuals by place tell noise from a lens.
     app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
-    assert "they accuse no lens" in told(app)
+    assert "they accuse no lens" in pictured(app)
     before, row = parameters(app), "Focal length fx, secondary camera (px)"
     app.multiselect(key="free_distortion").set_value(["secondary"]).run()
     assert project.settings["free_distortion"] == ["secondary"]
