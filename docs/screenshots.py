@@ -27,7 +27,7 @@ from stereocal.figures.story import (
 from tests.browser.conftest import FLAGS, LONGEST_MS, ROOT, chromium, results_shown, serve
 
 PICTURES = ROOT / "docs" / "pictures"
-PAGES = ("start", "data", "calibrate", "validate", "one_set", "apply", "check", "plan", "cameras")
+PAGES = ("start", "data", "calibrate", "validate", "apply", "check", "plan", "cameras")
 STORY: Mapping[str, Callable[[Story], go.Figure]] = {
     "story_lengths": plot_story_lengths,
     "story_lines": plot_story_lines,

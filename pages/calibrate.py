@@ -11,13 +11,15 @@ from stereocal.ui.messages import end_here, readable
 from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import Press
-from stereocal.ui.refined import answer_when_ready
+from stereocal.ui.refined import answer_when_ready, refine_form
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import show_exchanged
 
 project, inputs, dataset = project_with_data("calibrate")
 top = st.container()
-values = settings_form(project, dataset)
+with st.expander("Settings"):
+    values = settings_form(project, dataset)
+    refine_form(project, dataset)
 show_exchanged(project)
 with top:
     Press(project, inputs, dataset, settings_of(values)).show()

@@ -17,10 +17,9 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma
 from stereocal.refined.uncertainty import standard_errors
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import digits, rounded
 from stereocal.verdict.in_words import interval, percent
 from stereocal.verdict.predictive import Predictive
@@ -113,16 +112,6 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
         "Standard error": f"± {digits(bar * math.sqrt(result.covariance[BAR, BAR]), 2)}",
     }
     return pd.DataFrame(lines).T.rename_axis("Refined set")
-
-
-def parameters_table(rig: RigParameters) -> pd.DataFrame:
-    """One set of parameters: angles in degrees, baseline in m, lenses in px."""
-    lines = _pose_rows(rig.pose)
-    for which, camera in zip(CAMERAS, (rig.primary, rig.secondary), strict=True):
-        values = camera.K[[0, 1, 0, 1], [0, 1, 2, 2]]
-        for title, value in zip(LENS_TITLES.values(), values, strict=True):
-            lines[f"{title}, {which} camera (px)"] = f"{value:.2f}"
-    return pd.DataFrame({"Value": lines}).rename_axis("Parameter")
 
 
 def image_words(camera: Camera) -> str:

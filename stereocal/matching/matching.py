@@ -205,7 +205,7 @@ def purpose_warning(rig: RigParameters, purpose: str) -> str | None:
 LARGEST_RELATIVE_DIFFERENCE = 0.05
 LARGEST_ANGLE = np.radians(5.0)
 WRONG_LENGTH = (
-    " A measured length or a lens is wrong: see what disagrees (One set or two, or the notes of "
+    " A measured length or a lens is wrong: see what disagrees (Calibrate, or the notes of "
     "calibrate), and calibrate again; or match and measure with one set."
 )
 

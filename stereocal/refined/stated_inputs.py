@@ -157,8 +157,8 @@ def advice_on(
             "",
             "images and lengths",
             "Was the lens calibrated with another focus, or with few points near the edges? "
-            "Calibrate it again, or let this fit estimate it (Estimate the distortion of, on One "
-            "set or two; or --free-distortion).",
+            "Calibrate it again, or let this fit estimate it (Estimate the distortion of, in the "
+            "settings of Calibrate; or --free-distortion).",
         ),
         "focal": (
             f"The {camera} camera's focal length (fx, fy) is stated as",

@@ -259,6 +259,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
     found = photographs_of(store.project, frame) if own else (None, None)
     photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, found, strict=True))
+    words = describe_matches(of_frame, seen, frame)
     images, space = st.columns(2)
     with images:
         for side, pixels in seen.items():
@@ -267,8 +268,8 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
             size, photograph = outcome.rig.placed[side].camera.image_size, photographs.get(side)
             fits = photograph is not None and photograph.shape[::-1] == size
             figure = plot_matches(of_frame, pixels, side, size, photograph if fits else None)
-            st.plotly_chart(figure, key=f"matches_{side}")
-        st.caption(escape_markdown(describe_matches(of_frame, seen, frame)))
+            show_figure(figure, words, f"matches_{side}")
+        st.caption(escape_markdown(words))
     with space:
         _show_space(store.project, outcome, result, None if playing else frame)
 

@@ -10,10 +10,13 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.ui.texts import escape_markdown
 
 WIDE_OR_NARROW = """<style>
-.st-key-narrow { display: none; }
-@media (max-width: 640px) { .st-key-wide { display: none; } .st-key-narrow { display: flex; } }
+[class*="st-key-narrow"] { display: none; }
+@media (max-width: 640px) {
+  [class*="st-key-wide"] { display: none; }
+  [class*="st-key-narrow"] { display: flex; }
+}
 </style>"""
-"""Of what stands in the containers `wide` and `narrow` of a page, the one for this screen."""
+"""Of containers whose keys begin with `wide` and `narrow`, those for this screen."""
 
 _TARGET = "scroll_to"
 SCRIPT = """<script>/* {now} */
@@ -62,7 +65,7 @@ def show_figure(
         st.plotly_chart(figure, key=key, alt=words, **chart)
     else:
         st.html(WIDE_OR_NARROW)
-        wide, small = (st.container(key=name) for name in ("wide", "narrow"))
+        wide, small = (st.container(key=f"{size}_{key}") for size in ("wide", "narrow"))
         wide.plotly_chart(figure, key=key, alt=words, **chart)
         small.plotly_chart(narrow, key=f"{key}_narrow", alt=words, **chart)
     if caption:

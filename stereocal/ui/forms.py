@@ -1,6 +1,6 @@
 """The settings of the search: their forms, and which of them have changed."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import cycle
 from typing import Any
@@ -50,18 +50,22 @@ _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "t
 
 
 def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
-    """Show the form, folded; the settings of the calibration."""
+    """Show the form; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
-    with st.expander("Settings"):
-        if frames > 1:
-            st.slider(
-                "Frames to calibrate with (the others test the result)",
-                1,
-                frames,
-                **_frames_field(project, frames).widget(),
-                help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
-            )
-        _ask_all(project)
+    if frames > 1:
+        st.slider(
+            "Frames to calibrate with (the others test the result)",
+            1,
+            frames,
+            **_frames_field(project, frames).widget(),
+            help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
+        )
+    fields = _search_fields(project)
+    for name, column in zip(NUMBERS, cycle(st.columns(3)), strict=False):
+        ask(column, NUMBERS[name], fields[name])
+    for name in OTHERS:
+        if name in fields and (name != "time_drift" or fields["time_offset"].value()):
+            ask(st.container(), OTHERS[name], fields[name])
     return form_values(project, dataset)
 
 
@@ -104,15 +108,14 @@ def search_values(project: Project) -> dict[str, Any]:
 
 
 def search_form(project: Project) -> None:
-    """The two settings of the search that the paper varies as sliders, the others folded."""
+    """The two settings of the search that the paper varies, as sliders."""
     fields, (left, right) = _search_fields(project), st.columns(2)
     delta, acceptance = (NUMBERS[name] for name in SLIDERS)
     own, ratio = (fields[name].widget() for name in SLIDERS)
     steps = sorted({*DELTAS, fields["delta"].value()})
     left.select_slider(delta.title, steps, format_func="{:g}".format, help=delta.help, **own)
     right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio)
-    with st.expander("Other settings of the search"):
-        _ask_all(project, without=SLIDERS)
+    st.page_link("pages/calibrate.py", label="Other settings of the search")
 
 
 def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False) -> Any:
@@ -124,16 +127,6 @@ def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False)
     shown = {} if isinstance(about.default, int) else {"format": "%.10g"}
     step = 1 if isinstance(about.default, int) else about.default / 10
     return own.number_input(about.title, place, help=about.help, step=step, **shown)
-
-
-def _ask_all(project: Project, without: Collection[str] = ()) -> None:
-    fields = _search_fields(project)
-    names = [name for name in NUMBERS if name not in without]
-    for name, column in zip(names, cycle(st.columns(3)), strict=False):
-        ask(column, NUMBERS[name], fields[name])
-    for name in OTHERS:
-        if name in fields and (name != "time_drift" or fields["time_offset"].value()):
-            ask(st.container(), OTHERS[name], fields[name])
 
 
 def settings_of(values: dict[str, Any]) -> CalibrationSettings:

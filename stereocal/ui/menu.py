@@ -19,21 +19,16 @@ if TYPE_CHECKING:
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "stereocal": {"start": "Start", "help": "Help"},
     "Before": {"plan": "Plan", "cameras": "Lenses"},
-    "Calibrate": {
-        "data": "Data",
-        "calibrate": "Calibrate",
-        "validate": "Validate",
-        "one_set": "One set or two",
-    },
+    "Calibrate": {"data": "Data", "calibrate": "Calibrate", "validate": "Validate"},
     "Use": {"apply": "Apply", "check": "Check"},
 }
 """Titles of the pages by group and by the name of their file in `pages/`, in the order of the
 work. The name is the last part of the address too. The first group is headed by the program's."""
 RIG = "rig"
 """A page of projects with three cameras and more; other menus do not show it."""
-OF_PAIRS = ("calibrate", "validate", "one_set")
+OF_PAIRS = ("calibrate", "validate")
 """Pages that a whole rig has not; they open for a pair of it."""
-OTHER_ADDRESSES = {"one-set": "one_set", "start": "start", "lenses": "cameras"}
+OTHER_ADDRESSES = {"one_set": "calibrate", "start": "start", "lenses": "cameras"}
 """Of bookmarks, and what people type."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _DRAWN = "menu_drawn"

@@ -90,8 +90,8 @@ def _of_two(project: Project) -> dict[str, PageState]:
     found = {"cameras": _done_if(not lenses, "Both lenses are known", lacking), **_of_use(project)}
     if dataset is None:
         missing = PageState("missing", f"Missing: {', '.join(inputs.missing)}")
-        return found | dict.fromkeys(("data", "calibrate", "validate", "one_set"), missing)
-    calibrate, validate = _calibrate(project, dataset), _validate(project, dataset)
+        return found | dict.fromkeys(("data", "calibrate", "validate"), missing)
+    calibrate = _calibrate(project, dataset)
     own = project.settings.get("apply_sets") != "Parameter files"
     if found["apply"].mark == "done" and own and calibrate.mark == "stale":
         found["apply"] = calibrate
@@ -99,8 +99,7 @@ def _of_two(project: Project) -> dict[str, PageState]:
         **found,
         "data": PageState("done", count(len(dataset.correspondences.frames), "frame")),
         "calibrate": calibrate,
-        "validate": validate,
-        "one_set": calibrate,  # it shows that result
+        "validate": _validate(project, dataset),
     }
 
 

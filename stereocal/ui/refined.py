@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, get_args
+from typing import Any
 
 import streamlit as st
 
@@ -17,27 +17,23 @@ from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.application import Use
 from stereocal.projects.project import Project
 from stereocal.projects.recording import REFINED
-from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.refine import RefinedResult, refine, settings_for
 from stereocal.refined.results import Calibration
-from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.forms import search_values
 from stereocal.ui.lengths import describe_uncertainties
 from stereocal.ui.messages import readable
 from stereocal.ui.screening import is_long
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import REFINED_SET, escape_markdown
 from stereocal.verdict.forecast import Outlook, outlook_of
 from stereocal.verdict.tradeoff import TradeOff, trade_off
-from stereocal.workflow import Answer, answer, calibrate
+from stereocal.workflow import Answer, answer
 
-MAP_SIZE = 45
-"""Points of an accuracy map along each side; both maps take 0.1 s."""
 MOST_ANSWERS = 32
 """More than people at work at once; one takes 12 to 18 MB."""
 ANSWER_STEPS = ("refined", "forecast")
@@ -76,20 +72,20 @@ def outlook_for(calibration: Calibration) -> Outlook | None:
     return jobs.compute(outlook_of, calibration)
 
 
-def refine_form(project: Project, dataset: Dataset) -> RefineSettings:
+def refine_form(project: Project, dataset: Dataset) -> None:
     """The form of the refined method: uncertainties from the Data page, and the image noise."""
+    st.markdown("**The refined set**")
     if project.settings.get(REFINED) is not None:
         st.caption("The refined set is the rig's: its lenses, lengths and noise are set there.")
-        return refine_settings(project, dataset)
+        return
+    st.caption(REFINED_SET)
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
     noise, free = _fields(project)
     title, none = "Estimate the distortion of", "no camera: as its file says"
     told = "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
     st.multiselect(title, CAMERAS, placeholder=none, help=told, **free.widget())
-    with st.expander("Noise of the images"):
-        noise.number_input("Noise of an image point, px", help="0: found from the images.")
-    return refine_settings(project, dataset)
+    noise.number_input("Noise of an image point, px", help="0: found from the images.")
 
 
 def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
@@ -144,12 +140,6 @@ def refined_for(calibration: Calibration, settings: RefineSettings) -> RefinedRe
         return refined_of(dataset, settings)
     except StereocalError:
         return None
-
-
-@st.cache_resource(show_spinner="Calibrating.", max_entries=16, hash_funcs=BY_CONTENT)
-def calibrated(dataset: Dataset, settings: CalibrationSettings) -> Calibration:
-    """The paper's sets, for data not calibrated yet. Raises as `calibrate`."""
-    return jobs.compute(calibrate, dataset, settings, refined=None)
 
 
 def answer_of(project: Project, calibration: Calibration) -> Answer | None:
@@ -220,7 +210,7 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
             job.progress(ANSWER_STEPS.index(name), len(ANSWER_STEPS))
 
         found = make(step=step)
-        # For One set or two, which shows it: 9 s for 20,000 frames.
+        # For a look of Calibrate, which shows it: 9 s for 20,000 frames.
         return found.outlook is None or bool(found.outlook.advice)
 
     made: Answer | None = _when_made(project, "answer", "steps", key_of(*make.args), run)
@@ -251,21 +241,6 @@ def _made() -> Latest[Any]:
     return Latest(2 * MOST_ANSWERS)
 
 
-@st.cache_resource(
-    show_spinner="Predicting errors by position.", max_entries=16, hash_funcs=BY_CONTENT
-)
-def maps_of(dataset: Dataset, settings: RefineSettings) -> list[AccuracyMap]:
-    """Predicted errors by position, from above and from the side. Raises as `refine`."""
-    result = refined_of(dataset, settings)
-    return [jobs.compute(accuracy_map, result, MAP_SIZE, plane) for plane in get_args(Plane)]
-
-
-@st.cache_resource(show_spinner="Looking at the residuals.", max_entries=16, hash_funcs=BY_CONTENT)
-def misfit_for(dataset: Dataset, settings: RefineSettings) -> Misfit:
-    """Residuals of the refined set over the images. Raises as `refine`."""
-    return jobs.compute(misfit_of, refined_of(dataset, settings))
-
-
 def curves_when_ready(
     project: Project, dataset: Dataset, settings: RefineSettings
 ) -> TradeOff | None:
@@ -294,14 +269,3 @@ def curves_when_ready(
 def set_in_use(project: Project, use: Use, answer: Answer) -> Field:
     """The set of a result to match or to measure with: as recommended until the user chooses."""
     return setting(project, f"apply_{use}", answer.recommendation.use[use], one_of([*answer.sets]))
-
-
-def refined_switch(project: Project, use: Use, answer: Answer) -> Field:
-    """The same choice as `set_in_use`, as a switch between the refined set and the paper's."""
-    chosen, papers = set_in_use(project, use, answer), PAPERS[use]
-
-    def switch(on: bool) -> None:
-        chosen.set("refined" if on else papers)
-
-    key = f"refined_{papers}"
-    return Field(key, key, lambda: chosen.value() == "refined", switch, fit=yes_or_no)

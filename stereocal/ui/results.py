@@ -13,7 +13,7 @@ from stereocal.figures import two_sets
 from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_errors
 from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.space import VIEWS
-from stereocal.figures.tables import angles_table, errors_table, forecast_table
+from stereocal.figures.tables import angles_table, errors_table, forecast_table, refined_table
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.figures.two_sets import FrameView, views_of
 from stereocal.formats.dataset_files import pack_dataset
@@ -25,7 +25,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui import screening
+from stereocal.ui import refined_looks, screening
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.figure import scroll_to, scrolled_part, show_figure
@@ -59,12 +59,12 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
         st.warning(escape_markdown(warning))
     screening.offer_to_bring_into_step(project, found)
     if answer:
-        for item in filter(lambda item: item.accused, answer.inputs):
-            st.warning(escape_markdown(item.advice))
         show_recommendation(answer)
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
     screening.show_left_out(project, found, partial(_look_at_frame, project, found))
+    if answer:
+        refined_looks.show_disagreement(answer.inputs)
     for title, column in zip(TILES, st.columns(3), strict=True):
         with column, st.container(border=True):
             value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
@@ -252,6 +252,13 @@ def _show_parameters(project: Project, found: Calibration, answer: Answer | None
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))
+    if found.refined is not None:
+        st.table(refined_table(found.refined))
+        noise, scatter = found.refined.sigma_px, found.refined.scatter_m
+        st.caption(
+            f"Noise of an image point {digits(noise.value)} px ({noise.source}); scatter of the "
+            f"bar's length {digits(1000 * scatter.value)} mm ({scatter.source})."
+        )
     made_with = describe_settings(found.settings)
     st.caption(f"Made with: {made_with}, {len(found.frames):,} calibration frames.")
     if answer is not None:
@@ -259,11 +266,19 @@ def _show_parameters(project: Project, found: Calibration, answer: Answer | None
         other_formats(project, answer)
 
 
+def _show_searches(_project: Project, found: Calibration, answer: Answer | None) -> None:
+    show_figure(plot_traces(found), describe_traces(found), "traces")
+    if answer is not None:
+        refined_looks.show_seeds(answer)
+
+
 LOOKS = {
     FRAMES: _show_frames,
     "Why two sets": _show_two_sets,
-    "Searches": lambda _project, found, _answer: show_figure(
-        plot_traces(found), describe_traces(found), "traces"
-    ),
+    "How accurate, where": refined_looks.show_accuracy,
+    "Residuals by place": refined_looks.show_misfit,
+    "Matching against measuring": refined_looks.show_trade_off,
+    "Stated and estimated": refined_looks.show_inputs,
+    "Searches": _show_searches,
     "Parameters": _show_parameters,
 }

@@ -111,7 +111,7 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
         st.caption(escape_markdown(loops))
     for note in rig_notes(rig):
         st.warning(escape_markdown(note))
-    st.caption("A pair by itself, on the pages Calibrate, Validate and One set or two:")
+    st.caption("A pair by itself, on the pages Calibrate and Validate:")
     pair_buttons(store.project)
     st.header("The cameras", divider="gray")
     show_figure(plot_cameras(rig), words, "rig_cameras")

@@ -41,7 +41,7 @@ BOARDS = """
 - Zoom and focus must not change between these photographs and your recordings.
 """
 
-ONE_SET = """
+REFINED_SET = """
 The paper's two sets keep the lenses and the baseline as they were given. The **refined set** is
 fitted to the images and the lengths at once, and lets lenses and baseline move within their
 uncertainty. Where these were a little wrong, one refined set can do both jobs better than both.

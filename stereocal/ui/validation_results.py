@@ -154,7 +154,7 @@ def _show_answer(
     for screening in screenings:
         if screening.time_note:
             st.info(escape_markdown(screening.time_note))
-        if screening.left_out:
+        if screening.left_out and len(screenings) > 1:  # of one, Calibrate names them
             line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))
     if caution := why_validation_not_trusted(summaries, screenings):

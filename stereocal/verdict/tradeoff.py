@@ -23,9 +23,7 @@ from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unk
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters, inputs_of
 from stereocal.rig.rig import Rig
-from stereocal.rig.volume import Volume
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, weigh
 
 POINTS = 25
@@ -49,20 +47,6 @@ class TradeOffPoint:
     rig: Rig
     lenses: str
     """`fixed` or `freed`."""
-
-    def parameters(self, dataset: Dataset) -> RigParameters:
-        """The point as a parameter set to save."""
-        rig, rows = self.rig, dataset.correspondences
-        return RigParameters(
-            method="refined",
-            primary=rig.primary,
-            secondary=rig.secondary,
-            pose=rig.pose,
-            cost=(1.0 - self.share) * self.cost_2d_px + self.share * self.cost_3d_m,
-            settings={"trade_off_share": self.share, "lenses": self.lenses},
-            inputs=inputs_of(dataset, rows.frames),
-            volume=Volume.of_bars(rig.reconstruct(rows.primary, rows.secondary)),
-        )
 
 
 @dataclass(frozen=True, eq=False)

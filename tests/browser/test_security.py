@@ -22,19 +22,16 @@ VIEWS = {
     "plan": ["Position error"],
     "cameras": ["Photograph by photograph", "What the lens leaves", "Without distortion"],
     "data": ["One frame"],
-    "calibrate": ["Why two sets", "Searches"],
-    "one_set": ["How accurate, where"],
+    "calibrate": [
+        "Why two sets",
+        "How accurate, where",
+        "Residuals by place",
+        "Matching against measuring",
+        "Searches",
+    ],
 }
 """Figures that stand on the page only when somebody asks for them."""
-FIGURES = {
-    "plan": 3,
-    "cameras": 1,
-    "data": 1,
-    "calibrate": 1,
-    "validate": 1,
-    "one_set": 1,
-    "apply": 3,
-}
+FIGURES = {"plan": 3, "cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "apply": 3}
 
 
 def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> None:

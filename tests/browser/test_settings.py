@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.figures.one_set import FIXED
 from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES
 from tests.browser.conftest import LONGEST_MS
@@ -44,18 +43,16 @@ SET: dict[str, dict[str, Any]] = {
         "essential": "linear",
         "view": "Parameters",
         "rig_method": "2d",
+        "refine_sigma_px": 0.3,
     },
     "validate": {
         "delta": 0.002,
-        "delta_min": 3e-6,
-        "essential": "linear",
         "validate_runs": 40,
         "validate_frames": 9,
         "bin_width": 0.2,
         "with_refined": False,
         "columns": "Residual",
     },
-    "one_set": {"curve": FIXED, "along": 30},
     "apply": {
         "apply_matching": "3d",
         "apply_only_depths": True,

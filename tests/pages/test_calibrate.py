@@ -117,8 +117,6 @@ def test_the_recommendation_is_followed(pressed: AppTest, home: Path) -> None:
     assert pressed.selectbox(key="format_file").value == "refined"
     go(pressed, "validate")
     assert pressed.toggle(key="with_refined").value
-    go(pressed, "one_set")
-    assert pressed.toggle(key="refined_2d").value and pressed.toggle(key="refined_3d").value
     go(pressed, "apply")
     for use in ("matching", "measuring"):
         box = pressed.selectbox(key=f"apply_{use}")
@@ -147,7 +145,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     project = project_of(app, home)
     try:
         assert {metric.value for metric in app.metric} == {"…"}
-        for page in ("calibrate", "one_set", "apply", "check"):
+        for page in ("calibrate", "apply", "check"):
             go(app, page)
             assert not app.get("download_button"), page
             assert " px" not in messages(app), page

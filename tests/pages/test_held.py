@@ -114,7 +114,7 @@ def test_pages_of_an_object(app: AppTest, home: Path) -> None:
     project.keep_calibration(calibrate(data_of(project)), project.inputs)
     project.keep_settings({"validate_runs": 10})
     app.query_params["project"] = project.id
-    for page in ("calibrate", "validate", "one_set", "apply", "check", "data"):
+    for page in ("calibrate", "validate", "apply", "check", "data"):
         app.switch_page(f"pages/{page}.py").run()
         assert not app.exception, (page, [item.value for item in app.exception])
         assert not app.error, (page, [item.value for item in app.error])

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
-from stereocal.ui import jobs, refined, results, screening, validation
+from stereocal.ui import jobs, refined, refined_looks, results, screening, validation
 from tests.pages.stored_projects import SLOW, ended, messages, project_of
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
@@ -104,7 +104,7 @@ COMPUTING = (
     (screening, "screened"),
     (refined, "refine"),
     (refined, "trade_off"),
-    (refined, "calibrate"),
+    (refined_looks, "misfit_of"),
     (refined, "outlook_of"),
     (refined, "answer"),
     (results, "pack_dataset"),
@@ -137,7 +137,7 @@ def forbid(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, name, called)
 
 
-@pytest.mark.parametrize("name", ["data", "calibrate", "validate", "one_set"])
+@pytest.mark.parametrize("name", ["data", "calibrate", "validate"])
 def test_no_page_computes_before_the_press(
     name: str, long: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,15 +145,13 @@ def test_no_page_computes_before_the_press(
     forbid(monkeypatch)
     long.switch_page(f"pages/{name}.py").run()
     assert not long.exception
-    if name == "one_set":
-        assert "press Calibrate first" in messages(long)
 
 
 def test_the_press_and_a_restart(
     long: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project = project_of(long, home)
-    project.keep_settings({"validate_runs": 10, "one_set_view": "The refined set"})
+    project.keep_settings({"validate_runs": 10})
     long.switch_page("pages/calibrate.py").run()
     long.button(key="run").click().run()
     assert ended(project, "calibration").state == "done"
@@ -161,12 +159,10 @@ def test_the_press_and_a_restart(
         forbid(patch)
         long.run()
         assert "Use the refined set for both" in messages(long)
-        for name in ("validate", "one_set"):
-            long.switch_page(f"pages/{name}.py").run()
-            assert not long.exception
-            assert "Use the refined set for both" in messages(long) or name == "validate"
+        long.switch_page("pages/validate.py").run()
+        assert not long.exception
     forget()  # the server starts again
-    pages = ("calibrate", "one_set", "apply", "check")
+    pages = ("calibrate", "apply", "check")
     begun: list[jobs.Work] = []
     with monkeypatch.context() as patch:
         patch.setattr(jobs, "start", begun.append)

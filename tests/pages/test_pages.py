@@ -292,7 +292,7 @@ def test_large_counts_are_written_alike(app: AppTest, home: Path) -> None:
     assert str(len(many)) not in shown
 
 
-@pytest.mark.parametrize("page", ["data", "validate", "one_set", "apply", "check", "plan"])
+@pytest.mark.parametrize("page", ["data", "validate", "apply", "check", "plan"])
 def test_one_button_of_a_page_stands_out(page: str, home: Path) -> None:
     app = go(session(placed(FULL, home)), page)
     buttons = [*app.get("button"), *app.get("download_button")]

@@ -72,7 +72,7 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
     assert project.calibration is None
     assert "the lenses and the baseline of the rig" in told(go(app, "data"))
     assert not [box for box in app.selectbox if "known" in box.label]  # the rig says that
-    for name in ("validate", "one_set", "apply", "check", "cameras"):
+    for name in ("validate", "apply", "check", "cameras"):
         assert not go(app, name).exception
         assert app.query_params["pair"] == "2-3"
     # The rig and Start are of the whole project.
@@ -85,7 +85,7 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
 def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
     app = go(session(project), "rig")
     states = app.session_state["page_states"]
-    assert not {"calibrate", "validate", "one_set"} & {*states}
+    assert not {"calibrate", "validate"} & {*states}
     assert {states[name].mark for name in ("cameras", "data", "rig")} == {"done"}
     assert app.button(key="rig_run").proto.type == "secondary"  # nothing is to be renewed
     for page, following in (("cameras", "Data"), ("data", "Rig"), ("rig", "Apply")):

@@ -63,7 +63,7 @@ def finished(home_of_finished: Path, tmp_path: Path) -> Project:
 def test_what_was_done_is_marked(finished: Project, tmp_path: Path) -> None:
     before = marks(new_project(tmp_path / "new"))
     assert before["cameras"] == before["data"] == "done"
-    assert before["calibrate"] == before["validate"] == before["one_set"] == "missing"
+    assert before["calibrate"] == before["validate"] == "missing"
     after = marks(finished)
     assert {name for name, mark in after.items() if mark == "done"} == set(after) - {
         "apply",
@@ -74,19 +74,19 @@ def test_what_was_done_is_marked(finished: Project, tmp_path: Path) -> None:
 def test_a_changed_length_makes_the_results_stale(finished: Project) -> None:
     finished.give({}, baseline_m=4.6)
     found = marks(finished)
-    assert found["calibrate"] == found["validate"] == found["one_set"] == "stale"
+    assert found["calibrate"] == found["validate"] == "stale"
     finished.give({}, baseline_m=4.5)
-    assert marks(finished)["one_set"] == "done"
+    assert marks(finished)["calibrate"] == "done"
 
 
 @pytest.mark.parametrize(
     ("setting", "stale"),
     [
-        ({"delta": 2e-3}, {"calibrate", "validate", "one_set"}),
+        ({"delta": 2e-3}, {"calibrate", "validate"}),
         ({"validate_runs": 10}, {"validate"}),
-        ({"refine_sigma_px": 0.3}, {"calibrate", "validate", "one_set"}),
+        ({"refine_sigma_px": 0.3}, {"calibrate", "validate"}),
         ({"validate_on": PAPER}, {"validate"}),
-        ({"calibration_frames": 20}, {"calibrate", "one_set"}),
+        ({"calibration_frames": 20}, {"calibrate"}),
     ],
 )
 def test_a_changed_setting_makes_its_results_stale(

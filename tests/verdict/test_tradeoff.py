@@ -8,7 +8,6 @@ from stereocal.refined.refine import refine
 from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings, unknowns_of
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
@@ -94,17 +93,3 @@ def test_freed_lenses_lower_the_curve(data: Dataset, curves: TradeOff) -> None:
     found = refine(data)
     refined = costs_of(data, {0: Rig(found.primary, found.secondary, found.pose)})[0]
     assert max(refined[0] / ends[0], refined[1] / ends[1]) < fixed
-
-
-def test_a_point_can_be_saved(data: Dataset, curves: TradeOff) -> None:
-    saved = curves.freed[6].parameters(data)
-    read = RigParameters.loads(saved.dumps())
-    assert read.purpose == "both"
-    assert read.settings == {"trade_off_share": 0.5, "lenses": "freed"}
-    rows = data.correspondences
-    assert read.volume is not None
-    assert read.volume.contains(read.reconstruct(rows.primary, rows.secondary)).all()
-    np.testing.assert_array_equal(
-        read.reconstruct(rows.primary, rows.secondary),
-        saved.reconstruct(rows.primary, rows.secondary),
-    )

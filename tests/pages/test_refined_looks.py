@@ -1,7 +1,6 @@
-"""The page One set or two, without a browser, and what Data states for its refined set."""
+"""The looks of Calibrate at the refined set, and what Data and the settings state for it."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -12,14 +11,14 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
-from stereocal.ui import one_set as page
-from stereocal.ui import refined
+from stereocal.ui import refined_looks
 from stereocal.ui.refined import refine_settings
-from stereocal.verdict.forecast import Outlook, outlook_of
-from stereocal.workflow import calibrate, conclusions_of_seeds
+from stereocal.verdict.forecast import Outlook
+from stereocal.workflow import conclusions_of_seeds
 from tests.pages.stored_projects import (
     FULL,
     again,
+    go,
     messages,
     pictured,
     placed,
@@ -30,99 +29,73 @@ from tests.pages.stored_projects import (
 from tests.pages.test_pages import open_sample, states
 
 
-def one_set(app: AppTest) -> AppTest:
-    return app.switch_page("pages/one_set.py").run()
+def look(app: AppTest, name: str) -> AppTest:
+    return app.segmented_control(key="view").set_value(name).run()
 
 
-def few_runs(app: AppTest, home: Path) -> Project:
-    """The project, with a validation that is quick where its figures do not matter."""
-    project = project_of(app, home)
+def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home: Path) -> None:
+    app, project = pressed, project_of(pressed, home)
     project.keep_settings({"validate_runs": 10})
-    return project
-
-
-def parameters(app: AppTest) -> Any:
-    """The table of the refined set."""
-    app.segmented_control(key="one_set_view").set_value("The refined set").run()
-    return app.table[-1].value
-
-
-def test_answers_and_follows_the_form(app: AppTest, home: Path) -> None:
-    project = project_of(open_sample(app), home)
-    one_set(app)
-    assert "One set does both jobs here" in messages(app)
-    assert "Nothing that was typed or measured disagrees" not in messages(app)
+    assert "What disagrees" not in told(app)
+    look(app, "Stated and estimated")
     assert "go unnoticed" in messages(app)
-    assert "errors on held-out frames are" in told(app)
-    assert parameters(app).loc["Baseline (m)", "Standard error"] == "± 0.0052"
+    assert "Baseline" in list(app.table[-1].value.index)
+    row = "Focal length fx, primary camera (px)"
+    table = look(app, "Parameters").table[-1].value
+    assert str(table.loc[row, "Standard error"]).startswith("±")
     app.switch_page("pages/data.py").run()
     for which in ("primary", "secondary"):
         app.selectbox(key=f"lens_{which}_known").set_value("Typed").run()
         app.number_input(key=f"lens_{which}_focal_percent").set_value(0.0)
         app.number_input(key=f"lens_{which}_centre_px").set_value(0.0).run()
-    few_runs(app, home)
-    one_set(app)
-    row = "Focal length fx, primary camera (px)"
-    assert parameters(app).loc[row, "Standard error"] == "held"
-    assert project.evaluation is None  # the page needs no validation
+    go(app, "calibrate").multiselect(key="free_distortion").set_value(["secondary"]).run()
+    app.button(key="run").click().run()
+    table = look(app, "Parameters").table[-1].value
+    assert table.loc[row, "Standard error"] == "held"
+    calibration = project.calibration
+    assert calibration is not None and calibration.refined is not None
+    assert calibration.refined.settings.free_distortion == ("secondary",)
 
 
-def test_the_slider_moves_along_the_curve_and_the_distortion_is_estimated(
-    app: AppTest, home: Path
-) -> None:
-    project = few_runs(open_sample(app), home)
-    one_set(app)
-    seen = {told(app)}
+def test_a_wrong_baseline_stands_under_the_answer(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    project.keep_settings({"validate_runs": 10})
+    project.give({}, baseline_m=4.6, baseline_sigma_m=0.005, target_distance_sigma_m=0.0005)
+    go(app, "calibrate").button(key="run").click().run()
+    assert "What disagrees" in told(app) and "contradict each other" in messages(app)
+    assert "Disagreement of each input" in pictured(app)
+
+
+def test_the_looks_are_computed_from_the_stored_result(pressed: AppTest, home: Path) -> None:
+    seen = {pictured(pressed)}
+    look(pressed, "Matching against measuring")
+    assert "errors on held-out frames are" in told(pressed)
     for along in (0, 100):
-        app.slider(key="along").set_value(along).run()
-        seen.add(told(app))
-    app.segmented_control(key="curve").set_value(FIXED).run()
-    assert len({*seen, told(app)}) == 4
-    assert project.settings["along"] == 100
-    # Residuals by place tell noise from a lens.
-    app.segmented_control(key="one_set_view").set_value("Residuals by place").run()
-    assert "they accuse no lens" in pictured(app)
-    before, row = parameters(app), "Focal length fx, secondary camera (px)"
-    app.multiselect(key="free_distortion").set_value(["secondary"]).run()
-    assert project.settings["free_distortion"] == ["secondary"]
-    assert str(app.table[-1].value.loc[row]) != str(before.loc[row])
+        pressed.slider(key="along").set_value(along).run()
+        seen.add(told(pressed))
+    pressed.segmented_control(key="curve").set_value(FIXED).run()
+    assert len({*seen, told(pressed)}) == 4
+    assert project_of(pressed, home).settings["along"] == 100
+    look(pressed, "Residuals by place")
+    assert "they accuse no lens" in pictured(pressed)
+    look(pressed, "How accurate, where")
+    assert "(median)" in pictured(pressed)
 
 
 def test_other_seeds_are_tried_beside_the_page_and_once(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+    pressed: AppTest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Once also where the caches are full of other projects, so that each look reads it anew."""
     tried = []
 
     def conclusions(calibration: Calibration, outlook: Outlook) -> str:
         tried.append(outlook)
         return conclusions_of_seeds(calibration, outlook, seeds=(1,)) or "Another seed, the same."
 
-    monkeypatch.setattr(page, "conclusions_of_seeds", conclusions)
-    monkeypatch.setattr(page, "_SEEDS", Latest(500))
-    monkeypatch.setattr(refined, "_made", lambda: Latest(0))
-    monkeypatch.setattr(refined, "outlook_for", outlook_of)
-    few_runs(open_sample(app), home)
-    one_set(app)
-    wait_until(lambda: "Trying other seeds" not in told(app.run()))
-    assert "Another seed" in messages(app) and len(tried) == 1
-
-
-def test_the_refined_set_can_serve_a_purpose(app: AppTest, home: Path) -> None:
-    project = few_runs(open_sample(app), home)
-    dataset = project.dataset
-    assert dataset is not None
-    project.keep_calibration(calibrate(dataset), project.inputs)
-    one_set(app)
-    assert app.toggle(key="refined_2d").value and app.toggle(key="refined_3d").value  # recommended
-    app.toggle(key="refined_3d").set_value(False).run()
-    assert Project.open(home, project.id).settings["apply_measuring"] == "3d"
-    app.switch_page("pages/apply.py").run()
-    used = [app.selectbox(key=f"apply_{use}").value for use in ("matching", "measuring")]
-    assert used == ["refined", "3d"]
-    app.selectbox(key="apply_matching").set_value("2d").run()
-    one_set(app)
-    assert not app.toggle(key="refined_2d").value and not app.toggle(key="refined_3d").value
+    monkeypatch.setattr(refined_looks, "conclusions_of_seeds", conclusions)
+    monkeypatch.setattr(refined_looks, "_SEEDS", Latest(500))
+    look(pressed, "Searches")
+    wait_until(lambda: "Trying other seeds" not in told(pressed.run()))
+    assert "Another seed" in messages(pressed) and len(tried) == 1
 
 
 def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, home: Path) -> None:
@@ -131,18 +104,15 @@ def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, h
     before = project.calibration_digest
     project.keep_settings({"acceptance": 0.3})
     changed = "Changed since this result: acceptance ratio (0.2, now 0.3)."
-    for name in ("calibrate", "one_set", "apply"):
+    for name in ("calibrate", "apply"):
         app.switch_page(f"pages/{name}.py").run()
         assert changed in messages(app)
         renewing = app.button(key="run")
         assert (renewing.label, renewing.proto.type) == ("Calibrate again", "primary")
-    one_set(app)
-    assert "Use the refined set for both" in messages(app)
-    assert not app.get("download_button")[0].proto.disabled
     app.button(key="run").click().run()
     assert changed not in messages(app) and not [b for b in app.button if b.key == "run"]
     assert project.calibration_digest != before and project.calibration_evaluation is not None
-    assert states(app)["one_set"] == "done"
+    assert states(app)["calibrate"] == "done"
 
 
 def read(project: Project) -> Dataset:
