@@ -16,7 +16,7 @@ from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls
 from stereocal.detection.target import Balls, Sighting, parse_target
 from stereocal.frames.frame import Frame
-from stereocal.frames.labelling import frames_of
+from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -138,7 +138,7 @@ def scene(
             seen[name] = find_balls(image, target, CAMERA)
             seconds.append(time.process_time() - start)
     assert target is not None
-    return frames_of(pairs, seen, (CAMERA, CAMERA), target), truth
+    return label_frames(pairs, seen, (CAMERA, CAMERA), target), truth
 
 
 def clicked(image: ColourPhotograph, ends: FloatArray, light: FloatArray) -> Balls:

@@ -18,11 +18,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from benchmarks.clutter import Found, Truth
+from benchmarks.clutter import Found, Truth, labelled
 from benchmarks.third_boards import small_rig, taken
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.epipolar_labels import FrameLabels
-from stereocal.frames.labelling import label_targets
+from stereocal.frames.frame import Frame
 
 KINDS = ("clutter", "second board", "on the line", "at its length", "hidden")
 
@@ -38,23 +37,18 @@ def series(kind: str, frames: int, rng: np.random.Generator) -> tuple[Found, Tru
     return found, truth
 
 
-def judged(labelling: list[FrameLabels], truth: Truth) -> Counter[str]:
+def judged(labelling: list[Frame], truth: Truth) -> Counter[str]:
     """How many frames are right and sure, wrong and sure, in doubt with the right targets or with
     others, refused."""
     counts: Counter[str] = Counter()
     for report in labelling:
-        if not report.targets:
+        if report.state == "refused":
             counts["refused"] += 1
             continue
         places, expected = report.places, np.stack(truth[report.frame], axis=1)
         off = min(np.abs(places - expected).max(), np.abs(places - expected[::-1]).max())
-        counts[("right" if off < 1.0 else "wrong") + ("" if report.is_sure else ", doubtful")] += 1
+        counts[("right" if off < 1.0 else "wrong") + ("" if report.use else ", doubtful")] += 1
     return counts
-
-
-def paired(found: Found) -> dict[int, tuple[Detection, Detection]]:
-    """The detections of both cameras by frame."""
-    return {frame: (one, found[1][frame]) for frame, one in found[0].items()}
 
 
 def without_the_others(found: Found) -> Found:
@@ -85,13 +79,13 @@ def main() -> None:
             rng = np.random.default_rng([asked.seed, at, number])
             found, truth = series(kind, asked.frames, rng)
             bare = without_the_others(found)
-            before += judged(label_targets(paired(bare), cameras), truth)
-            labelling = label_targets(paired(found), cameras)
+            before += judged(labelled(bare, cameras), truth)
+            labelling = labelled(found, cameras)
             after += judged(labelling, truth)
             for report in labelling:
                 if any(found[i][report.frame].alternatives for i in range(2)):
                     asked_of += 1
-                    why[f"{report.state}: {report.sentence}"[-90:]] += 1
+                    why[f"{report.state}: {report.reason}"[-90:]] += 1
         print(f"{kind}: {asked_of} of {asked.series * asked.frames} frames with choices")
         print(f"  without the others {dict(before)}")
         print(f"  with them          {dict(after)}")

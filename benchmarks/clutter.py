@@ -13,8 +13,10 @@ import cv2
 import numpy as np
 
 from stereocal.detection.detect import Detection, detect_targets
-from stereocal.frames.epipolar_labels import FrameLabels
-from stereocal.frames.labelling import label_targets
+from stereocal.detection.target import BAR
+from stereocal.frames.frame import Frame
+from stereocal.frames.labelling import label_frames
+from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.simulate import field_rig
@@ -61,7 +63,15 @@ def detected(seed: int, number: int) -> tuple[Found, Truth, list[float]]:
     return found, truth, seconds
 
 
-def judged_labels(labelling: list[FrameLabels], found: Found, truth: Truth) -> dict[str, Any]:
+def labelled(found: Found, cameras: tuple[Camera, Camera]) -> list[Frame]:
+    """The frames of the detections."""
+    pairs = [Pair(frame, f"primary {frame}", f"secondary {frame}") for frame in found[0]]
+    seen = {f"primary {frame}": one for frame, one in found[0].items()}
+    seen |= {f"secondary {frame}": one for frame, one in found[1].items()}
+    return label_frames(pairs, seen, cameras, BAR)
+
+
+def judged_labels(labelling: list[Frame], found: Found, truth: Truth) -> dict[str, Any]:
     """How many pairs are whole and rightly labelled, how many wrong and sure, and the errors."""
     good = labelled = wrong_sure = 0
     errors: list[float] = []
@@ -70,14 +80,14 @@ def judged_labels(labelling: list[FrameLabels], found: Found, truth: Truth) -> d
         good += both
         report = next(each for each in labelling if each.frame == frame)
         if not both:
-            wrong_sure += report.is_sure
+            wrong_sure += report.use
             continue
         expected = np.stack(centres, axis=1)
         off = report.places - expected
         off = off if np.abs(off).max() < WRONG_PX else report.places - expected[::-1]
         agree = bool(np.abs(off).max() < WRONG_PX)
         labelled += agree
-        wrong_sure += not agree and report.is_sure
+        wrong_sure += not agree and report.use
         errors += off.ravel().tolist()
     return {"good": good, "labelled": labelled, "wrong_sure": wrong_sure, "errors": errors}
 
@@ -87,7 +97,7 @@ def scene_result(seed: int, number: int) -> dict[str, Any]:
     rig = field_rig()
     cameras: tuple[Camera, Camera] = (rig.primary, rig.secondary)
     found, truth, seconds = detected(seed, number)
-    labelling = label_targets({k: (one, found[1][k]) for k, one in found[0].items()}, cameras)
+    labelling = labelled(found, cameras)
     states: Counter[str] = Counter()
     remarks, detection_wrong = [], 0
     for which, frame in np.ndindex(2, len(truth)):
@@ -99,8 +109,8 @@ def scene_result(seed: int, number: int) -> dict[str, Any]:
         elif detection.doubts:
             remarks.append(f"{frame + 1} {which} right, doubtful: {detection.sentence}")
     for report in labelling:
-        if report.state not in ("agreed", "swapped"):
-            remarks.append(f"frame {report.frame} {report.state}: {report.sentence}")
+        if not report.use:
+            remarks.append(f"frame {report.frame} {report.state}: {report.reason}")
     return {
         "pairs": len(truth),
         "states": dict(states),

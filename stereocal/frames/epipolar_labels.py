@@ -17,7 +17,6 @@ from typing import Literal
 import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, linear_essential
-from stereocal.detection.fit import Corner
 from stereocal.errors import StereocalError
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
@@ -45,41 +44,31 @@ SMALLEST_EXCESS_PX = 0.15
 """Smaller deviations never make a frame an outlier or rule out labels or boards."""
 SAME_LENGTH, OTHER_LENGTH = 0.1, 0.3
 """Limits of |log(length / median)|, with the right and with the wrong labels."""
-FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked", "refused"]
+FrameState = Literal["agreed", "swapped", "doubtful", "outlying", "unchecked"]
 
 
 @dataclass(frozen=True, eq=False)
 class FrameLabels:
-    """The targets of one frame, and the report on their labels."""
+    """The report on the labels of one frame."""
 
-    frame: int
     state: FrameState
     """Agreed: the detected order fits the epipolar geometry. Swapped: the secondary's targets were
-    exchanged. Doubtful: neither labelling is clearly right, or a detection is doubtful. Outlying:
-    neither fits the other frames. Unchecked: too few frames. Refused: a photograph shows no
-    targets."""
+    exchanged. Doubtful: neither labelling is clearly right. Outlying: neither fits the other
+    frames. Unchecked: too few frames."""
     residual_px: float
     """Distance of the targets from their epipolar lines, root mean square; NaN if unknown."""
     swapped_px: float
     """The same with the other labels."""
     sentence: str
-    targets: tuple[tuple[Corner, Corner], tuple[Corner, Corner]] | None = None
-    """A and B in either camera; None if a photograph shows none."""
 
     @property
     def is_sure(self) -> bool:
-        """Whether both detections and the labels are."""
+        """Whether A and B are told apart."""
         return self.state in ("agreed", "swapped")
-
-    @property
-    def places(self) -> FloatArray:
-        """(2, 2, 2): raw pixels by target, camera, (u, v)."""
-        sides = self.targets or ()
-        return np.array([[corner.centre for corner in own] for own in sides]).swapaxes(0, 1)
 
 
 def decide_labels(
-    centres: Mapping[int, FloatArray], cameras: tuple[Camera, Camera], seed: int
+    centres: Mapping[int, FloatArray], cameras: tuple[Camera, Camera], seed: int = 0
 ) -> dict[int, tuple[bool, FrameLabels]]:
     """By frame, whether to exchange the secondary's targets, and the report.
 
@@ -100,7 +89,7 @@ def decide_labels(
             why += f"this needs at least {MINIMUM_FRAMES} frames."
         else:
             why += "the points do not determine the pose of the cameras."
-        return {f: (False, FrameLabels(f, "unchecked", np.nan, np.nan, why)) for f in frames}
+        return {f: (False, FrameLabels("unchecked", np.nan, np.nan, why)) for f in frames}
     least = labels.residual_px.min(axis=1)
     # A frame fits up to the residual where it would count as an outlier.
     far = outlying(least, SMALLEST_EXCESS_PX)
@@ -126,7 +115,7 @@ def decide_labels(
             state = "doubtful"
             sentence = "Other labels of A and B fit all frames nearly as well."
         kept, other = labels.residual_px[i][:: -1 if exchange else 1]
-        report = FrameLabels(frame, state, float(kept), float(other), sentence)
+        report = FrameLabels(state, float(kept), float(other), sentence)
         decided[frame] = exchange, report
     return decided
 

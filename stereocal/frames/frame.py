@@ -12,6 +12,7 @@ import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import SOURCES, TARGETS, Correspondences
 from stereocal.system.numbers import count
 from stereocal.system.records import of_plain
@@ -61,6 +62,11 @@ class Frame:
     def targets_in_both(self) -> list[int]:
         """The targets (0 A, 1 B) that both photographs show."""
         return [t for t in (0, 1) if all(self.centres[camera][t] for camera in (0, 1))]
+
+    @property
+    def places(self) -> FloatArray:
+        """(2, 2, 2): raw pixels by target, camera, (u, v), if all targets are placed."""
+        return np.array([[(c.u, c.v) for c in own if c] for own in self.centres]).swapaxes(0, 1)
 
     def used(self, use: bool) -> "Frame":
         """The same frame, used or left out."""

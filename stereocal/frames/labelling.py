@@ -9,8 +9,8 @@ the others, or fits them only with A and B exchanged in one camera, is doubtful.
 are named by it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from stereocal.detection.balls import CERTAIN, choose
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
-from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Tags, Target
+from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Target
 from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Centre, CentrePair, Frame, State
@@ -34,6 +34,33 @@ LEAST, SHARE = 3, 0.15
 """Other photographs with a candidate at the same place, and their share of all."""
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What one photograph shows, of whatever target."""
+
+    targets: tuple[Corner | Spot | None, Corner | Spot | None]
+    doubts: tuple[tuple[str, ...], tuple[str, ...]]
+    """Of each target."""
+    missing: str = ""
+    """Why a target is missing."""
+    unreadable: bool = False
+
+    @classmethod
+    def of(cls, found: Detection | Sighting) -> "_Seen":
+        """What was found."""
+        if isinstance(found, Sighting):
+            a, b = found.spots
+            doubts = a.doubts if a else (), b.doubts if b else ()
+            return cls(found.spots, doubts, found.missing, found.unreadable)
+        if found.targets is None:
+            return cls((None, None), ((), ()), found.sentence, found.reason == "unreadable")
+        return cls(found.targets, ((found.sentence,) if found.doubts else (), ()))
+
+    def exchanged(self) -> "_Seen":
+        """With the other names of both targets."""
+        return replace(self, targets=self.targets[::-1], doubts=self.doubts[::-1])
+
+
 def label_frames(
     pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
 ) -> list[Frame]:
@@ -42,138 +69,54 @@ def label_frames(
     Args:
         seen: of `search_photographs`.
     """
-    if not isinstance(target, Bar2x2):
-        return frames_of(pairs, seen, cameras, target)
-    labels = label_targets({p.frame: (seen[p.primary], seen[p.secondary]) for p in pairs}, cameras)
-    reports = {report.frame: report for report in labels}
-    return [_frame(pair, seen, reports[pair.frame]) for pair in pairs]
-
-
-def _frame(pair: Pair, seen: Mapping[str, Detection], report: FrameLabels) -> Frame:
-    # Targets of one photograph are kept: the user may add those of the other.
-    first, second = report.targets or (seen[pair.primary].targets, seen[pair.secondary].targets)
-    state: State = "found" if report.is_sure else "doubtful"
-    return Frame(
-        frame=pair.frame,
-        files=(pair.primary, pair.secondary),
-        centres=(_centres(first), _centres(second)),
-        state=state if report.targets else "refused",
-        reason=report.sentence,
-        use=report.is_sure,
-    )
-
-
-def _centres(targets: Iterable[Corner | Spot | None] | None) -> CentrePair:
-    a, b = (
-        Centre(float(one.centre[0]), float(one.centre[1]), one.sigma_px) if one else None
-        for one in targets or (None, None)
-    )
-    return a, b
-
-
-def label_targets(
-    seen: Mapping[int, tuple[Detection, Detection]], cameras: tuple[Camera, Camera], seed: int = 0
-) -> list[FrameLabels]:
-    """Make the labels of both cameras agree; where there are too many boards, choose the targets.
-
-    Args:
-        seen: the detections of both cameras by frame number.
-
-    Returns:
-        A report for each frame, by their numbers.
-    """
-    reports = _labelled(seen, cameras, seed)
+    frames = _labelled(pairs, seen, cameras, target)
     open_frames = {
-        frame: both for frame, both in seen.items() if any(one.alternatives for one in both)
+        pair.frame: (seen[pair.primary], seen[pair.secondary])
+        for pair in pairs
+        if isinstance(target, Bar2x2)
+        and any(seen[name].alternatives for name in (pair.primary, pair.secondary))
     }
     if not open_frames:
-        return reports
-    sure = np.array([report.places for report in reports if report.is_sure])
-    chosen = choose_boards(sure.reshape(-1, 2, 2, 2), open_frames, cameras)
-    decided = {frame: (one.primary, one.secondary) for frame, one in chosen.items()}
+        return frames
+    sure = np.array([frame.places for frame in frames if frame.use]).reshape(-1, 2, 2, 2)
+    chosen = choose_boards(sure, open_frames, cameras)
+    decided = dict(seen)
+    for pair in pairs:
+        if (one := chosen.get(pair.frame)) is not None:
+            decided |= {pair.primary: one.primary, pair.secondary: one.secondary}
     return [
-        replace(report, sentence=f"{report.sentence} {chosen[report.frame].sentence}".strip())
-        if report.targets and report.frame in chosen
-        else report
-        for report in _labelled({**seen, **decided}, cameras, seed)
+        replace(frame, reason=f"{frame.reason} {chosen[frame.frame].sentence}".strip())
+        if frame.state != "refused" and frame.frame in chosen
+        else frame
+        for frame in _labelled(pairs, decided, cameras, target)
     ]
 
 
 def _labelled(
-    seen: Mapping[int, tuple[Detection, Detection]], cameras: tuple[Camera, Camera], seed: int
-) -> list[FrameLabels]:
-    corners = {
-        frame: (first.targets, second.targets)
-        for frame, (first, second) in sorted(seen.items())
-        if first.targets and second.targets
-    }
-    centres = {
-        frame: np.array([[corner.centre for corner in own] for own in both])
-        for frame, both in corners.items()
-    }
-    decided = decide_labels(centres, cameras, seed)
-    reports = []
-    for frame, found in sorted(seen.items()):
-        both = tuple(zip(CAMERAS, found, strict=True))
-        if frame not in corners:
-            why = (
-                one.sentence
-                if one.reason == "unreadable"
-                else f"{camera.capitalize()}: {one.sentence}"
-                for camera, one in both
-                if one.sentence
-            )
-            reports.append(FrameLabels(frame, "refused", np.nan, np.nan, " ".join(why)))
-            continue
-        exchange, report = decided[frame]
-        first, second = corners[frame]
-        doubts = [
-            f"In the {camera}: {one.sentence}" for camera, one in both if one.state == "doubtful"
-        ]
-        reports.append(
-            replace(
-                report,
-                state="doubtful" if doubts and report.is_sure else report.state,
-                sentence=" ".join([report.sentence, *doubts]).strip(),
-                targets=(first, second[::-1] if exchange else second),
-            )
-        )
-    return reports
-
-
-def frames_of(
-    pairs: Sequence[Pair],
-    seen: Mapping[str, Sighting],
-    cameras: tuple[Camera, Camera],
-    target: Balls | Tags,
-    seed: int = 0,
+    pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
 ) -> list[Frame]:
-    """A frame for each pair, in order.
-
-    Args:
-        seen: by the name of the photograph.
-    """
-    sides = [
-        without_still([seen[name] for name in names])
-        for names in ([p.primary for p in pairs], [p.secondary for p in pairs])
-    ]
-    both = {pair.frame: (sides[0][k], sides[1][k]) for k, pair in enumerate(pairs)}
-    centres = {
-        frame: np.array([[spot.centre for spot in one.spots if spot] for one in found])
-        for frame, found in both.items()
-        if all(all(one.spots) for one in found)
+    """The frames, without a choice among more than two boards."""
+    sides = [[seen[getattr(pair, which)] for pair in pairs] for which in CAMERAS]
+    if isinstance(target, Balls):
+        sides = [without_still(found) for found in sides]
+    both = {
+        pair.frame: (_Seen.of(first), _Seen.of(second))
+        for pair, first, second in zip(pairs, *sides, strict=True)
     }
-    decided = decide_labels(centres, cameras, seed)
-    return [_named(pair, both[pair.frame], target.named, decided.get(pair.frame)) for pair in pairs]
+    centres = {
+        frame: np.array([[one.centre for one in own.targets if one] for own in found])
+        for frame, found in sorted(both.items())
+        if all(all(own.targets) for own in found)
+    }
+    decided = decide_labels(centres, cameras)
+    named = not isinstance(target, Bar2x2) and target.named
+    return [_frame(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]
 
 
-def _named(
-    pair: Pair,
-    both: tuple[Sighting, Sighting],
-    named: bool,
-    decided: tuple[bool, FrameLabels] | None,
+def _frame(
+    pair: Pair, both: tuple[_Seen, _Seen], named: bool, decided: tuple[bool, FrameLabels] | None
 ) -> Frame:
-    first, second = (found.spots for found in both)
+    first, second = both
     reasons = [
         found.missing if found.unreadable else f"{camera.capitalize()}: {found.missing}"
         for found, camera in zip(both, CAMERAS, strict=True)
@@ -183,34 +126,43 @@ def _named(
     if decided is not None:
         exchange, report = decided
         if not named:
-            second = second[::-1] if exchange else second
+            second = second.exchanged() if exchange else second
             sure = report.is_sure
             reasons.append(report.sentence)
         else:
-            stated = np.sqrt(np.mean([spot.sigma_px**2 for spot in (*first, *second) if spot]))
+            spots = [one for one in (*first.targets, *second.targets) if one]
+            stated = np.sqrt(np.mean([spot.sigma_px**2 for spot in spots]))
             far = report.state == "outlying" and report.residual_px > FAR_SIGMAS * stated
             sure = not exchange and not far
             if not sure:
                 reasons.append(EXCHANGED if exchange else report.sentence)
     doubts = [
         f"In the {camera}: {doubt}"
-        for spots, camera in zip((first, second), CAMERAS, strict=True)
-        for spot in spots
-        if spot
-        for doubt in spot.doubts
+        for found, camera in zip((first, second), CAMERAS, strict=True)
+        for own in found.doubts
+        for doubt in own
     ]
-    shared = [a and b for a, b in zip(first, second, strict=True)]
+    shared = [a and b for a, b in zip(first.targets, second.targets, strict=True)]
     state: State = "found" if sure and not doubts else "doubtful"
     if not any(shared) or not (named or all(shared)):
         state = "refused"
     return Frame(
         frame=pair.frame,
         files=(pair.primary, pair.secondary),
+        # Targets of one photograph are kept: the user may add those of the other.
         centres=(_centres(first), _centres(second)),
         state=state,
         reason=" ".join(filter(None, [*reasons, *doubts])),
         use=state == "found",
     )
+
+
+def _centres(seen: _Seen) -> CentrePair:
+    a, b = (
+        Centre(float(one.centre[0]), float(one.centre[1]), one.sigma_px) if one else None
+        for one in seen.targets
+    )
+    return a, b
 
 
 def without_still(seen: Sequence[Sighting]) -> list[Sighting]:

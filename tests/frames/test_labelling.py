@@ -6,8 +6,7 @@ import pytest
 
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
-from stereocal.frames.epipolar_labels import FrameLabels
-from stereocal.frames.labelling import label_targets
+from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from tests import known_rig as rig
 
 FRAMES = 20
@@ -34,19 +33,10 @@ def bars(frames: int = FRAMES, noise_px: float = 0.03) -> list[npt.NDArray[np.fl
 
 def labelled(
     primary: npt.NDArray[np.float64], secondary: npt.NDArray[np.float64], seed: int = 0
-) -> list[FrameLabels]:
-    both = zip(map(detection, primary), map(detection, secondary), strict=True)
-    return label_targets(dict(enumerate(both, 10)), CAMERAS, seed)
-
-
-def agree(labelling: list[FrameLabels], *both: npt.NDArray[np.float64]) -> list[bool]:
-    """For each target whether it joins two images of one; the arrays are as `bars`."""
-    return [
-        len({int(np.abs(own[report.frame - 10] - at).sum(axis=1).argmin()) for own, at in images})
-        == 1
-        for report in labelling
-        for images in (zip(both, place, strict=True) for place in report.places)
-    ]
+) -> list[tuple[bool, FrameLabels]]:
+    """For each frame, whether the secondary's targets are exchanged, and the report."""
+    centres = dict(enumerate(np.stack([primary, secondary], axis=1)))
+    return [*decide_labels(centres, CAMERAS, seed).values()]
 
 
 @pytest.mark.parametrize(("wrong", "seed"), [(0.0, 0), (0.2, 1), (0.5, 0), (0.5, 1), (1.0, 0)])
@@ -55,13 +45,11 @@ def test_any_share_of_exchanged_labels_is_put_right(wrong: float, seed: int) -> 
     exchanged = np.random.default_rng(seed).permutation(FRAMES) < wrong * FRAMES
     given = np.where(exchanged[:, None, None], secondary[:, ::-1], secondary)
     labelling = labelled(primary, given, seed)
-    assert all(agree(labelling, primary, secondary))
-    assert len(labelling) == FRAMES
-    for report, was in zip(labelling, exchanged, strict=True):
-        assert report.state == ("swapped" if was else "agreed")
+    for (exchange, report), was in zip(labelling, exchanged, strict=True):
+        assert exchange == was
+        assert report.state == ("swapped" if exchange else "agreed") and report.is_sure
         assert report.residual_px < 0.1 < report.swapped_px
-        assert bool(report.sentence) == bool(was)
-    assert all(report.is_sure for report in labelling)
+        assert bool(report.sentence) == exchange
 
 
 def test_frames_off_the_others_stand_out_and_stay() -> None:
@@ -69,11 +57,10 @@ def test_frames_off_the_others_stand_out_and_stay() -> None:
     off = secondary.copy()
     off[3, 0, 1] += 25.0
     off[7] += [[30.0, 40.0], [-20.0, 35.0]]
-    labelling = labelled(primary, off)
-    assert [r.frame for r in labelling if r.state == "outlying"] == [13, 17]
-    assert all(report.targets for report in labelling)
-    assert {report.frame for report in labelling if not report.is_sure} == {13, 17}
-    assert labelling[3].residual_px > 2.0
+    reports = [report for _, report in labelled(primary, off)]
+    assert [at for at, report in enumerate(reports) if report.state == "outlying"] == [3, 7]
+    assert [at for at, report in enumerate(reports) if not report.is_sure] == [3, 7]
+    assert reports[3].residual_px > 2.0
 
 
 def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
@@ -87,7 +74,7 @@ def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
     given = secondary.copy()
     given[4] = given[4, ::-1]
     labelling = labelled(primary, given)
-    report = labelling[4]
+    report = labelling[4][1]
     assert max(report.residual_px, report.swapped_px) < 0.3
     assert report.state == "swapped"
-    assert all(agree(labelling, primary, secondary))
+    assert [exchange for exchange, _ in labelling] == [at == 4 for at in range(FRAMES)]

@@ -10,7 +10,7 @@ from stereocal.detection.balls import choose
 from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, Tags, Target, parse_target
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
-from stereocal.frames.labelling import EXCHANGED, frames_of, without_still
+from stereocal.frames.labelling import EXCHANGED, label_frames, without_still
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
@@ -65,7 +65,7 @@ def seen_exactly(frames: int) -> tuple[list[Pair], dict[str, Sighting]]:
 def test_names_exchanged_in_one_photograph_are_doubtful() -> None:
     pairs, seen = seen_exactly(20)
     seen["s7"] = Sighting(seen["s7"].spots[::-1], "")
-    frames = frames_of(pairs, seen, (CAMERA, CAMERA), TARGET)
+    frames = label_frames(pairs, seen, (CAMERA, CAMERA), TARGET)
     assert [frame.frame for frame in frames if frame.state != "found"] == [7]
     assert EXCHANGED in frames[6].reason and not frames[6].use
 
@@ -74,7 +74,7 @@ def test_one_target_in_both_photographs_is_kept_for_the_user() -> None:
     pairs, seen = seen_exactly(8)
     seen["s3"] = Sighting((seen["s3"].spots[0], None), "No B.")
     seen["s5"] = Sighting((None, None), "Neither.")
-    frames = frames_of(pairs, seen, (CAMERA, CAMERA), TARGET)
+    frames = label_frames(pairs, seen, (CAMERA, CAMERA), TARGET)
     assert frames[2].targets_in_both == [0] and "Secondary: No B." in frames[2].reason
     assert [frame.state for frame in frames[2:5]] == ["doubtful", "found", "refused"]
 
@@ -113,7 +113,7 @@ def test_alike_balls_are_named_by_the_other_frames() -> None:
     alike = {
         name: choose((tuple(sorted(own, key=lambda spot: spot.u)),)) for name, own in spots.items()
     }
-    frames = frames_of(pairs, alike, (CAMERA, CAMERA), Balls((BRIGHT, BRIGHT)))
+    frames = label_frames(pairs, alike, (CAMERA, CAMERA), Balls((BRIGHT, BRIGHT)))
     used = [frame for frame in frames if frame.use]
     assert len(used) >= 15
     for frame in used:
