@@ -62,6 +62,6 @@ def run(parsed: argparse.Namespace) -> None:
         frames = [frame.used(frame.state != "refused") for frame in frames]
     say(describe_frames(frames))
     if (slip := find_slip(frames, cameras)) is not None:
-        say(f"{slip.sentence} Take it out of the folder, and find the targets again.")
+        say(f"{slip} Take it out of the folder, and find the targets again.")
     write_atomically(parsed.out, write_table(correspondences_of(frames)))
     report(written=[parsed.out])

@@ -34,7 +34,7 @@ class Dropped(Generic[F]):
 
     photographs: dict[str, F] = field(default_factory=dict)
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
-    """Of the photographs, in pixels."""
+    """Sizes of the photographs, in pixels."""
     files: dict[str, bytes] = field(default_factory=dict)
     """The contents of all others that can be used, with their folders."""
     kinds: dict[str, Kind] = field(default_factory=dict)

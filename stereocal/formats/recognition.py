@@ -123,7 +123,7 @@ def _by_beginning(content: bytes) -> Kind | None:
 
 
 def _by_text(name: str, content: bytes) -> Kind | None:
-    """Of text, MATLAB and HDF5 files."""
+    """The kind of a text, MATLAB or HDF5 file."""
     if is_matlab(content):
         return "cameras"
     if is_hdf5(content):  # as MATLAB saves too

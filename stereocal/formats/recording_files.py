@@ -49,7 +49,7 @@ class Description:
     files: Mapping[str, bytes]
     source: str
     folder: str
-    """Of the file, with its slash, or empty."""
+    """The folder of the file, with its slash, or empty."""
     entries: Mapping[str, Any]
 
     @property

@@ -70,7 +70,7 @@ class _Tried:
 
 
 def times_of(names: Sequence[str], taken: Mapping[str, Taken]) -> Times:
-    """Of most of the photographs of a camera, by one source."""
+    """The times of a camera, by the source that most of its photographs have."""
     sources = [taken[name].source for name in names if taken[name].seconds is not None]
     source: Source = max(sources, key=sources.count, default="")
     own = {name: taken[name] for name in names if source and taken[name].source == source}

@@ -22,7 +22,7 @@ class Reading:
     words: tuple[str, str]
     """What identifies the cameras, for messages."""
     rank: int
-    """Of readings that pair as many, the lowest wins."""
+    """The lowest of readings that pair as many wins."""
     found: Mapping[str, SideAndKey]
     """By name; a name that identifies no camera is missing."""
     twin: Callable[[str, int], str]

@@ -14,7 +14,7 @@ from stereocal.frames.conventions import Reading, words_in
 from stereocal.rig.camera import CAMERAS
 
 MAXIMUM_DIGITS = 15
-"""Of a frame number, so that a table stores it exactly."""
+"""The most digits of a frame number, which a table then stores exactly."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ which then tells where the slip is.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from stereocal.frames.epipolar_labels import (
     frame_focal_px,
 )
 from stereocal.frames.frame import Frame
-from stereocal.frames.pairing import short_names
+from stereocal.frames.pairing import Alone
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -32,19 +31,7 @@ MOST_PX = 20.0
 """A frame farther from its epipolar lines is wrong, however wrong."""
 
 
-@dataclass(frozen=True)
-class Slip:
-    """A photograph without a partner."""
-
-    name: str
-    camera: int
-    """0 primary, 1 secondary."""
-    sentence: str
-
-
-def find_slip(
-    frames: Sequence[Frame], cameras: tuple[Camera, Camera], seed: int = 0
-) -> Slip | None:
+def find_slip(frames: Sequence[Frame], cameras: tuple[Camera, Camera]) -> Alone | None:
     """The photograph that has no partner, if leaving it out makes the frames fit.
 
     Args:
@@ -54,8 +41,8 @@ def find_slip(
     if doubted < LEAST_AFTER or len(frames) < 2 * MINIMUM_FRAMES:
         return None
     rays = [_rays(frames, which, camera) for which, camera in enumerate(cameras)]
-    rng, half = np.random.default_rng(seed), len(frames) // 2
-    best: tuple[float, Slip | None] = (np.inf, None)
+    rng, half = np.random.default_rng(0), len(frames) // 2
+    best: tuple[float, Alone | None] = (np.inf, None)
     for part, by in ((slice(0, half), 0), (slice(half, None), 1), (slice(half, None), -1)):
         first, second = _shifted(rays, by)
         sound = np.isfinite(first[part]).all(axis=(1, 2)) & np.isfinite(second[part]).all(
@@ -72,7 +59,7 @@ def find_slip(
     return best[1]
 
 
-def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Slip | None]:
+def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Alone | None]:
     """The cost and the slip, None if the frames fit best as they are.
 
     Args:
@@ -80,7 +67,7 @@ def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Slip | N
     """
     cost = np.where(np.isnan(apart), 0.0, np.minimum(apart, MOST_PX))
     before = np.concatenate([[0.0], np.cumsum(cost[0])])
-    found: tuple[float, Slip | None] = (float(before[-1]), None)
+    found: tuple[float, Alone | None] = (float(before[-1]), None)
     for row in (1, 2):
         after = np.concatenate([np.cumsum(cost[row][::-1])[::-1], [0.0]])
         at = int(np.argmin(before + after))
@@ -95,19 +82,14 @@ def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Slip | N
         limit = float(mended[fits].max(initial=0.0)) + SMALLEST_EXCESS_PX
         wrong = int(((apart[0] > 2 * limit) & changed & fits).sum())
         enough = fits.sum() >= LEAST_SHARE * known.sum() and wrong >= LEAST_AFTER
-        found = total, _slip(frames, at, row == 1, int(fits.sum())) if enough else None
+        why = (
+            "without it, and with the later photographs paired one further, the targets of "
+            f"{fits.sum()} frames lie on their epipolar lines."
+        )
+        camera = int(row == 1)
+        slip = Alone(frames[at].files[camera], camera, where=why)
+        found = total, slip if enough else None
     return found
-
-
-def _slip(frames: Sequence[Frame], at: int, secondary: bool, fitting: int) -> Slip:
-    camera = int(secondary)
-    name = frames[at].files[camera]
-    short = short_names([name])[0]
-    sentence = (
-        f"{short} has no partner: without it, and with the later photographs paired one further, "
-        f"the targets of {fitting} frames lie on their epipolar lines."
-    )
-    return Slip(name, camera, sentence)
 
 
 def _rays(frames: Sequence[Frame], which: int, camera: Camera) -> FloatArray:

@@ -49,7 +49,7 @@ class WhichCamera:
 
     known: Mapping[str, CameraName]
     open: tuple[Series, ...]
-    """Of which the camera is to be asked: two, of one camera each; or one, or many."""
+    """Those whose camera is to be asked: two, of one camera each; or one, or many."""
     odd: tuple[str, ...] = ()
     """Files that are of no series."""
     folders: Mapping[str, str] = field(default_factory=dict)

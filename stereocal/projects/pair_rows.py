@@ -31,11 +31,6 @@ class Decided:
     rows: list[PairRow] | None = None
 
 
-def rows_of(edited: Any) -> list[PairRow] | None:
-    """The edited pairs as stored; None if nobody has edited them."""
-    return None if edited is None else of_plain(edited, list[PairRow])
-
-
 def taken_of(file: StoredFile) -> Taken:
     """What was stored with a photograph's name; earlier versions stored its name only."""
     with suppress(*DAMAGED):

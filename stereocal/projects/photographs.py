@@ -19,7 +19,6 @@ from stereocal.projects.pair_rows import (
     check_rows,
     dated,
     renamed,
-    rows_of,
     taken_of,
     with_new,
 )
@@ -83,7 +82,8 @@ class ProjectPhotographs(ProjectPart):
         """All in turn, the present one last, with the pairs as edited."""
         try:
             before = of_plain(self._value("pairing", []), list[Decided]) or [Decided()]
-            return [*before[:-1], replace(before[-1], rows=rows_of(self._edited))]
+            rows = None if self._edited is None else of_plain(self._edited, list[PairRow])
+            return [*before[:-1], replace(before[-1], rows=rows)]
         except DAMAGED as error:
             raise DamagedError(
                 "The table of pairs is damaged: remove all photographs, and give them again."
@@ -244,7 +244,7 @@ class ProjectPhotographs(ProjectPart):
 
     @property
     def doubtful_boards(self) -> dict[int, str]:
-        """Of frames whose board is not used or does not fit well, the reason."""
+        """Why the board of a frame is not used or does not fit well, by frame."""
         return {int(frame): str(why) for frame, why in self._value("boards_doubtful", {}).items()}
 
     def keep_boards(

@@ -376,7 +376,7 @@ def once(kind: type[T], key: str, make: Callable[[], T]) -> T:
 
 
 def _key(file: StoredFile) -> str:
-    """Of a data set, which is named after its file."""
+    """The key of a data set, which is named after its file."""
     return f"{file.sha256} {file.label}"
 
 

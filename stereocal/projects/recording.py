@@ -27,7 +27,7 @@ OF_RIG, REFINED = "of_rig", "refined_of_rig"
 """Settings of a pair: the digests of the recording and of the rig that it is of, and with which its
 refined set is the rig's."""
 VERSION = 2
-"""Of what a pair is given; one of another is given again."""
+"""The version of what a pair is given; one of another is given again."""
 
 
 class ProjectRecording(ProjectPart):

@@ -28,7 +28,7 @@ LARGEST_SIDE = 1_000_000
 MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 SMALLEST_EIGENVALUE = 1e-9
-"""Of a correlation; a smaller one would make a combination of values exact."""
+"""The least one of a correlation; a smaller one would make a combination of values exact."""
 SIZE_FACTOR_TOLERANCE = 1.3
 """The principal point may be this many times the image centre, or one over it, before K counts as
 that of another image size."""

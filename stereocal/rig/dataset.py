@@ -38,7 +38,7 @@ SHAPES: Mapping[str, tuple[int, ...]] = {
     **dict.fromkeys(("primary", "secondary", "recorded"), (2,)),
     **dict.fromkeys(("known_points_m", "motion"), (3,)),
 }
-"""Of a row of each column of correspondences."""
+"""The shape of a row of each column of correspondences."""
 
 
 def _missing() -> Any:
@@ -284,7 +284,7 @@ class Dataset:
     time_offset: TimeOffset | None = None
     """By which the secondary points have been shifted; None if they are as recorded."""
     camera_names: tuple[str, str] | None = None
-    """Of the primary and the secondary, in a recording of more; None if they have no others."""
+    """Names of the primary and the secondary in a recording of more; None if they have no others."""
 
     def __post_init__(self) -> None:
         bar = "distance between the targets"

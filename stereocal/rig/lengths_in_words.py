@@ -23,7 +23,7 @@ LONG_M, LONG_BAR_M, LONG_BOARD_M = 50.0, 20.0, 1.5
 """A longer baseline or depth, a longer bar, and a board with longer diagonals (A0 paper has 1.46 m)
 are asked about: rare, but not impossible."""
 PLAUSIBLE_BASELINE_M = (0.02, LONG_M)
-"""Of the units that are offered."""
+"""The baselines in metres for which a unit is offered."""
 LARGEST_RATIO = 10.0
 """Bar over baseline: above, no unit of both makes them fit."""
 TAILS = (2.0, 98.0)

@@ -20,7 +20,7 @@ LETTERS, OTHERS = "LMN", " -_."
 """Categories of characters: letters, marks on letters, numbers; and other characters."""
 Pair = tuple[str, str]
 MOST_IMAGES = 50_000_000
-"""Of all targets in all frames and cameras: 800 MB of pixels."""
+"""The most images of all targets in all frames and cameras: 800 MB of pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Recording:
     sigma_px: FloatArray
     """Standard error of each coordinate; NaN if unknown."""
     baselines_m: Mapping[Pair, float] = field(default_factory=dict)
-    """Of the pairs whose baseline was measured; each pair in one order or the other."""
+    """The measured baselines; each pair in one order or the other."""
     baseline_sigma_m: float | None = None
     notes: str = ""
 

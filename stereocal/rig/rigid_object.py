@@ -31,7 +31,7 @@ disjoint ones they are true."""
 MOST_POINTS = 10_000
 """As the largest board has."""
 ALIKE = 1e-6
-"""Of its size, by which an object that looks the same when turned may differ."""
+"""The share of its size by which an object that looks the same when turned may differ."""
 FEWEST_TO_PLACE = 4
 """Points of an object in one image."""
 COLLINEAR = 0.05

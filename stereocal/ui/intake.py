@@ -172,7 +172,7 @@ def give_dataset(
             own |= _fisheyes(description, recording.cameras)
             ProjectRecording(project).give(recording, own)
         else:
-            give_pair(project, parse_dataset(files, source, lens_model=lens_model), found)
+            give_pair(project, parse_dataset(files, source, lens_model=lens_model), found=found)
         return
     given: dict[Slot, tuple[str, bytes]] = {}
     if found and folder + TABLE not in files:
@@ -186,7 +186,7 @@ def give_dataset(
     for which in CAMERAS:
         name: str = description.entries["cameras"][which]
         given[which] = name, as_read(stated[folder + name], cameras[which])
-    _replace(project, survey, given, found)
+    give_pair(project, survey, given, found)
 
 
 def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[str, bytes]:
@@ -200,20 +200,19 @@ def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[s
 
 
 def give_pair(
-    project: Project, dataset: Dataset, found: Photographs = MappingProxyType({})
+    project: Project,
+    dataset: Dataset,
+    given: Mapping[Slot, tuple[str, bytes]] | None = None,
+    found: Photographs = MappingProxyType({}),
 ) -> None:
     """Replace a project's data by a data set.
 
     Args:
+        given: its files, where it was read from some.
         found: its photographs, which are stored already.
     """
-    given = {slot: (NAMES[slot], content) for slot, content in packed(dataset).items()}
-    _replace(project, dataset, given, found)
-
-
-def _replace(
-    project: Project, dataset: Dataset, given: Mapping[Slot, tuple[str, bytes]], found: Photographs
-) -> None:
+    if given is None:
+        given = {slot: (NAMES[slot], content) for slot, content in packed(dataset).items()}
     kept = ProjectPhotographs(project).give(given, found, **stated_in(dataset))
     if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")

@@ -12,7 +12,7 @@ import streamlit as st
 
 from stereocal.frames.pairing import Alone, Pair, short_names
 from stereocal.frames.proposal import Choice, Proposal, Way
-from stereocal.frames.slips import Slip, find_slip
+from stereocal.frames.slips import find_slip
 from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import thumbnail
@@ -29,7 +29,7 @@ TITLES: dict[Way, str] = {"name": "By name", "time": "By time", "order": "In ord
 FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
 UNDO = ":material/undo:"
-_SLIPS: Latest[tuple[Slip | None]] = Latest(16)
+_SLIPS: Latest[tuple[Alone | None]] = Latest(16)
 
 
 def show_pairing(store: ProjectPhotographs) -> None:
@@ -152,7 +152,7 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     choice = store.choice
     without = replace(choice, way="order", without=(*choice.without, slip.name))
     text, button = st.columns([6, 2], vertical_alignment="center")
-    text.warning(escape_markdown(slip.sentence))
+    text.warning(escape_markdown(str(slip)))
     label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
     press = callback(partial(_take, store, without))
     button.button(label, on_click=press, key="pair_mend_found", type="primary")

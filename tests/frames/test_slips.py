@@ -46,7 +46,7 @@ def test_the_photograph_without_a_partner_is_named(camera: int, at: int) -> None
     slip = find_slip(in_order((camera, at)), CAMERAS)
     assert slip is not None
     assert (slip.name, slip.camera) == (f"{('DSC', 'IMG')[camera]}_{at}", 1 - camera)
-    assert slip.name in slip.sentence
+    assert slip.name in str(slip)
 
 
 def test_photographs_without_targets_do_no_harm() -> None:

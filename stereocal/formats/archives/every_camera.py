@@ -38,7 +38,7 @@ class EveryCamera:
 
     @cached_property
     def files(self) -> dict[str, bytes]:
-        """Of the recording, by name."""
+        """The files of the recording, by name."""
         return pack_recording(self.recording)
 
 

@@ -31,7 +31,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Correspondences
 
 Heights = Sequence[int | None]
-"""Of the images of the cameras, px."""
+"""Heights of the images of the cameras, px."""
 WANTED = (
     "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
     "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
