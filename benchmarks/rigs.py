@@ -39,7 +39,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
-from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 
 LENS = LensPrior(*LENS_ERRORS)
 OF_POSE, OF_LENS = 6, 3

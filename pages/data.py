@@ -14,6 +14,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.recording import ProjectRecording
 from stereocal.system.numbers import count
 from stereocal.ui import lengths
+from stereocal.ui.all_cameras import show_files, show_recording
 from stereocal.ui.door import data_door
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
@@ -22,7 +23,6 @@ from stereocal.ui.photographs import has_photographs, photographs_in
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
-from stereocal.ui.several import recording_in, several_in
 from stereocal.ui.texts import escape_markdown
 
 project = current_project()
@@ -36,9 +36,9 @@ if project is not None and project.pair is not None:
 else:
     data_door(project)
     if project is not None and of_rig:
-        recording_in(project)
+        show_recording(project)
     elif project is not None and ProjectGiven(project).is_of_rig:
-        several_in(project)
+        show_files(project)
         end_here()
     else:
         photographs_in(project)

@@ -16,8 +16,8 @@ from stereocal.commands.options import (
     two_cameras,
     with_sigmas,
 )
+from stereocal.formats.archives.all_cameras import ENDS, gather_all
 from stereocal.formats.archives.archive import THROW, Archive, Taken
-from stereocal.formats.archives.every_camera import ENDS, gather_all
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.column_roles import ROLES_HELP
 from stereocal.formats.dataset_files import FREE, pack_dataset

@@ -20,7 +20,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import compilations
-from stereocal.simulation.several import simulated_rig
+from stereocal.simulation.rigs import simulated_rig
 from stereocal.simulation.simulate import simulate_field
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files

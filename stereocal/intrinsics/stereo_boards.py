@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.frames import several
+from stereocal.frames import all_cameras
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import (
@@ -200,7 +200,7 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
             without = {frames.get(own, own): change for own, change in known.without.items()}
             camera = replace(camera, uncertainty=replace(known, without=without))
         named[which] = camera
-    moments: several.Moments = {
+    moments: all_cameras.Moments = {
         pair.frame: {CAMERAS[0]: pair.primary, CAMERAS[1]: pair.secondary}
         for pair in boards.pairing.pairs
     }
@@ -208,8 +208,8 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
     return replace(found.recording, name=name)
 
 
-def boards_everywhere(
-    moments: several.Moments,
+def boards_in_all_cameras(
+    moments: all_cameras.Moments,
     photographs: Photographs,
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,
@@ -218,10 +218,10 @@ def boards_everywhere(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     earlier: Earlier[BoardView | Refused] | None = None,
-) -> several.Everywhere | None:
-    """The boards in the photographs of three cameras and more, as `find_everywhere`."""
+) -> all_cameras.FoundRecording | None:
+    """The boards in the photographs of three cameras and more, as `find_in_all_cameras`."""
     searches: dict[str, BoardSearch] = {}
-    for camera, names in several.names_by_camera(moments, cameras).items():
+    for camera, names in all_cameras.names_by_camera(moments, cameras).items():
         if names:
             begin(BOARDS_STAGE)
             own = {name: photographs[name] for name in names}
@@ -232,7 +232,7 @@ def boards_everywhere(
             searches[camera] = search
     found = {}
     for one, other in combinations(searches, 2):
-        pairs = several.pairs_of(moments, one, other)
+        pairs = all_cameras.pairs_of(moments, one, other)
         pairing = Pairing(tuple(pairs), (), (), "", ambiguous=False)
         with suppress(StereocalError):  # the two see no board in one frame
             found[one, other] = stereo_boards(pairing, (searches[one], searches[other]))
@@ -241,12 +241,12 @@ def boards_everywhere(
 
 
 def _put_together(
-    moments: several.Moments,
+    moments: all_cameras.Moments,
     found: Mapping[tuple[str, str], StereoBoards],
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,
     why: Mapping[str, str],
-) -> several.Everywhere:
+) -> all_cameras.FoundRecording:
     """The recording of the boards that were found pair by pair."""
 
     def whole(view: BoardView) -> FloatArray:
@@ -262,7 +262,7 @@ def _put_together(
             seen.frame: (whole(seen.views[0]), whole(seen.views[1])) for seen in both
         }
     board = RigidObject.of_board(pattern)
-    return several.put_together(moments, points, orders_of(pattern), cameras, board, why)
+    return all_cameras.put_together(moments, points, orders_of(pattern), cameras, board, why)
 
 
 def _check_size(which: str, camera: Camera, search: BoardSearch) -> None:

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.all_cameras import names_cameras
 from stereocal.formats.archives.easywand import open_easywand
-from stereocal.formats.archives.every_camera import names_cameras
 from stereocal.formats.archives.gather import nominal_baseline
 from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.recognition import recognise
-from stereocal.frames.several import by_folder
+from stereocal.frames.all_cameras import by_folder
 from stereocal.frames.which_camera import Series, WhichCamera, series_of, which_camera, which_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from itertools import combinations
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.every_camera import cameras_in
+from stereocal.formats.archives.all_cameras import cameras_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import DESCRIPTION, find_description, parse_recording

@@ -284,7 +284,7 @@ class Dataset:
     time_offset: TimeOffset | None = None
     """By which the secondary points have been shifted; None if they are as recorded."""
     camera_names: tuple[str, str] | None = None
-    """Names of the primary and the secondary in a recording of more; None if they have no others."""
+    """Their names in a recording of more, the primary first; None if they have no others."""
 
     def __post_init__(self) -> None:
         bar = "distance between the targets"

@@ -11,7 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.recording_files import pack_recording
-from stereocal.frames import several
+from stereocal.frames import all_cameras
 from stereocal.matching.point_table import PARQUET
 from stereocal.projects.application import IMAGES, ProjectCheck
 from stereocal.projects.files import StoredFile
@@ -22,13 +22,13 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
+from stereocal.ui.all_cameras import ask_held, moment_search
 from stereocal.ui.boards import press_search
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import holds_board
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.several import ask_held, moment_search
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
@@ -137,11 +137,11 @@ def _give_cameras(own: ProjectGiven, cameras: Mapping[str, Camera]) -> None:
         own.recording.add_parts(lenses)
 
 
-def _moments(seen: Seen) -> several.Moments:
+def _moments(seen: Seen) -> all_cameras.Moments:
     """The photographs of each moment, by frame and camera."""
     store = seen.photographs
     if tuple(seen.cameras) != CAMERAS:
-        return several.match_names(several.by_folder(store.photographs, seen.cameras))
+        return all_cameras.match_names(all_cameras.by_folder(store.photographs, seen.cameras))
     pairs = [row.pair for row in store.rows if row.use]
     if not pairs:
         raise StereocalError(store.proposal.pairing.sentence)
@@ -188,7 +188,9 @@ def _as_in_the_data(whole: Project, project: Project) -> None:
     project.keep_settings(same)
 
 
-def _keep(seen: Seen, length_m: float | None, found: several.Everywhere, digest: str) -> None:
+def _keep(
+    seen: Seen, length_m: float | None, found: all_cameras.FoundRecording, digest: str
+) -> None:
     """Use the targets that were found as the new images."""
     store, recording = seen.photographs, found.recording
     frames = len({*recording.frame.tolist()})

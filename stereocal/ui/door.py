@@ -8,7 +8,7 @@ from typing import Literal
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.every_camera import names_cameras
+from stereocal.formats.archives.all_cameras import names_cameras
 from stereocal.formats.archives.gather import is_correspondences
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE

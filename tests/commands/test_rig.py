@@ -19,7 +19,7 @@ from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.parameters import RigParameters
-from stereocal.simulation.several import simulated_rig
+from stereocal.simulation.rigs import simulated_rig
 from tests.archives import kalibr_chain, wand_csv
 
 

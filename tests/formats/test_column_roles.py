@@ -9,7 +9,7 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.every_camera import gather_all
+from stereocal.formats.archives.all_cameras import gather_all
 from stereocal.formats.archives.gather import bars_of
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.column_roles import parse_roles, propose_roles, roles_text

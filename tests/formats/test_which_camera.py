@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.all_cameras import gather_all
 from stereocal.formats.archives.archive import Archive
-from stereocal.formats.archives.every_camera import gather_all
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.chosen_cameras import camera_indices

@@ -22,7 +22,7 @@ from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 
 NOISE = 0.3
 

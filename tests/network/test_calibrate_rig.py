@@ -24,7 +24,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
-from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 from stereocal.workflow import calibrate
 
 STATED = LensPrior(*LENS_ERRORS)

@@ -11,7 +11,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.simulation.several import SimulatedRig
+from stereocal.simulation.rigs import SimulatedRig
 from tests.fisheye_rig import NOISE_PX, fisheye, off
 from tests.network.test_calibrate_rig import pose_errors
 from tools.photographs.rendering import turned

@@ -10,7 +10,7 @@ from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.recording import Recording
-from stereocal.simulation.several import LENS_ERRORS, simulated_rig
+from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
 from tests.projects.test_recording import rig_text
 
 

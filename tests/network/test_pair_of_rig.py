@@ -15,7 +15,7 @@ from stereocal.refined.two_views import BAR, shared_unknowns
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Pair, Recording
-from stereocal.simulation.several import LENS_ERRORS, simulated_rig
+from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
 
 PAIRS = [("c1", "c2"), ("c2", "c3"), ("c3", "c1")]
 

@@ -14,7 +14,7 @@ from stereocal.field.checking.rig_check import check_rig, rig_sentence
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
-from stereocal.simulation.several import SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from tests.network.test_wrong_rigs import bumped
 
 

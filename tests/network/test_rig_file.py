@@ -21,7 +21,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH, TRANSLATION
 from stereocal.rig.recording import Pair, Recording
-from stereocal.simulation.several import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 
 STATED = LensPrior(*LENS_ERRORS)
 PAIR_SETTINGS = RefineSettings(STATED, STATED)

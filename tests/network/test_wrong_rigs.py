@@ -10,7 +10,7 @@ from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import rig_file
 from stereocal.rig.recording import Recording
-from stereocal.simulation.several import IMAGE_SIZE, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:

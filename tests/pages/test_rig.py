@@ -24,7 +24,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.several import simulated_rig
+from stereocal.simulation.rigs import simulated_rig
 from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
@@ -305,7 +305,7 @@ def give(app: AppTest, files: dict[str, bytes]) -> None:
 
 
 def search(app: AppTest, home: Path) -> ProjectRecording:
-    app.button(key="find_everywhere").click().run()
+    app.button(key="find_in_all_cameras").click().run()
     project = Project.open(home, find_projects(home)[0])
     job = ended(project, "photographs")
     assert job.state == "done", job.sentence
@@ -395,7 +395,7 @@ def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     given(app, {f"{name}.json": write_camera(SMALL) for name in CAMERAS})
     give(app, files)
     assert app.segmented_control(key="held").value == "board"
-    assert app.button(key="find_everywhere").disabled
+    assert app.button(key="find_in_all_cameras").disabled
     app.number_input(key="board_square_mm").set_value(30.0).run()
     recording = search(app, home).read()
     assert recording is not None and recording.object.board is not None

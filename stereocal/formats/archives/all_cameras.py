@@ -29,7 +29,7 @@ MOST_TARGETS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class EveryCamera:
+class Gathered:
     """The recording, and what was taken from where."""
 
     recording: Recording
@@ -44,7 +44,7 @@ class EveryCamera:
 
 def gather_all(
     files: Mapping[str, bytes], options: ExchangeOptions, name: str, lengths: Mapping[str, float]
-) -> EveryCamera:
+) -> Gathered:
     """The recording of all cameras; baselines are free.
 
     Cameras of a table of format 2 have its names, others their numbers.
@@ -62,7 +62,7 @@ def gather_all(
 
 def _of_bars(
     files: Mapping[str, bytes], options: ExchangeOptions, name: str, distance_m: float | None
-) -> EveryCamera:
+) -> Gathered:
     """The recording of another program's files."""
     table, others, opened = sorted_files(files)
     size = options.image_sizes[0]
@@ -130,7 +130,7 @@ def _of_bars(
     taken = [Taken("points", f"{len(row)} of {count} cameras", ", ".join(files))]
     origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
     taken += [lens_taken(f"camera {k}", own, origin_of) for k, own in recording.cameras.items()]
-    return EveryCamera(recording, tuple(taken), remarks)
+    return Gathered(recording, tuple(taken), remarks)
 
 
 def targets_in(content: bytes, source: str) -> tuple[str, ...]:
@@ -161,7 +161,7 @@ def _of_points(
     options: ExchangeOptions,
     name: str,
     lengths: Mapping[str, float],
-) -> EveryCamera:
+) -> Gathered:
     """The recording of a table of format 2."""
     first, *others = targets = targets_in(files[table], table)
     if not {*others} & {*lengths}:
@@ -198,7 +198,7 @@ def _of_points(
         for each in targets
         if each not in recording.object.names
     ]
-    return EveryCamera(recording, tuple(taken), tuple(remarks))
+    return Gathered(recording, tuple(taken), tuple(remarks))
 
 
 def _column(content: bytes, source: str, name: str) -> list[str]:

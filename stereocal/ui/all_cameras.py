@@ -10,15 +10,15 @@ import streamlit as st
 
 from stereocal.detection.target import Target
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.every_camera import EveryCamera, cameras_in, gather_all, targets_in
+from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, pack_recording, write_points
-from stereocal.frames import several
+from stereocal.frames import all_cameras
 from stereocal.frames.pairing import natural
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection
 from stereocal.intrinsics.files import pack_board, unpack_board
-from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_everywhere
+from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_in_all_cameras
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -43,23 +43,23 @@ from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.wizard import Questions
 
 FOUND_BY, UNUSED = "several_found_by", "several_unused"
-GATHERED: Latest[EveryCamera] = Latest(8)
+GATHERED: Latest[Gathered] = Latest(8)
 
 
-def recording_in(project: Project) -> None:
+def show_recording(project: Project) -> None:
     """A recording of all cameras, and the files that it was read from."""
     st.success(
         "This project holds a recording of three cameras or more. The page Rig calibrates them "
         "together."
     )
     if ProjectRecording(project).parts:
-        several_in(project)
+        show_files(project)
 
 
-def several_in(project: Project) -> None:
+def show_files(project: Project) -> None:
     """The files, the questions, what was read, and the press."""
     store = ProjectRecording(project)
-    _show_files(store)
+    _show_parts(store)
     of_all = [name for name, part in store.parts.items() if not is_table(name, part.read_bytes())]
     if len(of_all) == 1:
         two = partial(_use_two, store, of_all[0])
@@ -100,7 +100,7 @@ def _use_two(store: ProjectRecording, name: str) -> None:
         store.drop_part(part)
 
 
-def _show_files(store: ProjectRecording) -> None:
+def _show_parts(store: ProjectRecording) -> None:
     """The files in use, to remove, and those that replaced one."""
     with st.container(horizontal=True):
         for name in sorted(store.parts, key=natural):
@@ -123,7 +123,7 @@ def _contents(files: Mapping[str, StoredFile]) -> dict[str, bytes]:
     return {name: file.read_bytes() for name, file in files.items()}
 
 
-def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptions) -> EveryCamera:
+def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptions) -> Gathered:
     """The recording of the files, and of what is answered about them."""
     name, lengths = project.inputs.name or "Rig", dict[str, float]()
     for table, part in parts.items():
@@ -155,7 +155,7 @@ def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
     return {target: value for target, value in found.items() if value}
 
 
-def _show(found: EveryCamera) -> None:
+def _show(found: Gathered) -> None:
     """What was read, camera by camera."""
     recording = found.recording
     rows = []
@@ -171,7 +171,7 @@ def _show(found: EveryCamera) -> None:
 
 
 @callback
-def _calibrate(store: ProjectRecording, found: EveryCamera) -> None:
+def _calibrate(store: ProjectRecording, found: Gathered) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
     recording = found.recording
     if len(recording.cameras) == 2:
@@ -187,14 +187,14 @@ def _calibrate(store: ProjectRecording, found: EveryCamera) -> None:
 def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool:
     """How many photographs there are of each camera, and the search; whether there are any."""
     store = ProjectPhotographs(project)
-    folders = several.by_folder(store.photographs, cameras)
+    folders = all_cameras.by_folder(store.photographs, cameras)
     counts = ", ".join(f"{camera} {len(own) or 'none'}" for camera, own in folders.items())
     if not any(folders.values()):
         return False
     left, right = st.columns([3, 1], vertical_alignment="center")
     left.markdown(f"Photographs: {escape_markdown(counts)}.")
     right.button("Remove all photographs", on_click=callback(store.clear), key="several_clear")
-    match = partial(several.match_names, folders, store.taken)
+    match = partial(all_cameras.match_names, folders, store.taken)
     moments = readable(match, told=all(folders.values()))
     if moments is not None:
         _search(store, cameras, moments)
@@ -202,14 +202,14 @@ def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool
 
 
 def _search(
-    store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: several.Moments
+    store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: all_cameras.Moments
 ) -> None:
     """What is held, the press, and what was not found."""
     project = store.project
     found_by = project.settings.get(FOUND_BY)
     held, ready = ask_held(store, moments, found_by is not None)
     work = moment_search(store, cameras, moments, held, partial(_keep, store))
-    press_search(work, "targets", "find_everywhere", found_by is not None, ready)
+    press_search(work, "targets", "find_in_all_cameras", found_by is not None, ready)
     if found_by is None:
         return
     if found_by != work.digest:
@@ -221,7 +221,7 @@ def _search(
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
 
 
-def _keep(store: ProjectPhotographs, found: several.Everywhere, digest: str) -> None:
+def _keep(store: ProjectPhotographs, found: all_cameras.FoundRecording, digest: str) -> None:
     """Store the table of the targets that were found, of boards the whole recording."""
     project, recording = store.project, ProjectRecording(store.project)
     if found.recording.object.board is not None:
@@ -237,14 +237,14 @@ Held = Target | BoardPattern
 
 
 def ask_held(
-    store: ProjectPhotographs, moments: several.Moments, fold: bool
+    store: ProjectPhotographs, moments: all_cameras.Moments, fold: bool
 ) -> tuple[Held | None, bool]:
     """What is held, and whether it can be searched for: of a board, its size must be stated.
 
     Args:
         fold: once it is said.
     """
-    pairs = several.pairs_of(moments, *[*next(iter(moments.values()))][:2])
+    pairs = all_cameras.pairs_of(moments, *[*next(iter(moments.values()))][:2])
     held: Held | None = ask_what_is_held(store, pairs, fold)
     stated = True
     if holds_board(store.project):
@@ -255,9 +255,9 @@ def ask_held(
 def moment_search(
     store: ProjectPhotographs,
     cameras: Mapping[str, Camera],
-    moments: several.Moments,
+    moments: all_cameras.Moments,
     held: Held | None,
-    keep: Callable[[several.Everywhere, str], None],
+    keep: Callable[[all_cameras.FoundRecording, str], None],
     **more: float | None,
 ) -> jobs.Work:
     """The search, for a button.
@@ -281,10 +281,12 @@ def moment_search(
         photographs = store.photographs
         if isinstance(held, BoardPattern):
             boards = job.found_before(pack_board, unpack_board)
-            found = boards_everywhere(moments, photographs, cameras, held, *control, boards)
+            found = boards_in_all_cameras(moments, photographs, cameras, held, *control, boards)
         elif held is not None:
             seen = job.found_before(pack_detection, unpack_detection)
-            found = several.find_everywhere(moments, photographs, cameras, held, *control, seen)
+            found = all_cameras.find_in_all_cameras(
+                moments, photographs, cameras, held, *control, seen
+            )
         else:
             found = None
         if found is not None:

@@ -43,7 +43,7 @@ DISAGREE = "the pairs of cameras name the targets differently; the frame is left
 
 
 @dataclass(frozen=True, eq=False)
-class Everywhere:
+class FoundRecording:
     """What the photographs of all cameras show."""
 
     recording: Recording
@@ -127,7 +127,7 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
     }
 
 
-def find_everywhere(
+def find_in_all_cameras(
     moments: Moments,
     photographs: Photographs,
     cameras: Mapping[str, Camera],
@@ -137,7 +137,7 @@ def find_everywhere(
     progress: Progress,
     cancelled: Callable[[], bool] = lambda: False,
     earlier: Earlier[Any] | None = None,
-) -> Everywhere | None:
+) -> FoundRecording | None:
     """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
     in all: the recording of a bar of 1 m; None if cancelled."""
     names = names_by_camera(moments, cameras)
@@ -183,7 +183,7 @@ def put_together(
     cameras: Mapping[str, Camera],
     own: RigidObject,
     why: Mapping[str, str],
-) -> Everywhere:
+) -> FoundRecording:
     """The recording of what was found pair by pair.
 
     Args:
@@ -218,7 +218,7 @@ def put_together(
     recording = Recording(
         "", dict(cameras), own, frame_of, camera_of, target_of, values[:, :2], values[:, 2]
     )
-    return Everywhere(recording, tuple(unused))
+    return FoundRecording(recording, tuple(unused))
 
 
 def in_one_order(

@@ -13,11 +13,11 @@ import pytest
 
 from stereocal.detection.target import parse_target
 from stereocal.errors import StereocalError
-from stereocal.frames.several import (
+from stereocal.frames.all_cameras import (
     EITHER_WAY,
-    Everywhere,
+    FoundRecording,
     by_folder,
-    find_everywhere,
+    find_in_all_cameras,
     in_one_order,
     match_names,
 )
@@ -33,10 +33,10 @@ from tests.three_cameras import CAMERAS, POSES, TAGS, photographed_bars
 FRAMES = {"bar2x2": 12, TAGS: 6}
 
 
-def search(files: Mapping[str, bytes], kind: str) -> Everywhere:
+def search(files: Mapping[str, bytes], kind: str) -> FoundRecording:
     with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as executor:
         write(dict(files), Path(folder))
-        found = find_everywhere(
+        found = find_in_all_cameras(
             match_names(by_folder(files, CAMERAS)),
             photographs_in(Path(folder), Path(folder)),
             CAMERAS,
@@ -50,7 +50,7 @@ def search(files: Mapping[str, bytes], kind: str) -> Everywhere:
 
 
 @lru_cache
-def seen_in_part(kind: str) -> Everywhere:
+def seen_in_part(kind: str) -> FoundRecording:
     """Each camera sees nothing in one frame, and one photograph is missing."""
     files = dict(photographed_bars(kind, FRAMES[kind])[0])
     blank = encoded(np.full((600, 800), 110, np.uint8))
