@@ -4,7 +4,7 @@ import argparse
 
 from stereocal.commands.console import ONE_OF, Options, report
 from stereocal.commands.options import contents
-from stereocal.field.world.find import find_world, find_world_of_rig
+from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
 from stereocal.formats.world_file import pair_in_table, read_observed, write_world
 from stereocal.network.rig_file import RigFile
@@ -43,15 +43,14 @@ def run(parsed: argparse.Namespace) -> None:
     axes, drag = Axes(parsed.origin, parsed.x_axis, parsed.heading), not parsed.no_drag
     noise = parsed.sigma_px, parsed.survey_sigma
     settings = WorldSettings(axes, *noise, drag, parsed.upside_down)
+    rig: RigParameters | RigFile
     if parsed.rig is not None:
-        several = RigFile.load(parsed.rig)
-        pair = pair_in_table(several, content, source)
-        rig = several.pair(*pair)
-        observed = read_observed(content, source, rate, pair)
-        found = find_world_of_rig(several, pair, observed, settings)
+        rig = RigFile.load(parsed.rig)
     else:
         rig = RigParameters.load(parsed.parameters)
-        found = find_world(rig, read_observed(content, source, rate), settings)
+    cameras = pair_in_table(rig, content, source)
+    observed = read_observed(content, source, rate, cameras)
+    found = find_world(rig, observed, settings, cameras)
     residuals = [
         f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m"
         for name, (x, y, z) in found.about.get("residuals_m", {}).items()

@@ -59,13 +59,16 @@ LONGEST_NAME = 60
 FARTHEST_M = 1e8
 
 
-def write_world(frame: WorldFrame, rig: RigParameters) -> bytes:
+def write_world(frame: WorldFrame, rig: RigParameters | RigFile) -> bytes:
     """The file of a world frame.
 
     Args:
         rig: the parameters it was found with.
     """
     pose = frame.pose
+    parameters = {"method": "refined", "inputs_sha256": None}
+    if isinstance(rig, RigParameters):
+        parameters = {"method": rig.method, "inputs_sha256": rig.inputs.get("sha256")}
     content = {
         "format": WORLD_FORMAT,
         "convention": CONVENTION,
@@ -76,7 +79,7 @@ def write_world(frame: WorldFrame, rig: RigParameters) -> bytes:
         **frame.about,
         "sentence": frame.sentence,
         "notes": list(frame.notes),
-        "parameters": {"method": rig.method, "inputs_sha256": rig.inputs.get("sha256")},
+        "parameters": parameters,
         "software": {"stereocal": __version__},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
@@ -155,9 +158,11 @@ def kind_of_table(content: bytes, source: str) -> str:
     )
 
 
-def pair_in_table(rig: RigFile, content: bytes, source: str) -> Pair:
-    """The two cameras of a rig whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more
-    than two, those that see most of its rows together."""
+def pair_in_table(rig: RigParameters | RigFile, content: bytes, source: str) -> Pair:
+    """The two cameras whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more than two
+    of a rig, those that see most of its rows together."""
+    if isinstance(rig, RigParameters):
+        return CAMERAS
     rows = read_rows(content, source, (), ()).raw
     names = [*map(str, rows)]
     seen = [name for name in rig.names if {f"u_{name}".lower(), f"v_{name}".lower()} <= {*names}]
@@ -220,17 +225,13 @@ def read_observed(
     return found
 
 
-def check_world(content: bytes, source: str, rig: RigFile | None = None) -> None:
-    """Check that a file is a world frame, or a table that one can be found from.
-
-    Args:
-        rig: whose cameras the table is of; None: of a primary and a secondary.
-    """
+def check_world(content: bytes, source: str, rig: RigParameters | RigFile) -> None:
+    """Check that a file is a world frame, or a table of a rig's cameras that gives one."""
     if is_json(source):
         parse_world(content, source)
         return
     try:
-        cameras = CAMERAS if rig is None else pair_in_table(rig, content, source)
+        cameras = pair_in_table(rig, content, source)
         read_observed(content, source, 1.0, cameras)
     except RefusedRowsError:
         raise

@@ -239,7 +239,7 @@ class ProjectApplication(ProjectPart):
             return None
         return found.label, RigParameters.loads(found.read_bytes(), found.label)
 
-    def keep_world(self, label: str, content: bytes, rig: RigFile | None = None) -> None:
+    def keep_world(self, label: str, content: bytes, rig: RigParameters | RigFile) -> None:
         """Store a world frame, or a table for one, as of `check_world`."""
         check_world(content, label, rig)
         self.database.give(WORLD, WORLD, label, content)

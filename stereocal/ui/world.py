@@ -1,6 +1,5 @@
 """The fold "World frame" of the Apply page: a table or world.json, the frame, its download."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
@@ -8,7 +7,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.field.world.find import find_world, find_world_of_rig
+from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import (
     BASELINE,
     CAMERA,
@@ -35,7 +34,6 @@ from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Pair
@@ -63,8 +61,9 @@ def choose_world(
 ) -> Pose | None:
     """The fold; returns `world_from_primary`, of a rig `world_from_reference`; None for points in
     the camera's frame."""
-    several = rig if isinstance(rig, RigFile) else None
-    camera = camera_in_words("primary" if several is None else several.names[0])
+    camera, told = camera_in_words(next(iter(rig.placed))), HELP
+    if isinstance(rig, RigFile):
+        told = f"{HELP} {OF_RIG.format(*rig.names)}"
     file, world, refused = store.world_file, None, None
     rate = setting(project, "world_frame_rate", None, Number(0.1, 1e6, or_none=True))
     kind = None  # None also for a file that states the frame itself: JSON, or a 4x4 matrix
@@ -81,9 +80,8 @@ def choose_world(
                 if kind == FRAME:
                     rate.number_input("Frame rate (frames per second)", format="%.6g")
             title = "Surveyed points, plumb lines or a throw; or world.json"
-            told = HELP if several is None else f"{HELP} {OF_RIG.format(*several.names)}"
             upload = st.file_uploader(title, type=KINDS, key="upload_world", help=told)
-            take_one(upload, partial(store.keep_world, rig=several))
+            take_one(upload, partial(store.keep_world, rig=rig))
             if file is None:
                 st.caption(
                     f"Points are in the frame of {escape_markdown(camera)}. A table of surveyed "
@@ -111,17 +109,10 @@ def _found(
 ) -> Pose:
     """The frame that a table gives, with its sentence and download."""
     content = file.read_bytes()
-    pair: Pair = CAMERAS
-    if isinstance(rig, RigFile):
-        pair = pair_in_table(rig, content, file.label)
-        used = rig.pair(*pair)
-        find: Callable[..., WorldFrame] = partial(find_world_of_rig, rig, pair)
-        observed = read_observed(content, file.label, rate, pair)
-    else:
-        used = rig
-        find, observed = partial(find_world, rig), read_observed(content, file.label, rate)
-    key = f"{file.name} {rate} {rig.digest} {pair}"
-    frame = _world(key, find, observed, _settings(project, observed, pair))
+    cameras = pair_in_table(rig, content, file.label)
+    observed = read_observed(content, file.label, rate, cameras)
+    key = f"{file.name} {rate} {rig.digest} {cameras}"
+    frame = _world(key, rig, observed, _settings(project, observed, cameras), cameras)
     st.success(escape_markdown(frame.sentence))
     for note in frame.notes:
         st.caption(escape_markdown(note))
@@ -132,7 +123,7 @@ def _found(
         table, height = table.rename_axis("Point").reset_index(), min(35 * len(table) + 38, 283)
         shown = dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f"))
         st.dataframe(table, hide_index=True, height=height, column_config=shown)
-    offer(f"Download {WORLD_FILE}", lambda: write_world(frame, used), WORLD_FILE, "download_world")
+    offer(f"Download {WORLD_FILE}", lambda: write_world(frame, rig), WORLD_FILE, "download_world")
     return frame.pose
 
 
@@ -177,7 +168,11 @@ def _switch(project: Project, title: str, name: str) -> bool:
 
 @st.cache_resource(show_spinner="Finding the world frame.", max_entries=16)
 def _world(
-    key: str, _find: Callable[..., WorldFrame], _observed: Observed, settings: WorldSettings
+    key: str,
+    _rig: RigParameters | RigFile,
+    _observed: Observed,
+    settings: WorldSettings,
+    cameras: Pair,
 ) -> WorldFrame:
     assert key
-    return jobs.compute(_find, _observed, settings)
+    return jobs.compute(find_world, _rig, _observed, settings, cameras)

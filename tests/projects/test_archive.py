@@ -10,6 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.inputs import read_input
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.rig.parameters import RigParameters
 from tests.projects.test_project import FIELD, filled
 from tests.projects.test_projects import calibrated
 
@@ -19,7 +20,8 @@ def test_inputs_settings_and_results_come_along(tmp_path: Path) -> None:
     project.rename("Swifts")
     project.keep_settings({"delta": 0.002})
     survey = (FIELD.parent / "world" / "survey.csv").read_bytes()
-    ProjectApplication(project).keep_world("survey.csv", survey)
+    rig = RigParameters.load(FIELD.parent / "world" / "parameters_3d.json")
+    ProjectApplication(project).keep_world("survey.csv", survey, rig)
     path = tmp_path / "swifts.zip"
     pack_project(project, path)
     with zipfile.ZipFile(path) as archive:

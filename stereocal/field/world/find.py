@@ -16,9 +16,24 @@ from stereocal.rig.recording import Pair
 
 
 def find_world(
-    rig: RigParameters, observed: Observed, settings: WorldSettings | None = None
+    rig: RigParameters | RigFile,
+    observed: Observed,
+    settings: WorldSettings | None = None,
+    cameras: Pair = CAMERAS,
 ) -> WorldFrame:
-    """The world frame."""
+    """The world frame; of a rig its pose is `world_from_reference`.
+
+    Args:
+        observed: points already reconstructed are in the frame of the primary, or the reference.
+        cameras: those of a rig that observed.
+    """
+    if isinstance(rig, RigFile):
+        to_first = rig.poses[cameras[0]]
+        if isinstance(observed, Survey):
+            observed = replace(observed, measured_m=to_first.apply(observed.measured_m))
+        found = find_world(rig.pair(*cameras), observed, settings)
+        sentence, *notes = (_naming(cameras, text) for text in (found.sentence, *found.notes))
+        return replace(found, pose=found.pose @ to_first, sentence=sentence, notes=tuple(notes))
     stated = settings or WorldSettings()
     try:
         with np.errstate(all="ignore"):
@@ -33,23 +48,6 @@ def find_world(
         raise StereocalError(
             "No world frame fits these observations; are the numbers in pixels and metres?"
         ) from error
-
-
-def find_world_of_rig(
-    rig: RigFile, pair: Pair, observed: Observed, settings: WorldSettings | None = None
-) -> WorldFrame:
-    """The world frame of a rig of three cameras and more: its pose is `world_from_reference`.
-
-    Args:
-        pair: the cameras that observed, as of `pair_in_table`.
-        observed: points already reconstructed are in the reference's frame.
-    """
-    to_first = rig.poses[pair[0]]
-    if isinstance(observed, Survey):
-        observed = replace(observed, measured_m=to_first.apply(observed.measured_m))
-    found = find_world(rig.pair(*pair), observed, settings)
-    said = [_naming(pair, text) for text in (found.sentence, *found.notes)]
-    return replace(found, pose=found.pose @ to_first, sentence=said[0], notes=tuple(said[1:]))
 
 
 def _naming(pair: Pair, text: str) -> str:
