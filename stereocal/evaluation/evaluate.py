@@ -100,7 +100,7 @@ class EvaluationSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class RunCounts:
     """The counts of one run. The first axis is the methods, in the order of `ALL_METHODS`."""
 
     counts: CountArray
@@ -121,7 +121,7 @@ def evaluate_run(
     number: int,
     run: int,
     whole: "WholeFit | None" = None,
-) -> Run:
+) -> RunCounts:
     """Compute run `run` of data set `number`.
 
     The random numbers depend only on the seed, `number` and `run`, so that every executor gives the
@@ -259,7 +259,7 @@ def _refined(
     settings: RefineSettings,
     partners: IntArray,
     near: RefinedResult | None,
-) -> Run:
+) -> RunCounts:
     """The refined method, fitted to the rows in `fit` (n,) and tested on the others.
 
     It is tested with its own lenses. If it fails, all values are NaN.
@@ -278,7 +278,7 @@ def _refined(
     return _test(dataset, ~fit, angles, partners, found.pose.baseline, rays, scale)
 
 
-def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> Run:
+def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> RunCounts:
     """Count all pairs and bars of a data set with one parameter set, without held-out frames.
 
     Args:
@@ -291,10 +291,10 @@ def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> Ru
     return _test(dataset, rows, np.array([pose.angles]), partners, pose.baseline)
 
 
-def stacked(first: Run, second: Run) -> Run:
+def stacked(first: RunCounts, second: RunCounts) -> RunCounts:
     """One run with the methods of both, concatenated along the first axis."""
-    pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(Run))
-    return Run(*(np.concatenate(pair) for pair in pairs))
+    pairs = ((getattr(first, one.name), getattr(second, one.name)) for one in fields(RunCounts))
+    return RunCounts(*(np.concatenate(pair) for pair in pairs))
 
 
 def _test(
@@ -305,7 +305,7 @@ def _test(
     baseline_m: float | None = None,
     rays: FloatArray | None = None,
     pixel_scale: FloatArray | None = None,
-) -> Run:
+) -> RunCounts:
     """Count all pairs of the rows in `rows` (n,) with the angles (methods, 5) of each method.
 
     Args:
@@ -331,7 +331,7 @@ def _test(
         lengths,
         correct_px,
     )
-    return Run(counts, nans, lengths, angles, correct_px)
+    return RunCounts(counts, nans, lengths, angles, correct_px)
 
 
 def _partners(points: int, rng: np.random.Generator) -> IntArray:
@@ -350,8 +350,8 @@ def evaluate(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     chunk: int | None = None,
-    earlier: Earlier[list[Run]] | None = None,
-) -> list[list[Run]] | None:
+    earlier: Earlier[list[RunCounts]] | None = None,
+) -> list[list[RunCounts]] | None:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
 
     Args:
@@ -368,7 +368,7 @@ def evaluate(
         check_split(dataset, settings.calibration_frames)
     tasks = _tasks(datasets, settings, chunk)
     total = settings.runs * len(datasets)
-    by_dataset: list[list[Run]] = [[] for _ in datasets]
+    by_dataset: list[list[RunCounts]] = [[] for _ in datasets]
     try:
         with closing(run_tasks(tasks, executor, total, progress, cancelled, earlier)) as finished:
             for task, of_chunk in finished:
@@ -381,7 +381,7 @@ def evaluate(
 
 def _tasks(
     datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int | None
-) -> Iterator[Task[list[Run]]]:
+) -> Iterator[Task[list[RunCounts]]]:
     """Their keys are digests of everything that the runs depend on, and the runs' numbers."""
     protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
     for number, dataset in enumerate(datasets):
@@ -403,7 +403,7 @@ def evaluate_runs(
     number: int,
     runs: Sequence[int],
     whole: WholeFit | None = None,
-) -> list[Run]:
+) -> list[RunCounts]:
     """Several runs of one data set; the unit of work of an executor."""
     whole = whole or WholeFit(dataset, settings.refined)
     return [evaluate_run(dataset, settings, number, run, whole) for run in runs]

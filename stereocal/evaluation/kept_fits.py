@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from dataclasses import fields, replace
 
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate, stacked
+from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate, stacked
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
 from stereocal.system.tasks import Progress
@@ -19,13 +19,13 @@ MOST_CHUNKS = 200
 """Of 10 runs each, which take 0.1 MB."""
 
 
-class KeptFits(Latest[list[Run]]):
+class KeptFits(Latest[list[RunCounts]]):
     """The refined sets of recent runs, by chunk."""
 
     def __init__(self) -> None:
         super().__init__(MOST_CHUNKS)
 
-    def keep(self, key: str, runs: list[Run]) -> None:
+    def keep(self, key: str, runs: list[RunCounts]) -> None:
         super().keep(key, [_refined_part(run) for run in runs])
 
 
@@ -35,8 +35,8 @@ def evaluate_with_kept_fits(
     executor: Executor,
     kept: KeptFits,
     progress: Progress | None = None,
-    paper: Sequence[Sequence[Run]] | None = None,
-) -> Sequence[Sequence[Run]]:
+    paper: Sequence[Sequence[RunCounts]] | None = None,
+) -> Sequence[Sequence[RunCounts]]:
     """The runs of `evaluate`, by data set, with the refined fits from `kept` where they are.
 
     Args:
@@ -60,5 +60,5 @@ def evaluate_with_kept_fits(
     ]
 
 
-def _refined_part(run: Run) -> Run:
-    return Run(*(getattr(run, one.name)[-1:] for one in fields(Run)))
+def _refined_part(run: RunCounts) -> RunCounts:
+    return RunCounts(*(getattr(run, one.name)[-1:] for one in fields(RunCounts)))

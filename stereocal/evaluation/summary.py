@@ -28,7 +28,7 @@ from stereocal.evaluation.compiled_run import (
     UNDERFLOW,
     WRONG,
 )
-from stereocal.evaluation.evaluate import Run
+from stereocal.evaluation.evaluate import RunCounts
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.numbers import without_nan
 
@@ -142,7 +142,9 @@ class MethodSummary:
         return {name: without_nan(value) for name, value in figures.items()}
 
 
-def summarise(runs: Sequence[Sequence[Run]], bin_width: float = 0.1) -> dict[Method, MethodSummary]:
+def summarise(
+    runs: Sequence[Sequence[RunCounts]], bin_width: float = 0.1
+) -> dict[Method, MethodSummary]:
     """Pool the runs of all data sets.
 
     Args:
@@ -183,7 +185,7 @@ def summarise(runs: Sequence[Sequence[Run]], bin_width: float = 0.1) -> dict[Met
 
 
 def summarise_all(
-    names: Sequence[str], runs: Sequence[Sequence[Run]], bin_width: float = 0.1
+    names: Sequence[str], runs: Sequence[Sequence[RunCounts]], bin_width: float = 0.1
 ) -> tuple[dict[Method, MethodSummary], dict[str, dict[Method, MethodSummary]]]:
     """The summary of all data sets pooled, and the summary of each by name."""
     pooled = summarise(runs, bin_width)
@@ -193,7 +195,7 @@ def summarise_all(
     return pooled, each
 
 
-def figures_of_set(run: Run) -> tuple[float, float]:
+def figures_of_set(run: RunCounts) -> tuple[float, float]:
     """FCP of the reprojection error and median 3D error of a run from `evaluate.count_set`.
 
     NaN if there are no values.
@@ -213,7 +215,7 @@ def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]
     return {name: min(summaries, key=partial(value, quantity=name)) for name in QUANTITIES}
 
 
-def _angles(runs: Sequence[Run], at: int) -> FloatArray:
+def _angles(runs: Sequence[RunCounts], at: int) -> FloatArray:
     """(runs with a value, 5): angles, unwrapped so that none jumps by 360 degrees."""
     found = np.array([run.angles[at] for run in runs])
     known = found[np.isfinite(found).all(axis=1)]

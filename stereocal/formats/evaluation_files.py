@@ -14,7 +14,7 @@ import numpy as np
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.evaluation.compiled_run import BINS
-from stereocal.evaluation.evaluate import EvaluationSettings, Run
+from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
@@ -123,7 +123,7 @@ def unique_names(datasets: Sequence[Dataset]) -> list[str]:
 class Evaluation:
     """The runs of a finished evaluation, with their settings and data sets."""
 
-    runs: Sequence[Sequence[Run]]
+    runs: Sequence[Sequence[RunCounts]]
     settings: EvaluationSettings
     names: Sequence[str]
     """Of the data sets, in order."""
@@ -157,7 +157,7 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
     return packed.getvalue()
 
 
-def _arrays(runs: Sequence[Run], at: int) -> dict[str, Any]:
+def _arrays(runs: Sequence[RunCounts], at: int) -> dict[str, Any]:
     """The runs of one data set."""
     return {
         f"counts{at}": np.array([run.counts for run in runs], dtype=np.int32),
@@ -184,7 +184,7 @@ def unpack_evaluation(content: bytes) -> Evaluation:
         raise StereocalError("The last validation cannot be read; validate again.") from error
 
 
-def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
+def _runs(arrays: Mapping[str, Array], at: int) -> list[RunCounts]:
     """The runs of one data set."""
     counts = shaped(arrays[f"counts{at}"], "iu", None, None, 2, 2, BINS + 2).astype(np.int32)
     count, methods = counts.shape[:2]
@@ -198,4 +198,4 @@ def _runs(arrays: Mapping[str, Array], at: int) -> list[Run]:
     if not count or methods not in METHOD_COUNTS or min(bars.min(), counts.min(), nans.min()) < 0:
         raise ValueError(counts.shape)
     parts = np.split(lengths, np.cumsum(bars)[:-1], axis=1)
-    return [Run(*own) for own in zip(counts, nans, parts, angles, px, strict=True)]
+    return [RunCounts(*own) for own in zip(counts, nans, parts, angles, px, strict=True)]

@@ -7,7 +7,7 @@ from functools import cache, partial
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, Splits, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, Splits, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import Evaluation, unique_names
@@ -37,7 +37,7 @@ FEWEST_FRAMES = 3
 STAGES = ("runs",)
 INSTANT = 120
 """Runs of 25 frames that take under a second, and so are computed as the controls move."""
-Runs = Sequence[Sequence[Run]]
+Runs = Sequence[Sequence[RunCounts]]
 _read = cache(read_dataset)
 _FITS = KeptFits()
 

@@ -90,7 +90,7 @@ class Judged(NamedTuple):
     """What `judge` counted and measured with s sets."""
 
     counts: CountArray
-    """(s, 2, 2, BINS + 2): as in `evaluate.Run`."""
+    """(s, 2, 2, BINS + 2): as in `evaluate.RunCounts`."""
     lengths: FloatArray
     """(s, m): D^R / D of the bars."""
     correct_px: FloatArray

@@ -28,7 +28,7 @@ from stereocal.evaluation.compiled_run import (
 )
 from stereocal.evaluation.evaluate import (
     EvaluationSettings,
-    Run,
+    RunCounts,
     count_set,
     evaluate,
     evaluate_run,
@@ -179,7 +179,7 @@ def test_zeros_are_counted_below_and_points_behind_above() -> None:
     assert counts[REPROJECTION, CORRECT, OVERFLOW] == 1
 
 
-def same(first: list[list[Run]] | None, second: list[list[Run]] | None) -> bool:
+def same(first: list[list[RunCounts]] | None, second: list[list[RunCounts]] | None) -> bool:
     if first is None or second is None:
         return False
     names = ("counts", "nans", "lengths", "angles")
@@ -197,7 +197,7 @@ def pair_of_sets(field: Dataset) -> list[Dataset]:
 
 
 @pytest.fixture(scope="module")
-def by_hand(pair_of_sets: list[Dataset]) -> list[list[Run]]:
+def by_hand(pair_of_sets: list[Dataset]) -> list[list[RunCounts]]:
     """No engine at all."""
     return [
         [evaluate_run(dataset, FEW, number, run) for run in range(FEW.runs)]
@@ -205,12 +205,14 @@ def by_hand(pair_of_sets: list[Dataset]) -> list[list[Run]]:
     ]
 
 
-def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
+def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[RunCounts]]) -> None:
     with ThreadPoolExecutor(3) as threads:
         assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
 
 
-def test_processes_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[Run]]) -> None:
+def test_processes_give_the_same(
+    pair_of_sets: list[Dataset], by_hand: list[list[RunCounts]]
+) -> None:
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=spawn) as processes:
         assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
@@ -241,7 +243,7 @@ def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Dataset) 
 
 
 @pytest.fixture(scope="module", params=["linear", "constrained"])
-def pooled(request: pytest.FixtureRequest) -> Iterator[tuple[Solver, list[list[Run]]]]:
+def pooled(request: pytest.FixtureRequest) -> Iterator[tuple[Solver, list[list[RunCounts]]]]:
     """The nineteen, 6 runs each, with either essential solver."""
     datasets = [read_dataset(folder) for folder in sorted(NINETEEN.iterdir())]
     settings = EvaluationSettings(CalibrationSettings(essential=request.param), runs=6)
@@ -251,7 +253,7 @@ def pooled(request: pytest.FixtureRequest) -> Iterator[tuple[Solver, list[list[R
     yield request.param, found
 
 
-def test_the_papers_ranking_on_the_nineteen(pooled: tuple[Solver, list[list[Run]]]) -> None:
+def test_the_papers_ranking_on_the_nineteen(pooled: tuple[Solver, list[list[RunCounts]]]) -> None:
     """Linear: intervals apart. Constrained: essential and 2D level; the 3D set as before.
 
     100 runs each, linear: FCP 0.0045, 0.038, 0.159; 3D error 0.10, 0.76, 1.6 %.

@@ -14,7 +14,7 @@ from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import (
     EvaluationSettings,
-    Run,
+    RunCounts,
     Splits,
     clusters_to_split,
     evaluate,
@@ -38,9 +38,11 @@ def with_search(**values: float) -> EvaluationSettings:
     return replace(USUAL, calibration=CalibrationSettings(search))
 
 
-def assert_equal(found: Sequence[Sequence[Run]], wanted: Sequence[Sequence[Run]]) -> None:
+def assert_equal(
+    found: Sequence[Sequence[RunCounts]], wanted: Sequence[Sequence[RunCounts]]
+) -> None:
     for one, other in zip(found[0], wanted[0], strict=True):
-        for each in fields(Run):
+        for each in fields(RunCounts):
             np.testing.assert_allclose(
                 getattr(one, each.name), getattr(other, each.name), rtol=1e-7
             )

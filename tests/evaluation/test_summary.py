@@ -17,7 +17,7 @@ from stereocal.evaluation.compiled_run import (
     UNDERFLOW,
     WRONG,
 )
-from stereocal.evaluation.evaluate import Run
+from stereocal.evaluation.evaluate import RunCounts
 from stereocal.evaluation.summary import (
     BOOTSTRAPS,
     MethodSummary,
@@ -29,7 +29,7 @@ from stereocal.evaluation.summary import (
 from stereocal.rig.compiled import FloatArray
 
 
-def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> Run:
+def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> RunCounts:
     """A run with these values of both quantities (not their logarithms), alike for all methods."""
     counts = np.zeros((3, 2, 2, BINS + 2), dtype=np.int32)
     for label, values in ((CORRECT, correct), (WRONG, wrong)):
@@ -39,12 +39,12 @@ def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = 
         counts[:, :, label, OVERFLOW] = (values >= edges[-1]).sum()
     ratios = np.array([1.01, 0.98]) if lengths is None else lengths
     nans = np.zeros((3, 2), dtype=np.int64)
-    return Run(counts, nans, np.tile(ratios, (3, 1)), np.zeros((3, 5)), np.ones(3))
+    return RunCounts(counts, nans, np.tile(ratios, (3, 1)), np.zeros((3, 5)), np.ones(3))
 
 
 def log_normal_runs(
     rng: np.random.Generator, shift: float, spreads: tuple[float, float], runs: int = 100
-) -> list[Run]:
+) -> list[RunCounts]:
     """`runs` runs of 10 correct pairs about 1 and 90 wrong ones `shift` decades above."""
     return [
         run_of(10 ** rng.normal(0.0, spreads[0], 10), 10 ** rng.normal(shift, spreads[1], 90))
@@ -106,7 +106,7 @@ def test_fcp_is_0_for_separate_and_1_for_equal_samples() -> None:
 
 
 @pytest.fixture(scope="module")
-def study() -> list[list[Run]]:
+def study() -> list[list[RunCounts]]:
     """Three data sets of 8 runs, with lengths of their own; 5 bars each, some without a value."""
     rng = np.random.default_rng(3)
     made = []
@@ -120,7 +120,7 @@ def study() -> list[list[Run]]:
     return made
 
 
-def test_pooling_adds_counts(study: list[list[Run]]) -> None:
+def test_pooling_adds_counts(study: list[list[RunCounts]]) -> None:
     pooled = summarise(study)["2d"]
     together = summarise([[run for runs in study for run in runs]])["2d"]
     for one, other in (
@@ -154,7 +154,7 @@ def test_threshold_of_two_equal_gaussians_is_half_way() -> None:
     assert found.correct_lost + found.wrong_let_in == pytest.approx(found.fcp.value, abs=0.005)
 
 
-def test_3d_errors_are_those_of_numpy_on_the_pooled_values(study: list[list[Run]]) -> None:
+def test_3d_errors_are_those_of_numpy_on_the_pooled_values(study: list[list[RunCounts]]) -> None:
     for at, method in enumerate(METHODS):
         found = summarise(study)[method].reconstruction
         ratios = np.concatenate([run.lengths[at] for runs in study for run in runs])
@@ -182,7 +182,7 @@ def test_wand_score_does_not_see_the_scale_and_the_mean_error_does() -> None:
     assert long.mean_length_error == pytest.approx(0.2, rel=1e-9)
 
 
-def test_best_methods_are_the_least(study: list[list[Run]]) -> None:
+def test_best_methods_are_the_least(study: list[list[RunCounts]]) -> None:
     found = summarise(study)
 
     def changed(method: Method, fcp: float, median: float) -> MethodSummary:

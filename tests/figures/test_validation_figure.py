@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 import pytest
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES
@@ -28,7 +28,7 @@ Summaries = dict[Method, MethodSummary]
 
 
 @cache
-def runs_twice() -> list[list[Run]]:
+def runs_twice() -> list[list[RunCounts]]:
     """The runs of the sample, and again as a second data set."""
     dataset = read_dataset(SAMPLE)
     with ThreadPoolExecutor(2) as executor:

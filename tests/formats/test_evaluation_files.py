@@ -10,7 +10,7 @@ import pytest
 
 from stereocal.calibration.methods import METHODS
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, Run, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate
 from stereocal.evaluation.summary import summarise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import (
@@ -27,14 +27,14 @@ SETTINGS = EvaluationSettings(runs=6, calibration_frames=20)
 
 
 @pytest.fixture(scope="module")
-def runs() -> list[list[Run]]:
+def runs() -> list[list[RunCounts]]:
     with ThreadPoolExecutor(2) as executor:
         found = evaluate([read_dataset(FIELD)], SETTINGS, executor)
     assert found is not None
     return found
 
 
-def test_evaluation_comes_back_as_it_was(runs: list[list[Run]]) -> None:
+def test_evaluation_comes_back_as_it_was(runs: list[list[RunCounts]]) -> None:
     odd = replace(runs[0][0], lengths=runs[0][0].lengths[:, :2])
     kept = [runs[0], [odd, *runs[0][1:3]]]
     evaluation = Evaluation(kept, SETTINGS, ["one", "two"], ["a", "b"])
@@ -54,7 +54,7 @@ def test_damaged_evaluation_is_said(content: bytes) -> None:
         unpack_evaluation(content)
 
 
-def test_summary_has_what_scripts_read(runs: list[list[Run]]) -> None:
+def test_summary_has_what_scripts_read(runs: list[list[RunCounts]]) -> None:
     pooled = summarise(runs)
     dataset = read_dataset(FIELD)
     content = json.loads(summary_json(pooled, {"field": pooled}, [dataset], SETTINGS))
