@@ -1,11 +1,13 @@
-"""Run all methods on a data set: screening, the paper's three (Section 3), the refined one.
+"""What is computed from a recording of two cameras: `Run`, whose steps are made when asked for.
 
-`calibrate` computes; `answer` puts together what to tell and what to write.
+Screening, the paper's three methods (Section 3) and the refined one, a validation, the forecast,
+the recommendation and the files. Commands, pages, the paper kit and rigs ask it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from stereocal.calibration.montecarlo import (
     reprojection_problem,
 )
 from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.best_reading import check_inputs
 from stereocal.refined.diagnosis import (
@@ -42,16 +45,207 @@ from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast, RigParameters
 from stereocal.rig.rig import Rig
-from stereocal.verdict.forecast import Outlook, verdict
+from stereocal.system.latest import step
+from stereocal.system.tasks import Progress
+from stereocal.verdict.forecast import Outlook, forecast_files, verdict
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
 
+STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
+"""What takes time, in order."""
 OTHER_SEEDS = (1, 2, 3, 4)
+"""Added to the seed of the searches."""
 DEFAULT_REFINED = RefineSettings()
 FEWER_DRAWS = 48
 """Draws of the truth for each further seed."""
+
+
+@dataclass(eq=False)
+class Run:
+    """All that is computed from a recording of two cameras. Each step is made when it is first
+    asked for, and kept; any thread may ask."""
+
+    dataset: Dataset
+    settings: CalibrationSettings = field(default_factory=CalibrationSettings)
+    refined: RefineSettings | None = DEFAULT_REFINED
+    """Settings of the refined method, except whether a time offset is solved for, which `settings`
+    says; None: without this method."""
+    evaluation: Evaluation | None = None
+    """A validation of the frames that are not left out; None without one."""
+    figures: Mapping[Any, Validated] | None = None
+    """Entries of the files on a validation, by method, instead of those of `evaluation`."""
+    trace: bool = False
+    """Whether every move of the searches is recorded."""
+    progress: Callable[[str], None] = lambda _: None
+    """Called with the name of each of `STEPS` when it begins."""
+
+    @classmethod
+    def of(
+        cls,
+        calibration: Calibration,
+        evaluation: Evaluation | None = None,
+        refined: RefineSettings | None = None,
+    ) -> "Run":
+        """The run of a finished calibration.
+
+        Args:
+            refined: settings of a refined set that it lacks; if that fails, it goes without.
+        """
+        run = cls(calibration.dataset, calibration.settings, refined, evaluation)
+        if calibration.refined is not None:
+            run.refined = calibration.refined.settings
+        elif refined is not None:
+            with suppress(StereocalError):
+                calibration = replace(calibration, refined=refine(calibration.fitted, refined))
+        vars(run).update(screening=calibration.screening, calibration=calibration)
+        return run
+
+    def validated(self, evaluation: Evaluation) -> "Run":
+        """This run with a validation of its data; what does not depend on it is not made again."""
+        run = replace(self, evaluation=evaluation)
+        kept = ("screening", "calibration", "outlook", "inputs")
+        vars(run).update({name: vars(self)[name] for name in kept if name in vars(self)})
+        return run
+
+    def validate(
+        self,
+        settings: EvaluationSettings,
+        executor: Executor,
+        progress: Progress | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> "Run | None":
+        """The run with a validation of the frames that are not left out; None if cancelled."""
+        kept = self.calibration.screening.dataset
+        found = evaluate([kept], settings, executor, progress, cancelled)
+        if found is None:
+            return None
+        return self.validated(
+            Evaluation(found, settings, [kept.name], [self.calibration.dataset.sha256])
+        )
+
+    @step
+    def screening(self) -> Screening:
+        """The frames that contradict the others, and the recording without them."""
+        self.progress("screening")
+        return screened(self.dataset, self.settings)
+
+    @step
+    def calibration(self) -> Calibration:
+        """The sets of all methods. If the refined method fails, a warning has the reason."""
+        settings = self.settings
+        if self.refined is not None:
+            check_stated(self.refined, self.dataset)
+        screening = self.screening
+        dataset, kept = screening.full_dataset, screening.dataset
+        split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
+        frames = _draw_frames(screening, settings.calibration_frames, split_seed)
+        all_kept = len(frames) == len(kept.correspondences.frames)
+        chosen = kept if all_kept else kept.of_frames(frames)
+        try:
+            checks.check_points(chosen)
+        except StereocalError as error:
+            raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
+        reconstruction = reconstruction_problem(chosen, settings.known_points)
+        warnings = [
+            *filter(None, [note_on_free_baseline(chosen)]),
+            *checks.warnings_about(chosen),
+            *checks.warnings_about_copies(dataset),
+        ]
+        self.progress("essential")
+        start = _essential(chosen, settings, reconstruction, screening)
+        offer = offer_time_offset(screening)
+        warnings += check_inputs(frames_to_judge(chosen, screening), late=bool(offer))
+        results: dict[Method, MethodResult] = {"essential": start}
+        for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
+            self.progress(method)
+            results[method] = minimise(problem, start.pose, settings.search, seed, self.trace)
+        poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
+        warnings += warnings_about_fit(chosen, screening, poor, offer)
+        refined = None
+        if self.refined is not None:
+            self.progress("refined")
+            late, drift = settings.time_offset, settings.time_drift
+            own = replace(self.refined, time_offset=late, time_drift=drift)
+            try:
+                # Without an initial pose, as for a stored calibration: its files are the same.
+                refined = refine(chosen, own)
+                warnings += filter(None, [misplaced_target(refined)])
+            except StereocalError as error:
+                warnings.append(f"There is no refined set: {error}")
+        return Calibration(dataset, settings, screening, frames, results, tuple(warnings), refined)
+
+    @step
+    def outlook(self) -> Outlook | None:
+        """The forecast of the files; None if there cannot be one."""
+        calibration = self.calibration
+        self.progress("forecast")
+        try:
+            return forecast_files(calibration)
+        except StereocalError:
+            return None
+
+    @step
+    def validation(self) -> Mapping[Any, Validated]:
+        """The entries of the files on the validation, by method; empty without one."""
+        if self.figures or self.evaluation is None:
+            return self.figures or {}
+        return validation_figures(self.evaluation.summaries, self.evaluation.settings)
+
+    @step
+    def recommendation(self) -> Recommendation:
+        """Which file to use for what, and how good they are."""
+        found = recommend(self.calibration, self.outlook, self.validation)
+        moved = moved_lengths(self.outlook.comparison.inputs) if self.outlook else ""
+        note = ""
+        if (own := self.evaluation) is not None:
+            kept = self.calibration.screening.dataset
+            note = note_on_splits(kept, own.settings, own.summaries)
+        return replace(found, sentences=tuple(filter(None, (*found.sentences, moved, note))))
+
+    @step
+    def inputs(self) -> list[Input]:
+        """Which input values the images contradict; empty without a refined set."""
+        if self.outlook is not None:
+            return self.outlook.comparison.inputs
+        refined = self.calibration.refined
+        return [] if refined is None else what_disagrees(refined)
+
+    @step
+    def forecasts(self) -> dict[Method, FileForecast]:
+        """The entries of the files on the forecast, by method; empty without one."""
+        return self.outlook.of_files(self.validation) if self.outlook else {}
+
+    @step
+    def sets(self) -> dict[Method, RigParameters]:
+        """The parameter files: 2d, 3d and, if available, refined."""
+        calibration, validation, forecasts = self.calibration, self.validation, self.forecasts
+        found: dict[Method, RigParameters] = {
+            "2d": calibration.parameters("2d", validation.get("2d"), forecasts.get("2d")),
+            "3d": calibration.parameters("3d", validation.get("3d"), forecasts.get("3d")),
+        }
+        if calibration.refined is not None:
+            found["refined"] = refined_parameters(
+                calibration.refined,
+                self.inputs,
+                validation.get("refined"),
+                calibration.screening.left_out,
+                forecasts.get("refined"),
+            )
+        about = self.recommendation.to_json()
+        return {method: replace(rig, recommendation=about) for method, rig in found.items()}
+
+    @property
+    def thresholds_px(self) -> dict[Method, float | None]:
+        """The matching threshold in each file."""
+        return {method: rig.matching_threshold_px for method, rig in self.sets.items()}
+
+    @step
+    def note_on_seeds(self) -> str:
+        """A sentence if the files to use depend on the seed of the searches; else empty."""
+        outlook = self.outlook
+        return "" if outlook is None else conclusions_of_seeds(self.calibration, outlook)
 
 
 def calibrate(
@@ -73,51 +267,10 @@ def calibrate(
             `settings` says; None: without this method. If it fails, the result has the other
             methods and a warning with the reason.
     """
-    settings = settings or CalibrationSettings()
-    if refined is not None:
-        check_stated(refined, dataset)
-    report = progress or (lambda _: None)
-    split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
-    report("screening")
-    screening = screened(dataset, settings)
-    dataset, kept = screening.full_dataset, screening.dataset
-    frames = _draw_frames(screening, settings.calibration_frames, split_seed)
-    all_kept = len(frames) == len(kept.correspondences.frames)
-    chosen = kept if all_kept else kept.of_frames(frames)
-    try:
-        checks.check_points(chosen)
-    except StereocalError as error:
-        raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
-    reconstruction = reconstruction_problem(chosen, settings.known_points)
-    warnings = [
-        *filter(None, [note_on_free_baseline(chosen)]),
-        *checks.warnings_about(chosen),
-        *checks.warnings_about_copies(dataset),
-    ]
-
-    report("essential")
-    start = _essential(chosen, settings, reconstruction, screening)
-    offer = offer_time_offset(screening)
-    warnings += check_inputs(frames_to_judge(chosen, screening), late=bool(offer))
-    results: dict[Method, MethodResult] = {"essential": start}
-    for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
-        report(method)
-        results[method] = minimise(problem, start.pose, settings.search, seed, trace)
-    poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
-    warnings += warnings_about_fit(chosen, screening, poor, offer)
-    refined_result = None
-    if refined is not None:
-        report("refined")
-        try:
-            # Without an initial pose, as for a stored calibration: its files are the same.
-            own = replace(refined, time_offset=settings.time_offset, time_drift=settings.time_drift)
-            refined_result = refine(chosen, own)
-            warnings += filter(None, [misplaced_target(refined_result)])
-        except StereocalError as error:
-            warnings.append(f"There is no refined set: {error}")
-    return Calibration(
-        dataset, settings, screening, frames, results, tuple(warnings), refined_result
-    )
+    run = Run(dataset, settings or CalibrationSettings(), refined, trace=trace)
+    if progress is not None:
+        run.progress = progress
+    return run.calibration
 
 
 def _searches(
@@ -175,81 +328,6 @@ def usual_frames(frames: int) -> int:
     return max(4 * frames // 5, 1)
 
 
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What a calibration and its validation tell, and the files to write."""
-
-    calibration: Calibration
-    outlook: Outlook | None
-    """None if there is no forecast."""
-    validation: Mapping[Any, Validated]
-    """The entries of the files on the validation, by method; empty without one."""
-    recommendation: Recommendation
-    evaluation: Evaluation | None = None
-    """The validation of the same data set; None without one, or with figures of a file."""
-
-    @cached_property
-    def inputs(self) -> list[Input]:
-        """Which input values the images contradict; empty without a refined set."""
-        if self.outlook is not None:
-            return self.outlook.comparison.inputs
-        refined = self.calibration.refined
-        return [] if refined is None else what_disagrees(refined)
-
-    @cached_property
-    def forecasts(self) -> dict[Method, FileForecast]:
-        """The entries of the files on the forecast, by method; empty without one."""
-        return self.outlook.of_files(self.validation) if self.outlook else {}
-
-    @cached_property
-    def sets(self) -> dict[Method, RigParameters]:
-        """The parameter files: 2d, 3d and, if available, refined."""
-        calibration, validation, forecasts = self.calibration, self.validation, self.forecasts
-        found: dict[Method, RigParameters] = {
-            "2d": calibration.parameters("2d", validation.get("2d"), forecasts.get("2d")),
-            "3d": calibration.parameters("3d", validation.get("3d"), forecasts.get("3d")),
-        }
-        if calibration.refined is not None:
-            found["refined"] = refined_parameters(
-                calibration.refined,
-                self.inputs,
-                validation.get("refined"),
-                calibration.screening.left_out,
-                forecasts.get("refined"),
-            )
-        about = self.recommendation.to_json()
-        return {method: replace(rig, recommendation=about) for method, rig in found.items()}
-
-    @property
-    def thresholds_px(self) -> dict[Method, float | None]:
-        """The matching threshold in each file."""
-        return {method: rig.matching_threshold_px for method, rig in self.sets.items()}
-
-
-def answer(
-    calibration: Calibration,
-    outlook: Outlook | None,
-    evaluation: Evaluation | None = None,
-    validation: Mapping[Any, Validated] | None = None,
-) -> Answer:
-    """The answer of a calibration with its refined set.
-
-    Args:
-        outlook: the forecast of its files, if any.
-        evaluation: of the same data set.
-        validation: entries to write into the files instead of those of `evaluation`.
-    """
-    note = ""
-    if evaluation is not None:
-        settings, summaries = evaluation.settings, evaluation.summaries
-        validation = validation or validation_figures(summaries, settings)
-        note = note_on_splits(calibration.screening.dataset, settings, summaries)
-    found = recommend(calibration, outlook, validation)
-    moved = moved_lengths(outlook.comparison.inputs) if outlook else ""
-    found = replace(found, sentences=tuple(filter(None, (*found.sentences, moved, note))))
-    return Answer(calibration, outlook, validation or {}, found, evaluation)
-
-
 def conclusions_of_seeds(
     calibration: Calibration, outlook: Outlook, seeds: Sequence[int] = OTHER_SEEDS
 ) -> str:
@@ -267,7 +345,7 @@ def conclusions_of_seeds(
     found = [verdict(outlook.predictive, frames)]
     lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
     for seed in seeds:
-        files = {**outlook.files, **files_of_seed(calibration, settings.search.seed + seed)}
+        files = {**outlook.files, **_files_of_seed(calibration, settings.search.seed + seed)}
         predictive = predict(outlook.comparison.model, files, draws=FEWER_DRAWS)
         found.append(verdict(predictive, frames))
         lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
@@ -281,7 +359,7 @@ def conclusions_of_seeds(
     )
 
 
-def files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
+def _files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
     """The 2D and the 3D set of a calibration with another seed of the searches."""
     settings, dataset = calibration.settings, calibration.screening.dataset
     start = calibration.methods["essential"].pose
@@ -291,3 +369,19 @@ def files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
         pose = minimise(problem, start, settings.search, stream).pose
         found[method] = Rig(dataset.primary, dataset.secondary, pose)
     return found
+
+
+Answer = Run
+
+
+def answer(
+    calibration: Calibration,
+    outlook: Outlook | None,
+    evaluation: Evaluation | None = None,
+    validation: Mapping[Any, Validated] | None = None,
+) -> Run:
+    """The run of a calibration whose forecast is known."""
+    run = Run.of(calibration, evaluation)
+    run.figures = validation
+    vars(run)["outlook"] = outlook
+    return run

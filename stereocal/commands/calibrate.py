@@ -19,22 +19,20 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.warming import compile_apart
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
-from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import digits, listed
 from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import frames_to_come, in_percent
-from stereocal.workflow import Answer, answer, calibrate, conclusions_of_seeds, usual_frames
+from stereocal.workflow import Run, usual_frames
 
 OPTIONS: Options = {
     "dataset": "folder or zip with dataset.json",
@@ -78,9 +76,9 @@ def run(parsed: argparse.Namespace) -> None:
     free = tuple(parsed.free_distortion)
     refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
-    calibration = calibrate(dataset, settings, refined=refined)
-    evaluation = _validate(calibration, refined, parsed.runs) if parsed.runs else None
-    found = answer(calibration, outlook_of(calibration), evaluation, figures)
+    found = Run(dataset, settings, refined, figures=figures)
+    if parsed.runs:
+        found = _validated(found, parsed.runs)
     files = {f"parameters_{name}.json": own.dumps().encode() for name, own in found.sets.items()}
     if parsed.kit:
         files["paper_kit.zip"] = paper_kit(found)
@@ -89,7 +87,7 @@ def run(parsed: argparse.Namespace) -> None:
     finish(parsed.out, files, *_lines_of(found), *notes, recommended)
 
 
-def _lines_of(found: Answer) -> list[str]:
+def _lines_of(found: Run) -> list[str]:
     """The data, and what each method made of them."""
     calibration = found.calibration
     dataset, rows = calibration.dataset, calibration.dataset.correspondences
@@ -118,7 +116,7 @@ def _lines_of(found: Answer) -> list[str]:
     return lines
 
 
-def _notes_on(found: Answer) -> list[str]:
+def _notes_on(found: Run) -> list[str]:
     """Warnings, inputs that disagree, errors that cannot be detected, advice; or empty."""
     calibration, inputs = found.calibration, found.inputs
     pose = found.sets[found.recommendation.measure.method].pose
@@ -130,29 +128,25 @@ def _notes_on(found: Answer) -> list[str]:
     timing = calibration.screening.time_note
     notes = [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]
     if found.outlook:
-        notes += [conclusions_of_seeds(calibration, found.outlook), found.outlook.advice]
+        notes += [found.note_on_seeds, found.outlook.advice]
     return notes
 
 
-def _validate(
-    calibration: Calibration, refined: RefineSettings | None, runs: int
-) -> Evaluation | None:
-    """Random splits of the frames not left out; None, and the reason, if there are too few."""
-    search = replace(calibration.settings, calibration_frames=None)
-    drawn = usual_frames(len(calibration.screening.dataset.correspondences.frames))
+def _validated(run: Run, runs: int) -> Run:
+    """The run with random splits of the frames not left out; as it is if there are too few."""
+    search = replace(run.settings, calibration_frames=None)
+    drawn = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
     try:
-        return evaluation_of(calibration, EvaluationSettings(search, runs, drawn, refined))
+        return validate(run, EvaluationSettings(search, runs, drawn, run.refined))
     except StereocalError as error:
         print(f"No validation: {error}")
-        return None
+        return run
 
 
-def evaluation_of(calibration: Calibration, settings: EvaluationSettings) -> Evaluation:
-    """A validation of the frames not left out, with its progress on stderr."""
-    kept = calibration.screening.dataset
+def validate(run: Run, settings: EvaluationSettings) -> Run:
+    """The run with a validation, with its progress on stderr."""
     with engine() as executor:
-        found = with_bar("random splits", partial(evaluate, [kept], settings, executor))
-    return Evaluation(found, settings, [kept.name], [calibration.dataset.sha256])
+        return with_bar("random splits", partial(run.validate, settings, executor))
 
 
 def _forecast_lines(

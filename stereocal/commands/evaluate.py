@@ -1,10 +1,9 @@
 """`stereocal evaluate`: FCP and 3D error over random splits."""
 
 import argparse
-from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 
-from stereocal.calibration.methods import Method
 from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
@@ -20,15 +19,12 @@ from stereocal.commands.options import (
 )
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
-from stereocal.evaluation.summary import MethodSummary, summarise_all
+from stereocal.evaluation.summary import summarise_all
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
-from stereocal.refined.screening import screened
-from stereocal.rig.dataset import Dataset
-from stereocal.verdict.forecast import outlook_of
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
-from stereocal.workflow import Answer, answer, calibrate
+from stereocal.workflow import Run
 
 OPTIONS: Options = {
     "datasets DATASET...": "folders, zips",
@@ -57,15 +53,16 @@ def run(parsed: argparse.Namespace) -> None:
         refine_settings_from(parsed) if parsed.refined else None,
         parsed.splits,
     )
-    screenings = [screened(dataset, settings.calibration) for dataset in datasets]
+    found = [Run(dataset, settings.calibration, settings.refined) for dataset in datasets]
+    screenings = [run.screening for run in found]
     kept = [screening.dataset for screening in screenings]
     with workers_from(parsed, partial(evaluate_runs, kept[0], settings, 0, [0])) as executor:
         runs = with_bar("runs", partial(evaluate, kept, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
-    of_each = zip(datasets, by_dataset.values(), strict=True)
-    answers = [_answer_of(dataset, settings, own) for dataset, own in of_each]
-    forecasts = [found.forecasts if found else {} for found in answers]
-    only = answers[0] if len(answers) == 1 else None
+    for run, own in zip(found, by_dataset.values(), strict=True):
+        run.figures = validation_figures(own, settings)
+    forecasts = [run.forecasts if _is_calibrated(run) else {} for run in found]
+    only = found[0] if len(found) == 1 and _is_calibrated(found[0]) else None
     recommended = (only.calibration, only.recommendation) if only else None
     about = datasets, settings, screenings
     files = {
@@ -84,12 +81,8 @@ def run(parsed: argparse.Namespace) -> None:
     finish(parsed.out, files, *lines, validation_answer(pooled), *recommendation)
 
 
-def _answer_of(
-    dataset: Dataset, settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
-) -> Answer | None:
-    """What the files that `calibrate` writes from all frames do; None if there are none."""
-    try:
-        found = calibrate(dataset, settings.calibration, refined=settings.refined)
-    except StereocalError:
-        return None
-    return answer(found, outlook_of(found), validation=validation_figures(summaries, settings))
+def _is_calibrated(run: Run) -> bool:
+    """Whether all frames give the files that `calibrate` writes."""
+    with suppress(StereocalError):
+        return bool(run.calibration)
+    return False

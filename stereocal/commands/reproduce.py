@@ -2,7 +2,7 @@
 
 import argparse
 
-from stereocal.commands.calibrate import evaluation_of
+from stereocal.commands.calibrate import validate
 from stereocal.commands.console import Options
 from stereocal.commands.options import finish
 from stereocal.commands.warming import compile_apart
@@ -14,8 +14,7 @@ from stereocal.paper_kit.reproduction import (
     read_archive,
 )
 from stereocal.rig.parameters import RigParameters, software_versions
-from stereocal.verdict.forecast import outlook_of
-from stereocal.workflow import answer, calibrate
+from stereocal.workflow import Run
 
 DIFFERENT = 1
 """Exit status if a file differs by more than its tolerance."""
@@ -44,10 +43,8 @@ def run(parsed: argparse.Namespace) -> int:
 
 def _computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
     """The parameter files by name, without those that cannot be computed any more."""
-    calibration = calibrate(archived.dataset, archived.calibration, refined=archived.refined)
-    settings = archived.validation
-    evaluation = None if settings is None else evaluation_of(calibration, settings)
-    sets = answer(calibration, outlook_of(calibration), evaluation).sets
+    found = Run(archived.dataset, archived.calibration, archived.refined)
+    sets = (found if archived.validation is None else validate(found, archived.validation)).sets
     methods = {name: content["method"] for name, content in archived.files.items()}
     return {name: sets[method] for name, method in methods.items() if method in sets}
 

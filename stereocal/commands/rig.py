@@ -17,8 +17,7 @@ from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets
 from stereocal.network.rig_file import RIG, rig_file
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.verdict.forecast import outlook_of
-from stereocal.workflow import answer, calibrate
+from stereocal.workflow import Run
 
 OPTIONS: Options = {
     "inputs DATASET...": "a data set with dataset.json of format 2; or refined parameter files of "
@@ -38,11 +37,10 @@ FIGURES = ("fcp_reprojection", "median_error_3d", "p95_error_3d", "threshold_px"
 def paper_sets(dataset: Dataset, settings: RefineSettings) -> Sets:
     """The refined set of a pair of a rig and the paper's two, with the forecast."""
     # The rig has left out the frames that contradict it.
-    calibration = calibrate(dataset, CalibrationSettings(all_frames=True), refined=settings)
-    outlook = outlook_of(calibration)
-    if outlook is None or calibration.refined is None:
+    found = Run(dataset, CalibrationSettings(all_frames=True), settings)
+    if found.outlook is None:
         raise StereocalError("there is no forecast for it.")
-    return answer(calibration, outlook).sets
+    return found.sets
 
 
 def run(parsed: argparse.Namespace) -> None:

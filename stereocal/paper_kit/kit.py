@@ -13,14 +13,14 @@ from stereocal.paper_kit.digests import is_number
 from stereocal.paper_kit.methods_text import captions_md, methods_md, references_bib
 from stereocal.paper_kit.reproduction import ARCHIVE, archive_files
 from stereocal.system.zip_files import pack_zip
-from stereocal.workflow import Answer
+from stereocal.workflow import Run
 
 ENDS = ("value", "low", "high")
 INTERVAL = "_interval"
 WIDTHS = (journal.COLUMN_MM, journal.PAGE_MM)
 
 
-def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
+def paper_kit(run: Run, applied: Outcome | None = None) -> bytes:
     """The kit of a result as a zip.
 
     Args:
@@ -28,23 +28,23 @@ def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
     """
     drawn = {
         f"figures/{name}_{width:.0f}mm.{form}": content
-        for name, draw in _figures(answer)
+        for name, draw in _figures(run)
         for width in WIDTHS
         for form, content in journal.rendered(draw, width).items()
     }
     return pack_zip(
         {
-            "methods.md": f"{methods_md(answer, applied)}\n{captions_md(answer)}".encode(),
+            "methods.md": f"{methods_md(run, applied)}\n{captions_md(run)}".encode(),
             "references.bib": references_bib(),
             **drawn,
-            "table.csv": table_csv(answer),
-            ARCHIVE: pack_zip(archive_files(answer, answer.sets)),
+            "table.csv": table_csv(run),
+            ARCHIVE: pack_zip(archive_files(run, run.sets)),
         }
     )
 
 
-def _figures(answer: Answer) -> Iterator[tuple[str, journal.Draw]]:
-    calibration, evaluation = answer.calibration, answer.evaluation
+def _figures(run: Run) -> Iterator[tuple[str, journal.Draw]]:
+    calibration, evaluation = run.calibration, run.evaluation
     if evaluation is not None:
         summaries = evaluation.summaries
         papers = {method: summaries[method] for method in METHODS}
@@ -52,10 +52,10 @@ def _figures(answer: Answer) -> Iterator[tuple[str, journal.Draw]]:
         if len(summaries) > len(papers):
             yield "validation_with_refined", partial(journal.draw_validation, summaries)
     yield "errors_by_frame", partial(journal.draw_frame_errors, calibration)
-    yield "rig", partial(journal.draw_rig, calibration, answer.recommendation.measure.method)
+    yield "rig", partial(journal.draw_rig, calibration, run.recommendation.measure.method)
 
 
-def table_csv(answer: Answer) -> bytes:
+def table_csv(run: Run) -> bytes:
     """One row per method, one column per figure of `summary.json`; errors are fractions.
 
     A figure with a 95 % interval has `_low` and `_high` beside it; forecast figures begin with
@@ -63,8 +63,8 @@ def table_csv(answer: Answer) -> bytes:
     """
     rows = []
     for method in ALL_METHODS:
-        forecast = answer.forecasts.get(method)
-        held_out = _flat(answer.validation.get(method, {}))
+        forecast = run.forecasts.get(method)
+        held_out = _flat(run.validation.get(method, {}))
         if row := {**held_out, **_flat(forecast.figures if forecast else {}, "predicted_")}:
             rows.append({"method": method, **row})
     columns = list(dict.fromkeys(name for row in rows for name in row)) or ["method"]

@@ -21,7 +21,7 @@ from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, percent
 from stereocal.verdict.recommendation import NAMES, in_percent
 from stereocal.version import __version__
-from stereocal.workflow import Answer
+from stereocal.workflow import Run
 
 PAPER, PROGRAM = "beschi2021", "stereocal"
 """Keys of the entries."""
@@ -30,7 +30,7 @@ MOST_FRAMES = 40
 """Frames left out that are named one by one."""
 
 
-def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
+def methods_md(run: Run, applied: Outcome | None = None) -> str:
     """What was recorded, left out, computed and found, and which set serves what.
 
     Without a validation there are no held-out figures; without a forecast either, none at all.
@@ -38,7 +38,7 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     Args:
         applied: how points were matched and measured; None: it says what is recommended.
     """
-    caution = answer.recommendation.caution
+    caution = run.recommendation.caution
     warning = [f"**Do not rely on this result: {caution}**"] if caution else []
     use = (
         partial(_applied, applied)
@@ -46,7 +46,7 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
         else _recommended
     )
     parts = (_recording, _left_out, _sets, _validation, _held_out, use, _verdict)
-    paragraphs = (" ".join(filter(None, part(answer))) for part in parts)
+    paragraphs = (" ".join(filter(None, part(run))) for part in parts)
     again = (
         "Data, settings, parameter files and their digests are in `archive.zip`; `python -m "
         "stereocal reproduce archive.zip --out DIR` computes the parameter files again (Python "
@@ -55,8 +55,8 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs), again]) + "\n"
 
 
-def _recording(answer: Answer) -> Iterator[str]:
-    dataset = answer.calibration.dataset
+def _recording(run: Run) -> Iterator[str]:
+    dataset = run.calibration.dataset
     rows = dataset.correspondences
     what, distances = "A bar with two targets", f"{count(len(rows.bars), 'bar')} with both targets"
     if (own := rows.rigid_object) is not None:
@@ -89,7 +89,7 @@ def _recording(answer: Answer) -> Iterator[str]:
     if by_hand < len(rows):
         corrected = f"; {count(by_hand, 'pair')} were corrected or set by hand" if by_hand else ""
         yield f"The targets were detected in the photographs{corrected}."
-    if (volume := answer.sets["3d"].volume) is not None:
+    if (volume := run.sets["3d"].volume) is not None:
         yield f"The bars filled depths from {volume.depths} in front of the primary camera."
 
 
@@ -97,8 +97,8 @@ def _known(sigma_m: float | None) -> str:
     return "" if sigma_m is None else f" (standard error {digits(1000 * sigma_m, 2)} mm)"
 
 
-def _left_out(answer: Answer) -> Iterator[str]:
-    screening = answer.calibration.screening
+def _left_out(run: Run) -> Iterator[str]:
+    screening = run.calibration.screening
     if frames := screening.contradicting:
         yield (
             f"Before the calibration, a robust fit found {count(len(frames), 'frame')} that "
@@ -108,10 +108,10 @@ def _left_out(answer: Answer) -> Iterator[str]:
         yield f"{'Further, f' if frames else 'F'}{_them(by_user)[1:]} left out by hand."
     if copies := tuple(screening.copies):
         yield f"F{_them(copies)[1:]} left out as copies of other frames."
-    if put_back := answer.calibration.settings.frames_put_back:
+    if put_back := run.calibration.settings.frames_put_back:
         verb = "were" if len(put_back) > 1 else "was"
         yield f"F{_frames(put_back)[1:]} {verb} kept by hand."
-    if answer.calibration.settings.all_frames:
+    if run.calibration.settings.all_frames:
         yield "No frame was left out for contradicting the others."
 
 
@@ -123,8 +123,8 @@ def _them(frames: tuple[int, ...]) -> str:
     return f"{_frames(frames)} {'were' if len(frames) > 1 else 'was'}"
 
 
-def _sets(answer: Answer) -> Iterator[str]:
-    calibration = answer.calibration
+def _sets(run: Run) -> Iterator[str]:
+    calibration = run.calibration
     settings, search = calibration.settings, calibration.settings.search
     solver = "minimising the sum of the squared residuals over the five angles of the pose"
     if settings.essential == "linear":
@@ -181,13 +181,13 @@ def _step(radians: float) -> str:
     return power if number == "1" else f"{number} × {power}"
 
 
-def _validation(answer: Answer) -> Iterator[str]:
-    evaluation = answer.evaluation
+def _validation(run: Run) -> Iterator[str]:
+    evaluation = run.evaluation
     if evaluation is None:
         return
     settings = evaluation.settings
-    frames = len(answer.calibration.screening.dataset.correspondences.frames)
-    refined = answer.calibration.refined
+    frames = len(run.calibration.screening.dataset.correspondences.frames)
+    refined = run.calibration.refined
     follow = refined is not None and refined.clusters.has_runs and settings.splits == "runs"
     yield (
         f"In each of {settings.runs} runs, {settings.calibration_frames} frames drawn at random "
@@ -206,10 +206,10 @@ def _validation(answer: Answer) -> Iterator[str]:
     )
 
 
-def _held_out(answer: Answer) -> Iterator[str]:
-    if answer.evaluation is None:
+def _held_out(run: Run) -> Iterator[str]:
+    if run.evaluation is None:
         return
-    every, found = answer.evaluation.summaries, []
+    every, found = run.evaluation.summaries, []
     for method in (method for method in ALL_METHODS if method in every):
         fcp, lengths = every[method].reprojection.fcp, every[method].reconstruction
         measured = ", and no bar could be measured"
@@ -223,11 +223,11 @@ def _held_out(answer: Answer) -> Iterator[str]:
     yield f"On held-out frames: {'; '.join(found)} (figure `validation`, table `table.csv`)."
 
 
-def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
+def _applied(applied: Outcome, run: Run) -> Iterator[str]:
     """Which set matched and which measured the points of the project."""
     used, sets = applied.used, []
     for method, digest in (used["matching"], used["measuring"]):
-        own = answer.sets.get(method)
+        own = run.sets.get(method)
         another = "" if own is not None and own.digest == digest else " of another calibration"
         sets.append(NAMES[method] + another)
     names = " and ".join(f"`{label}`" for label in used["points"])
@@ -236,9 +236,9 @@ def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
     yield f"Their positions were reconstructed with {sets[1]}."
 
 
-def _recommended(answer: Answer) -> Iterator[str]:
+def _recommended(run: Run) -> Iterator[str]:
     """Which set is recommended for what; no points of the project were matched."""
-    found = answer.recommendation
+    found = run.recommendation
     match, measure, let_in = found.match, found.measure, ""
     held_out, forecast = match.wrong_let_in.held_out, match.wrong_let_in.forecast
     where, share = "on held-out frames", held_out
@@ -256,9 +256,9 @@ def _recommended(answer: Answer) -> Iterator[str]:
     yield f"{words}{f'; by the forecast, 95 % of lengths are within {within}' if within else ''}."
 
 
-def _verdict(answer: Answer) -> Iterator[str]:
-    verdict = answer.recommendation.verdict
-    if verdict is None or not answer.recommendation.forecast_holds:
+def _verdict(run: Run) -> Iterator[str]:
+    verdict = run.recommendation.verdict
+    if verdict is None or not run.recommendation.forecast_holds:
         return
     if verdict.kind == "one":
         yield f"One set serves both purposes here ({sure(verdict.chance_of_one)} sure)."
@@ -266,9 +266,9 @@ def _verdict(answer: Answer) -> Iterator[str]:
         yield f"Two sets are worth it here ({sure(1 - verdict.chance_of_one)} sure)."
 
 
-def captions_md(answer: Answer) -> str:
+def captions_md(run: Run) -> str:
     """The captions of figures and table."""
-    measure = NAMES[answer.recommendation.measure.method]
+    measure = NAMES[run.recommendation.measure.method]
     lines = [
         "**errors_by_frame** Reprojection error and relative error of the length of the bar in "
         "each frame, for the sets calibrated with all frames not left out.",
@@ -276,8 +276,8 @@ def captions_md(answer: Answer) -> str:
         "**table.csv** All figures of each method, with 95 % intervals (`_low`, `_high`); errors "
         "are fractions, `predicted_` figures are forecasts for similar bars.",
     ]
-    if answer.evaluation is not None:
-        shown = " (also with the refined set)" if len(answer.evaluation.summaries) > 3 else ""
+    if run.evaluation is not None:
+        shown = " (also with the refined set)" if len(run.evaluation.summaries) > 3 else ""
         lines.insert(
             0,
             "**validation** Probability densities of the errors on held-out frames, by method"

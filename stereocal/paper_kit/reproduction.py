@@ -19,7 +19,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters, software_versions
 from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import unzip
-from stereocal.workflow import Answer
+from stereocal.workflow import Run
 
 ARCHIVE = "archive.zip"
 """Name of the archive in a paper kit."""
@@ -83,7 +83,7 @@ def processor_kind() -> dict[str, str]:
     return {"system": platform.system(), "machine": platform.machine(), "family": family}
 
 
-def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[str, bytes]:
+def archive_files(run: Run, sets: Mapping[Method, RigParameters]) -> dict[str, bytes]:
     """The files of an archive by name: data set, parameter files, and `reproduce.json`.
 
     Args:
@@ -91,11 +91,11 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
     """
     texts = {NAMES[name]: rig.dumps() for name, rig in sets.items()}
     contents = {name: json.loads(text) for name, text in texts.items()}
-    refined, evaluation = answer.calibration.refined, answer.evaluation
+    refined, evaluation = run.calibration.refined, run.evaluation
     statement = {
         "format": FORMAT,
         "about": ABOUT,
-        "calibration": answer.calibration.settings.to_json(),
+        "calibration": run.calibration.settings.to_json(),
         "refined": None if refined is None else refined.settings.to_json(),
         "validation": None if evaluation is None else evaluation.settings.to_json(),
         "digests": DIGESTS,
@@ -112,7 +112,7 @@ def archive_files(answer: Answer, sets: Mapping[Method, RigParameters]) -> dict[
         "processor": processor_kind(),
     }
     return {
-        **pack_dataset(answer.calibration.dataset),
+        **pack_dataset(run.calibration.dataset),
         **{name: text.encode() for name, text in texts.items()},
         STATEMENT: (json.dumps(statement, indent=2, allow_nan=False) + "\n").encode(),
     }

@@ -4,12 +4,39 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast, overload
 
 from stereocal.errors import StereocalError
 
 P = ParamSpec("P")
 Value = TypeVar("Value")
+
+
+class step(Generic[Value]):  # noqa: N801 - as `property`
+    """A property that is computed when it is first asked for, by one thread, and kept.
+
+    Others wait for it. `functools.cached_property` has all instances wait (before Python 3.12):
+    also for the forecast of another recording.
+    """
+
+    def __init__(self, make: Callable[[Any], Value]) -> None:
+        self._make, self.__doc__ = make, make.__doc__
+
+    def __set_name__(self, _owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> "step[Value]": ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> Value: ...
+    def __get__(self, instance: object | None, owner: type) -> "step[Value] | Value":
+        if instance is None:
+            return self
+        kept = vars(instance)
+        with kept.setdefault("_lock", threading.RLock()):
+            if self._name not in kept:
+                kept[self._name] = self._make(instance)
+            return cast(Value, kept[self._name])
 
 
 class Latest(Generic[Value]):
