@@ -13,13 +13,13 @@ from stereocal.network.held_out import HeldOut, frame_errors, held_out, length_e
 from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.two_views import camera_of
+from stereocal.refined.two_views import rig_of
 from stereocal.refined.views import EACH, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 
 IMAGE_POINTS = 80
@@ -156,25 +156,29 @@ class RigCalibration:
         they are one rig, as in `rig.json`."""
         found = []
         for trio in combinations(self.names, 3):
-            ab, bc, ca = (self.pair_pose(trio[i], trio[(i + 1) % 3]) for i in range(3))
+            ab, bc, ca = (self.pair_alone(trio[i], trio[(i + 1) % 3]) for i in range(3))
             if ab is None or bc is None or ca is None:
                 continue
-            round_trip = ca @ bc @ ab
+            round_trip = ca.pose @ bc.pose @ ab.pose
             angle = np.degrees(np.arccos(np.clip((np.trace(round_trip.R) - 1) / 2, -1, 1)))
             before = {"rotation_deg": float(angle), "translation_m": round_trip.baseline}
             found.append({"cameras": list(trio), **dict.fromkeys(before, 0.0), "before": before})
         return found
 
-    def pair_pose(self, one: str, other: str) -> Pose | None:
-        """`other_from_one` as the pair by itself has it; None if it was not calibrated."""
-        if (own := self.pairs.fits.get((one, other))) is not None:
-            return own.pose
-        reverse = self.pairs.fits.get((other, one))
-        return None if reverse is None else reverse.pose.inverse()
+    def pair_alone(self, first: str, second: str) -> Rig | None:
+        """Two cameras as their pair by itself has them; None if it was not calibrated."""
+        for pair in ((first, second), (second, first)):
+            if (fit := self.pairs.fits.get(pair)) is not None:
+                one, other = (self.recording.cameras[name] for name in pair)
+                rig = rig_of(one, other, fit.q)
+                reverse = Rig(rig.secondary, rig.primary, rig.pose.inverse())
+                return rig if pair[0] == first else reverse
+        return None
 
-    def pose_of(self, pair: Pair) -> Pose:
-        """`second_from_first` of the rig."""
-        return self.poses[pair[1]] @ self.poses[pair[0]].inverse()
+    def pair(self, first: str, second: str) -> Rig:
+        """Two cameras as the rig has them."""
+        pose = self.poses[second] @ self.poses[first].inverse()
+        return Rig(self.cameras[first], self.cameras[second], pose)
 
 
 FEWEST_POINTS = 10
@@ -199,27 +203,19 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list
             continue
         for order in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
             a, b, c = (rig.names[trio[k]] for k in order)
-            pose, to_third = rig.pair_pose(a, b), rig.pair_pose(a, c)
-            if pose is None or to_third is None:
+            pair, with_third = rig.pair_alone(a, b), rig.pair_alone(a, c)
+            if pair is None or with_third is None:
                 continue
-            alone = Rig(_lens(rig, a, b, a), _lens(rig, a, b, b), pose)
-            before = _off(alone, _lens(rig, a, c, c), to_third, seen[:, order])
-            pair = Rig(rig.cameras[a], rig.cameras[b], rig.pose_of((a, b)))
-            after = _off(pair, rig.cameras[c], rig.pose_of((a, c)), seen[:, order])
-            own = {"pair": [a, b], "camera": c, "points": len(seen)}
-            found.append({**own, "before": before, "after": after})
+            before = _off(pair, with_third, seen[:, order])
+            after = _off(rig.pair(a, b), rig.pair(a, c), seen[:, order])
+            points = {"pair": [a, b], "camera": c, "points": len(seen)}
+            found.append({**points, "before": before, "after": after})
     return found
 
 
-def _off(pair: Rig, third: Camera, to_third: Pose, images: FloatArray) -> float:
-    """Median distance of the points of a pair from their images (n, 3, 2) in the third camera."""
-    points = pair.reconstruct(images[:, 0], images[:, 1])
-    found = third.project(to_third.apply(points))
-    return float(np.nanmedian(np.linalg.norm(found - images[:, 2], axis=1)))
-
-
-def _lens(rig: RigCalibration, one: str, other: str, which: str) -> Camera:
-    """A camera's lens as a pair has it."""
-    pair = (one, other) if (one, other) in rig.pairs.fits else (other, one)
-    stated = rig.recording.cameras[which]
-    return camera_of(stated, rig.pairs.fits[pair].q, pair.index(which))
+def _off(pair: Rig, with_third: Rig, images: FloatArray) -> float:
+    """Median distance of the points of a pair from their images (n, 3, 2) in a third camera, the
+    secondary of another pair with the same primary."""
+    points = with_third.pose.apply(pair.reconstruct(images[:, 0], images[:, 1]))
+    predicted = with_third.secondary.project(points)
+    return float(np.nanmedian(np.linalg.norm(predicted - images[:, 2], axis=1)))

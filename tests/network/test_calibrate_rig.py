@@ -80,7 +80,7 @@ def test_a_rig_of_two_cameras_is_the_refined_set_of_calibrate(measured: bool) ->
     calibration = calibrate(with_baseline_found(recording.pair("c1", "c2")))
     pair, rig = calibration.refined, calibrate_rig(recording)
     assert pair is not None
-    found = shared_unknowns(Rig(rig.cameras["c1"], rig.cameras["c2"], rig.pose_of(("c1", "c2"))))
+    found = shared_unknowns(rig.pair("c1", "c2"))
     found[BAR] = rig.fit.q[-1]
     assert found == pytest.approx(pair.q, rel=1e-9, abs=1e-12)
     left_out = {*calibration.screening.left_out, *pair.outlying_frames}
