@@ -156,7 +156,7 @@ class Run:
         self.progress("essential")
         start = _essential(chosen, settings, reconstruction, screening)
         offer = offer_time_offset(screening)
-        warnings += check_inputs(frames_to_judge(chosen, screening), late=bool(offer))
+        warnings += check_inputs(frames_to_judge(chosen, screening), out_of_step=bool(offer))
         results: dict[Method, MethodResult] = {"essential": start}
         for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
             self.progress(method)

@@ -68,7 +68,7 @@ def calibrate_rig(
     screening, _ = _fit(kept, fused, wide, noise)
     wrong = wrong_images(screening)
     out = screening.frames[screening.outlying]
-    out = out[~np.isin(out, [own.frame for own in wrong])]
+    out = out[~np.isin(out, [image.frame for image in wrong])]
     good = ~rows_of(kept, wrong) & ~np.isin(kept.frame, out)
     report(steps - 1, steps)
     fit, offsets = _fit(kept.where(good), fused, settings, screening.sigma_px)
@@ -88,14 +88,14 @@ def calibrate_rig(
 def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
     """A rig of two cameras: the refined set of their pair, with its screening."""
     (pair,), bars = recording.pairs, shared_bars(recording)
-    dataset, own = problem_of(recording, pair, settings)
+    dataset, priors = problem_of(recording, pair, settings)
     screening = screened(with_baseline_found(dataset), CalibrationSettings())
-    found = refine(screening.dataset, own)
-    pairs = Pairs(bars, {pair: PairFit.of(pair, found)})
+    refined = refine(screening.dataset, priors)
+    pairs = Pairs(bars, {pair: PairFit.of(pair, refined)})
     kept = recording.where(~np.isin(recording.frame, screening.left_out))
-    fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), found.pose], settings)
-    fit.end_at(found)
-    left_out = tuple(sorted({*screening.left_out, *found.outlying_frames}))
+    fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), refined.pose], settings)
+    fit.end_at(refined)
+    left_out = tuple(sorted({*screening.left_out, *refined.outlying_frames}))
     warnings = tuple(camera_warnings(fit, fit.sigma_px))
     return RigCalibration(fit, pairs, (), left_out, {}, np.zeros(2), warnings)
 
@@ -139,8 +139,8 @@ def _fit(
 ) -> tuple[RigFit, FloatArray]:
     """The joint fit, and by how many frames each camera is late."""
     p = start.unknowns.named(start.p)
-    late = [f"{name} time offset" for name in recording.cameras]
-    offsets = np.array([p.pop(name, 0.0) for name in late])
+    keys = [f"{name} time offset" for name in recording.cameras]
+    offsets = np.array([p.pop(name, 0.0) for name in keys])
     poses: list[Pose] = start.poses
     for _ in range(MOST_ROUNDS):
         shifted, velocities = recording, None
@@ -155,12 +155,12 @@ def _fit(
             )
         if not settings.time_offsets:
             break
-        found = fit.unknowns.named(fit.p)
-        rest = np.array([found.pop(name, 0.0) for name in late])
+        values = fit.unknowns.named(fit.p)
+        remaining = np.array([values.pop(name, 0.0) for name in keys])
         sigma = np.sqrt(np.diag(fit.unknowns.covariance(fit.information)))
-        at = [fit.unknowns.names.index(name) for name in late if name in fit.unknowns.names]
-        offsets, poses, p, noise_px = offsets + rest, fit.poses, found, fit.sigma_px
-        if (np.abs(rest[1:]) < IN_STEP * sigma[at]).all():
+        places = [fit.unknowns.names.index(name) for name in keys if name in fit.unknowns.names]
+        offsets, poses, p, noise_px = offsets + remaining, fit.poses, values, fit.sigma_px
+        if (np.abs(remaining[1:]) < IN_STEP * sigma[places]).all():
             break
     return fit, offsets
 
@@ -168,17 +168,17 @@ def _fit(
 def _shifted(recording: Recording, offsets: FloatArray) -> tuple[Recording, FloatArray]:
     """The points at the instants of the reference's frames, without those of late cameras that have
     no neighbours there; and their velocities (n, 2), in pixels per frame."""
-    late = offsets[recording.camera]
+    offset = offsets[recording.camera]
     track = recording.camera * len(recording.object.names) + recording.target
-    found = interpolate(track, recording.frame, recording.points, late)
-    moved, known = late != 0.0, found.known.copy()
+    tracks = interpolate(track, recording.frame, recording.points, offset)
+    moved, known = offset != 0.0, tracks.known.copy()
     for number, camera in enumerate(recording.cameras.values()):
-        own = recording.camera == number
-        known[own] &= found.inside(camera.image_size)[own]
-    points = np.where((moved & known)[:, None], found.positions, recording.points)
-    kept = ~moved | known
-    shifted = replace(recording, points=points).where(kept)
-    return shifted, np.nan_to_num(found.velocities[kept])
+        of_camera = recording.camera == number
+        known[of_camera] &= tracks.inside(camera.image_size)[of_camera]
+    points = np.where((moved & known)[:, None], tracks.positions, recording.points)
+    usable = ~moved | known
+    shifted = replace(recording, points=points).where(usable)
+    return shifted, np.nan_to_num(tracks.velocities[usable])
 
 
 def _why_unreached(name: str, pairs: Pairs) -> str:

@@ -48,17 +48,17 @@ def _baseline_warnings(fit: RigFit) -> list[str]:
     """Measured baselines that the rig leaves by more than their uncertainty."""
     names, poses = list(fit.recording.cameras), fit.poses
     stated = fit.rig_settings.baseline_sigma_m or fit.recording.baseline_sigma_m
-    found = (
+    warnings = (
         moved_length(
-            f"The baseline {names[int(one)]}-{names[int(other)]}",
-            (poses[int(other)] @ poses[int(one)].inverse()).baseline,
+            f"The baseline {names[int(first)]}-{names[int(second)]}",
+            (poses[int(second)] @ poses[int(first)].inverse()).baseline,
             measured,
             sigma,
             "stated" if stated else "assumed",
         )
-        for one, other, measured, sigma in fit.baselines.tolist()
+        for first, second, measured, sigma in fit.baselines.tolist()
     )
-    return list(filter(None, found))
+    return list(filter(None, warnings))
 
 
 def _lens_warnings(fit: RigFit) -> list[str]:
@@ -68,13 +68,13 @@ def _lens_warnings(fit: RigFit) -> list[str]:
         lens_prior(camera, fit.rig_settings.lenses.get(name))
         for name, camera in zip(names, stated, strict=True)
     ]
-    found = [fit.q[lens_places(number)] for number in range(len(names))]
+    lenses = [fit.q[lens_places(number)] for number in range(len(names))]
     files = [camera.lens_values for camera in stated]
-    own = [_lens_chi_square(*each) for each in zip(found, files, priors, strict=True)]
+    chi_squares = [_lens_chi_square(*each) for each in zip(lenses, files, priors, strict=True)]
     for a, b in combinations(range(len(names)), 2):
-        before = own[a] + own[b]
-        after = _lens_chi_square(found[a], files[b], priors[a])
-        after += _lens_chi_square(found[b], files[a], priors[b])
+        before = chi_squares[a] + chi_squares[b]
+        after = _lens_chi_square(lenses[a], files[b], priors[a])
+        after += _lens_chi_square(lenses[b], files[a], priors[b])
         if before > CONTRADICTED and after < BETTER * before:
             return [
                 f"The camera files of {names[a]} and {names[b]} look exchanged: each lens fits the "
@@ -82,20 +82,20 @@ def _lens_warnings(fit: RigFit) -> list[str]:
             ]
     return [
         f"The images contradict the stated lens of camera {names[number]}: its focal length would "
-        f"be {rounded(100 * abs(found[number][0] / files[number][0] - 1))} % "
-        f"{'longer' if found[number][0] > files[number][0] else 'shorter'}. Is it the file of this "
-        "camera, with this zoom and focus?"
+        f"be {rounded(100 * abs(lenses[number][0] / files[number][0] - 1))} % "
+        f"{'longer' if lenses[number][0] > files[number][0] else 'shorter'}. Is it the file of "
+        "this camera, with this zoom and focus?"
         for number in range(len(names))
-        if own[number] > CONTRADICTED
+        if chi_squares[number] > CONTRADICTED
     ]
 
 
-def _lens_chi_square(found: FloatArray, stated: FloatArray, prior: LensPrior) -> float:
+def _lens_chi_square(fitted: FloatArray, stated: FloatArray, prior: LensPrior) -> float:
     """Of focal length and centre; 0 without a prior."""
     if not (0 < prior.focal < np.inf and 0 < prior.centre_px < np.inf):
         return 0.0
-    focal = (found[0] / stated[0] - 1.0) / prior.focal
-    return float(focal**2 + np.square((found[2:4] - stated[2:4]) / prior.centre_px).sum())
+    focal = (fitted[0] / stated[0] - 1.0) / prior.focal
+    return float(focal**2 + np.square((fitted[2:4] - stated[2:4]) / prior.centre_px).sum())
 
 
 def _moved_warnings(fit: RigFit) -> list[str]:

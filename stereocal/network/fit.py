@@ -78,8 +78,8 @@ def unknowns_of(
             ]
             blocks.append((turns + shifts, None))
         blocks.append(lens_block(name, lens_prior(camera, settings.lenses.get(name)), places))
-        late = WIDE_TIME * (settings.time_offsets and number > 0)
-        blocks.append(([(f"{name} time offset", late, [first + TIME])], None))
+        offset = WIDE_TIME * (settings.time_offsets and number > 0)
+        blocks.append(([(f"{name} time offset", offset, [first + TIME])], None))
     stated = recording.object.sigma_m
     longest = recording.object.longest_m
     sigma = DEFAULT_DISTANCE if stated is None else stated / longest
@@ -94,8 +94,8 @@ def baselines_of(recording: Recording, settings: RigSettings) -> FloatArray:
     numbers = {name: number for number, name in enumerate(recording.cameras)}
     stated = settings.baseline_sigma_m or recording.baseline_sigma_m
     rows = [
-        (numbers[one], numbers[other], length, stated or DEFAULT_BASELINE * length)
-        for (one, other), length in recording.baselines_m.items()
+        (numbers[first], numbers[second], length, stated or DEFAULT_BASELINE * length)
+        for (first, second), length in recording.baselines_m.items()
         if not np.isinf(stated or 0.0)
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
@@ -138,7 +138,7 @@ class RigFit(RobustFit):
     def poses(self) -> list[Pose]:
         """`camera_from_reference` of each camera."""
         T = self.q[:-1].reshape(-1, EACH)[:, 3:6]
-        return [Pose(R, own) for R, own in zip(self.R, T, strict=True)]
+        return [Pose(R, shift) for R, shift in zip(self.R, T, strict=True)]
 
     @property
     def information(self) -> FloatArray:

@@ -183,8 +183,8 @@ def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> F
 
 
 def pair_covariance(
-    own: Rig, first: int, second: int, q: FloatArray, R: FloatArray, covariance: FloatArray
+    rig: Rig, first: int, second: int, q: FloatArray, R: FloatArray, covariance: FloatArray
 ) -> FloatArray:
     """(25, 25): of a pair's shared unknowns, from that of the rig (Q, Q)."""
-    J = local_derivatives(shared_unknowns(own)) @ pair_derivatives(first, second, q, R)
+    J = local_derivatives(shared_unknowns(rig)) @ pair_derivatives(first, second, q, R)
     return np.asarray(J @ covariance @ J.T)

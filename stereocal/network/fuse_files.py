@@ -31,7 +31,7 @@ EXPLAINED = 0.2
 def fuse_files(files: Sequence[Path]) -> RigFile:
     """The rig of the pairs of some files."""
     sets = [RigParameters.load(file) for file in files]
-    pairs = [_pair(own, str(file)) for own, file in zip(sets, files, strict=True)]
+    pairs = [_pair(found, str(file)) for found, file in zip(sets, files, strict=True)]
     names = list(dict.fromkeys(name for fit in pairs for name in fit.pair))
     known = reached(names, [fit.pair for fit in pairs])
     if len(known) < len(names):
@@ -52,29 +52,29 @@ def fuse_files(files: Sequence[Path]) -> RigFile:
     return replace(rig, about={**rig.about, "warnings": [warning]})
 
 
-def _pair(own: RigParameters, source: str) -> PairFit:
+def _pair(file: RigParameters, source: str) -> PairFit:
     """What a file says of its pair."""
-    if own.camera_names is None:
+    if file.camera_names is None:
         raise StereocalError(
             f"{source}: the file does not name its cameras: calibrate the pair from a data set of "
             "format 2, with the names of its cameras."
         )
-    stored = (own.uncertainties or {}).get("information")
-    if stored is None or own.noise_px is None:
+    stored = (file.uncertainties or {}).get("information")
+    if stored is None or file.noise_px is None:
         raise StereocalError(
             f"{source}: the file does not say what its images tell: give parameters_refined.json "
             "of `stereocal calibrate`, of this version."
         )
     try:
         H, g = (np.array(stored[name], dtype=np.float64) for name in ("matrix", "gradient"))
-        q = shared_unknowns(own)
+        q = shared_unknowns(file)
         q[BAR] = float(stored["bar_factor"])
         if H.shape != (SHARED, SHARED) or g.shape != (SHARED,) or not np.isfinite(H).all():
             raise ValueError("the information is not a table of numbers")
         frames = int(stored["frames"])
     except DAMAGED as error:
         raise StereocalError(f"{source}: its information is damaged ({error}).") from error
-    return PairFit(own.camera_names, q, H, g, own.noise_px, frames)
+    return PairFit(file.camera_names, q, H, g, file.noise_px, frames)
 
 
 def _lenses(
@@ -84,12 +84,12 @@ def _lenses(
     stated: dict[str, Camera] = {}
     priors: dict[str, LensPrior] = {}
     values: dict[str, list[float]] = {}
-    for own, file in zip(sets, files, strict=True):
-        assert own.camera_names is not None
-        assert own.uncertainties is not None
-        lenses = own.uncertainties["information"]["lenses"]
+    for rig, file in zip(sets, files, strict=True):
+        assert rig.camera_names is not None
+        assert rig.uncertainties is not None
+        lenses = rig.uncertainties["information"]["lenses"]
         for name, which, lens in zip(
-            own.camera_names, ("primary", "secondary"), lenses, strict=True
+            rig.camera_names, ("primary", "secondary"), lenses, strict=True
         ):
             if name in values and not np.allclose(values[name], lens, rtol=1e-9):
                 raise StereocalError(
@@ -97,8 +97,8 @@ def _lenses(
                     "calibrate both pairs with the same camera file, or name the cameras apart."
                 )
             values[name] = lens
-            stated[name] = with_lens(getattr(own, which), np.array(lens))
-            given = own.settings.get(which)
+            stated[name] = with_lens(getattr(rig, which), np.array(lens))
+            given = rig.settings.get(which)
             priors[name] = LensPrior() if given is None else of_plain(given, LensPrior)
     return stated, priors
 
@@ -111,21 +111,21 @@ def _contradiction(
 ) -> str:
     """Which file contradicts the others: the one whose known length, left open, explains it."""
     total, length = [], []
-    for k, own in enumerate(pairs):
-        H, g = own.information, own.gradient
+    for k, fit in enumerate(pairs):
+        H, g = fit.information, fit.gradient
         along = H[:, BAR] / H[BAR, BAR]
-        alone = replace(own, information=H - np.outer(along, H[BAR]), gradient=g - along * g[BAR])
+        alone = replace(fit, information=H - np.outer(along, H[BAR]), gradient=g - along * g[BAR])
         others = [*pairs[:k], alone, *pairs[k + 1 :]]
         fused = fuse_these(others)
         total.append(sum(fused.misfits.values()))
-        length.append(_length_of(own, names, fused))
+        length.append(_length_of(fit, names, fused))
     order = np.argsort(total)
     best, second = (total[k] for k in order[:2])
     if best < EXPLAINED * growth and second > 2.0 * best:
-        own = pairs[order[0]]
+        fit = pairs[order[0]]
         percent = 100 * (length[order[0]] - 1)
         return (
-            f"The pair {pair_name(own.pair)} contradicts the others by its length: its object "
+            f"The pair {pair_name(fit.pair)} contradicts the others by its length: its object "
             f"seems {rounded(abs(percent))} % {'longer' if percent > 0 else 'shorter'} than stated "
             "there. Measure it, correct the length of that recording, and calibrate the pair again."
         )
@@ -136,12 +136,12 @@ def _contradiction(
     )
 
 
-def _length_of(own: PairFit, names: Sequence[str], fused: Fused) -> float:
+def _length_of(fit: PairFit, names: Sequence[str], fused: Fused) -> float:
     """The length of a pair's object over the stated one, as the others have it."""
     R = np.array([pose.R for pose in fused.poses])
-    first, second = (names.index(name) for name in own.pair)
-    d, _ = difference(own, first, second, fused.q, R)
-    _, A, b = own.local
+    first, second = (names.index(name) for name in fit.pair)
+    d, _ = difference(fit, first, second, fused.q, R)
+    _, A, b = fit.local
     bar = LOCAL - 2
     rest = A[bar] @ d - A[bar, bar] * d[bar] + b[bar]
-    return float((own.q[BAR] - rest / A[bar, bar]) / fused.q[-1])
+    return float((fit.q[BAR] - rest / A[bar, bar]) / fused.q[-1])

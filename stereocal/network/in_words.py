@@ -62,11 +62,11 @@ def rig_notes(rig: RigFile) -> list[str]:
     about = rig.about
     notes = [*about.get("warnings", []), *about.get("not_connected", {}).values()]
     notes += [
-        f"The pair {name} was not used: {own['failed'].rstrip('.')}."
-        for name, own in about.get("pairs", {}).items()
-        if "failed" in own
+        f"The pair {name} was not used: {entry['failed'].rstrip('.')}."
+        for name, entry in about.get("pairs", {}).items()
+        if "failed" in entry
     ]
-    if wrong := [wrong_sentence(own) for own in about.get("wrong_images", [])]:
+    if wrong := [wrong_sentence(entry) for entry in about.get("wrong_images", [])]:
         more = f"; {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
         notes.append(f"Left out: {'; '.join(wrong[:SHOWN])}{more}.")
     if frames := about.get("frames_left_out", []):
@@ -76,22 +76,22 @@ def rig_notes(rig: RigFile) -> list[str]:
             "Left out, since they contradict the others and it cannot be told which camera is "
             f"wrong in them: frames {shown}."
         )
-    for name, late in rig.time_offsets.items():
-        if late:
+    for name, offset in rig.time_offsets.items():
+        if offset:
             error = rig.to_json()["cameras"][name]["standard_errors"]["time_offset"]
             notes.append(
-                f"The camera {name} takes its frames {late:+.3f} ± {error:.3f} frame intervals "
+                f"The camera {name} takes its frames {offset:+.3f} ± {error:.3f} frame intervals "
                 f"after the camera {rig.names[0]}."
             )
     return notes
 
 
-def wrong_sentence(own: Mapping[str, Any]) -> str:
+def wrong_sentence(image: Mapping[str, Any]) -> str:
     """What is wrong in an image, of `wrong_images`."""
-    if own["exchanged"]:
-        return f"frame {own['frame']}: the two ends look exchanged in camera {own['camera']}"
-    what = "the object" if own["target"] is None else f"target {own['target']}"
-    return f"frame {own['frame']}: {what} in camera {own['camera']}"
+    if image["exchanged"]:
+        return f"frame {image['frame']}: the two ends look exchanged in camera {image['camera']}"
+    what = "the object" if image["target"] is None else f"target {image['target']}"
+    return f"frame {image['frame']}: {what} in camera {image['camera']}"
 
 
 def loops_sentence(rig: RigFile) -> str:
@@ -106,7 +106,7 @@ def loops_sentence(rig: RigFile) -> str:
         f"{rounded(1000 * worst['before']['translation_m'])} mm; in the rig they do."
     )
     if thirds:
-        most = max(thirds, key=lambda own: own["before"])
+        most = max(thirds, key=lambda entry: entry["before"])
         text += (
             f" Points of {'-'.join(most['pair'])} lie {rounded(most['before'])} px off in "
             f"camera {most['camera']} with the pairs, {rounded(most['after'])} px with the rig "
@@ -118,10 +118,10 @@ def loops_sentence(rig: RigFile) -> str:
 def _best_partner(pairs: Mapping[str, Any], name: str) -> tuple[str, int]:
     """With which camera a camera shares most bars, and how many."""
     shared = [
-        (own["bars"], other)
-        for pair, own in pairs.items()
-        for one, other in (own["cameras"], own["cameras"][::-1])
-        if one == name
+        (entry["bars"], other)
+        for pair, entry in pairs.items()
+        for camera, other in (entry["cameras"], entry["cameras"][::-1])
+        if camera == name
     ]
     bars, partner = max(shared)
     return partner, bars

@@ -58,7 +58,7 @@ def sets_of_pairs(
     found: dict[str, Sets] = {}
     notes: list[str] = []
     left_out = tuple(rig.about["frames_left_out"])
-    names = [name for name, own in rig.about["pairs"].items() if "frames" in own]
+    names = [name for name, entry in rig.about["pairs"].items() if "frames" in entry]
     for number, name in enumerate(names):
         pair = recording.pair_named(name)
         try:
@@ -66,8 +66,8 @@ def sets_of_pairs(
             sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
             late = rig.pair(*pair).time_offset
             found[name] = {
-                method: replace(own, time_offset=late, frames_left_out=left_out)
-                for method, own in sets.items()
+                method: replace(parameters, time_offset=late, frames_left_out=left_out)
+                for method, parameters in sets.items()
             }
         except (StereocalError, KeyError) as error:
             notes.append(f"The pair {name} has no files: {error}")
@@ -79,9 +79,9 @@ def sets_of_pairs(
 def files_of_sets(sets: Mapping[str, Sets]) -> dict[str, bytes]:
     """The files of the sets of pairs, by name."""
     return {
-        f"{name}_{method}.json": found.dumps().encode()
-        for name, own in sets.items()
-        for method, found in own.items()
+        f"{name}_{method}.json": parameters.dumps().encode()
+        for name, of_pair in sets.items()
+        for method, parameters in of_pair.items()
     }
 
 
@@ -93,7 +93,7 @@ def data_of_pair(recording: Recording, pair: Pair, rig: RigFile | None) -> Datas
     """
     if rig is None or not {*pair} <= {*rig.names}:
         return recording.pair(*pair)
-    wrong = [WrongImage(**own) for own in rig.about.get("wrong_images", [])]
+    wrong = [WrongImage(**image) for image in rig.about.get("wrong_images", [])]
     out = rows_of(recording, wrong) | np.isin(recording.frame, rig.about["frames_left_out"])
     dataset = recording.where(~out).pair(*pair)
     late = rig.time_offsets[pair[1]] - rig.time_offsets[pair[0]]
@@ -115,8 +115,8 @@ def settings_of_pair(dataset: Dataset, pair: Pair, rig: RigFile) -> RefineSettin
     Args:
         dataset: of `data_of_pair`.
     """
-    own, figures = rig.pair(*pair), rig.about["figures"]
-    values, effect = shared_unknowns(own), figures["design_effect"]
+    of_rig, figures = rig.pair(*pair), rig.about["figures"]
+    values, effect = shared_unknowns(of_rig), figures["design_effect"]
     values[BAR] = rig.q[-1]
     settings = RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
@@ -125,10 +125,10 @@ def settings_of_pair(dataset: Dataset, pair: Pair, rig: RigFile) -> RefineSettin
         scatter_m=figures["length_scatter_m"],
         loss="squares",  # the rig has left out what contradicts it
     )
-    fit = RobustFit.of_pair(dataset, own.pose, settings_for(dataset, settings))
+    fit = RobustFit.of_pair(dataset, of_rig.pose, settings_for(dataset, settings))
     H, g, _ = fit.equations(values, [np.arange(len(fit.frames))])
     first, second = (rig.names.index(name) for name in pair)
-    covariance = pair_covariance(own, first, second, rig.q, rig.R, rig.covariance)
+    covariance = pair_covariance(of_rig, first, second, rig.q, rig.R, rig.covariance)
     M = fit.unknowns.M
     to_free = np.linalg.pinv(M)
     L = np.linalg.cholesky(to_free @ covariance @ to_free.T)

@@ -104,28 +104,28 @@ def problem_of(
     if settings.baseline_sigma_m is not None and not dataset.baseline_is_free:
         dataset = replace(dataset, baseline_sigma_m=settings.baseline_sigma_m)
     primary, secondary = (settings.lenses.get(name) for name in pair)
-    own = RefineSettings(primary=primary, secondary=secondary)
+    priors = RefineSettings(primary=primary, secondary=secondary)
     if settings.object_sigma is not None:
-        own = replace(own, distance_sigma_m=settings.object_sigma * dataset.target_distance_m)
-    return dataset, own
+        priors = replace(priors, distance_sigma_m=settings.object_sigma * dataset.target_distance_m)
+    return dataset, priors
 
 
 def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResult:
     """The robust refined set of a pair."""
-    dataset, own = problem_of(recording, pair, settings)
+    dataset, priors = problem_of(recording, pair, settings)
     dataset = with_rough_baseline(dataset)
     if settings.time_offsets:
         in_step = bring_into_step(dataset, wide_settings(dataset)).fit
         if in_step is not None:
             return in_step
-    return refine(dataset, own)
+    return refine(dataset, priors)
 
 
 def reached(cameras: Sequence[str], pairs: Iterable[Pair]) -> list[str]:
     """The largest group of cameras that pairs connect, in the cameras' order."""
     groups = {name: {name} for name in cameras}
-    for one, other in pairs:
-        joined = groups[one] | groups[other]
+    for first, second in pairs:
+        joined = groups[first] | groups[second]
         for name in joined:
             groups[name] = joined
     largest = max(groups.values(), key=len)

@@ -154,7 +154,7 @@ class RigCalibration:
     def loops(self) -> list[dict[str, Any]]:
         """How far every three cameras whose three pairs were calibrated are from closing, before
         they are one rig, as in `rig.json`."""
-        found = []
+        entries = []
         for trio in combinations(self.names, 3):
             ab, bc, ca = (self.pair_alone(trio[i], trio[(i + 1) % 3]) for i in range(3))
             if ab is None or bc is None or ca is None:
@@ -162,8 +162,8 @@ class RigCalibration:
             round_trip = ca.pose @ bc.pose @ ab.pose
             angle = np.degrees(np.arccos(np.clip((np.trace(round_trip.R) - 1) / 2, -1, 1)))
             before = {"rotation_deg": float(angle), "translation_m": round_trip.baseline}
-            found.append({"cameras": list(trio), **dict.fromkeys(before, 0.0), "before": before})
-        return found
+            entries.append({"cameras": list(trio), **dict.fromkeys(before, 0.0), "before": before})
+        return entries
 
     def pair_alone(self, first: str, second: str) -> Rig | None:
         """Two cameras as their pair by itself has them; None if it was not calibrated."""
@@ -192,14 +192,14 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list
     Args:
         images: (n, c, 2): of points; None for those that the rig was fitted to.
     """
-    found: list[dict[str, Any]] = []
+    entries: list[dict[str, Any]] = []
     if images is None:
         used = rig.fit.seen.pixels[~rig.fit.outlying[rig.fit.frame_of]]
         images = used.reshape(-1, len(rig.names), 2)
     for trio in combinations(range(len(rig.names)), 3):
         seen = images[:, trio]
         seen = seen[np.isfinite(seen[..., 0]).all(axis=1)]
-        if len(seen) < FEWEST_POINTS or len(found) >= MOST_TRIPLES:
+        if len(seen) < FEWEST_POINTS or len(entries) >= MOST_TRIPLES:
             continue
         for order in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
             a, b, c = (rig.names[trio[k]] for k in order)
@@ -209,8 +209,8 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list
             before = _off(pair, with_third, seen[:, order])
             after = _off(rig.pair(a, b), rig.pair(a, c), seen[:, order])
             points = {"pair": [a, b], "camera": c, "points": len(seen)}
-            found.append({**points, "before": before, "after": after})
-    return found
+            entries.append({**points, "before": before, "after": after})
+    return entries
 
 
 def _off(pair: Rig, with_third: Rig, images: FloatArray) -> float:

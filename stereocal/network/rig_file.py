@@ -83,7 +83,7 @@ class RigFile:
     @property
     def placed(self) -> dict[str, PlacedCamera]:
         """The cameras and their poses by name."""
-        return {name: PlacedCamera(own, self.poses[name]) for name, own in self.cameras.items()}
+        return {name: PlacedCamera(lens, self.poses[name]) for name, lens in self.cameras.items()}
 
     @property
     def R(self) -> FloatArray:
@@ -93,14 +93,14 @@ class RigFile:
     def pair(self, first: str, second: str) -> RigParameters:
         """The refined parameters of two cameras."""
         pose = self.poses[second] @ self.poses[first].inverse()
-        own = Rig(self.cameras[first], self.cameras[second], pose)
+        rig = Rig(self.cameras[first], self.cameras[second], pose)
         a, b = self.names.index(first), self.names.index(second)
-        covariance = pair_covariance(own, a, b, self.q, self.R, self.covariance)
+        covariance = pair_covariance(rig, a, b, self.q, self.R, self.covariance)
         figures, stated = self.about.get("figures", {}), self.object
-        late = self.time_offsets[second] - self.time_offsets[first]
+        offset = self.time_offsets[second] - self.time_offsets[first]
         return RigParameters(
-            own.primary,
-            own.secondary,
+            rig.primary,
+            rig.secondary,
             pose,
             method="refined",
             cost=0.0,
@@ -112,15 +112,15 @@ class RigFile:
                     "value": self.noise_px,
                     "degrees_of_freedom": max(3 * figures.get("independent_frames", 0), 1),
                 },
-                "covariance": covariance_entry(covariance, (own.primary, own.secondary)),
+                "covariance": covariance_entry(covariance, (rig.primary, rig.secondary)),
                 "bar_length_m": {"estimate": self.q[-1], "stated": 1.0},
                 "bar_scatter_m": {"value": figures.get("length_scatter_m", 0.0)},
                 "design_effect": figures.get("design_effect", 1.0),
             },
             noise_px=self.noise_px,
             volume=self.volume,
-            time_offset=MeasuredOffset(late, sigma=float(np.sqrt(covariance[-2, -2])))
-            if late
+            time_offset=MeasuredOffset(offset, sigma=float(np.sqrt(covariance[-2, -2])))
+            if offset
             else None,
             camera_names=(first, second),
         )
@@ -139,7 +139,7 @@ class RigFile:
                 "time_offset_frames": self.time_offsets[name],
                 "standard_errors": dict(zip(names, own, strict=True)),
             }
-        of = [f"{name} {what}" for name, own in self.cameras.items() for what in _unknowns(own)]
+        of = [f"{name} {key}" for name, lens in self.cameras.items() for key in _unknowns(lens)]
         return {
             "format": RIG_FORMAT,
             "convention": CONVENTION,
@@ -196,7 +196,7 @@ class RigFile:
     @classmethod
     def _of(cls, data: Mapping[str, Any]) -> "RigFile":
         cameras = {
-            name: Camera.from_json(own, f"camera {name}") for name, own in data["cameras"].items()
+            name: Camera.from_json(lens, f"camera {name}") for name, lens in data["cameras"].items()
         }
         stored = np.array(data["covariance"], dtype=np.float64)
         size, written = EACH * len(cameras) + 1, _written(len(cameras))
@@ -245,19 +245,19 @@ def _check_figures(data: Mapping[str, Any]) -> None:
             figures["length_error_p95"] or 0,
             *(value or 0 for value in data["image_errors_px"].values()),
         ]
-        for own in figures.get("held_out", {}).values():
-            numbers += [own["frames"], own["reprojection_px"], own["length_error_p95"] or 0]
+        for row in figures.get("held_out", {}).values():
+            numbers += [row["frames"], row["reprojection_px"], row["length_error_p95"] or 0]
         if figures["weakest_camera"] not in data["cameras"]:
             raise ValueError("the weakest camera")
-    for own in data["pairs"].values():
-        one, other = own["cameras"]
-        numbers += [own["bars"], own.get("noise_px", 0), len(one), len(other)]
+    for row in data["pairs"].values():
+        first, second = row["cameras"]
+        numbers += [row["bars"], row.get("noise_px", 0), len(first), len(second)]
     for loop in data.get("loops", []):
         numbers += [*loop["before"].values(), len("".join(loop["cameras"]))]
-    for own in data.get("third_camera_px", []):
-        numbers += [own["before"], own["after"], len("".join([*own["pair"], own["camera"]]))]
-    for own in data.get("wrong_images", []):
-        numbers += [own["frame"], len(own["camera"]), len(own["target"] or ""), own["exchanged"]]
+    for row in data.get("third_camera_px", []):
+        numbers += [row["before"], row["after"], len("".join([*row["pair"], row["camera"]]))]
+    for row in data.get("wrong_images", []):
+        numbers += [row["frame"], len(row["camera"]), len(row["target"] or ""), row["exchanged"]]
     words = [*data.get("warnings", []), *data.get("not_connected", {}).values()]
     numbers += [len("".join(words)), *data.get("frames_left_out", [])]
     if not np.isfinite(np.array(numbers, dtype=np.float64)).all():
@@ -297,13 +297,13 @@ def rig_file(rig: RigCalibration) -> RigFile:
             "design_effect": rig.design_effect,
             "length_scatter_m": rig.fit.scatter,
             "weakest_camera": rig.weakest,
-            "held_out": {name: asdict(own) for name, own in rig.held_out.items()},
+            "held_out": {name: asdict(errors) for name, errors in rig.held_out.items()},
         },
         "image_errors_px": {
             name: px if np.isfinite(px) else None for name, px in rig.image_px.items()
         },
         "frames_left_out": list(rig.left_out),
-        "wrong_images": [asdict(own) for own in rig.wrong],
+        "wrong_images": [asdict(image) for image in rig.wrong],
         "loops": rig.loops,
         "third_camera_px": third_cameras(rig),
         "pairs": _pairs(rig),
@@ -326,8 +326,10 @@ def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused)
     """The file of fused pairs, whose points are not known."""
     q, M = fused.q, fused.unknowns.M
     covariance = M @ fused.unknowns.covariance(fused.information) @ M.T
-    noise = float(np.sqrt(np.mean([own.noise_px**2 for own in pairs])))
-    cameras = {name: camera_at(own, q, number) for number, (name, own) in enumerate(stated.items())}
+    noise = float(np.sqrt(np.mean([fit.noise_px**2 for fit in pairs])))
+    cameras = {
+        name: camera_at(lens, q, number) for number, (name, lens) in enumerate(stated.items())
+    }
     return RigFile(
         cameras,
         dict(zip(stated, fused.poses, strict=True)),
@@ -338,27 +340,27 @@ def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused)
             "object": {"factor": float(q[-1])},
             "frames_left_out": [],
             "pairs": {
-                pair_name(own.pair): {
-                    "cameras": list(own.pair),
-                    "bars": own.frames,
-                    "frames": own.frames,
-                    "noise_px": own.noise_px,
-                    "chi_square_growth": fused.misfits[own.pair],
+                pair_name(fit.pair): {
+                    "cameras": list(fit.pair),
+                    "bars": fit.frames,
+                    "frames": fit.frames,
+                    "noise_px": fit.noise_px,
+                    "chi_square_growth": fused.misfits[fit.pair],
                 }
-                for own in pairs
+                for fit in pairs
             },
         },
     )
 
 
 def _pairs(rig: RigCalibration) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for pair, bars in rig.pairs.bars.items():
-        own = rig.pairs.fits.get(pair)
-        found[pair_name(pair)] = {
+        fit = rig.pairs.fits.get(pair)
+        entries[pair_name(pair)] = {
             "cameras": list(pair),
             "bars": bars,
-            **({} if own is None else {"frames": own.frames, "noise_px": own.noise_px}),
+            **({} if fit is None else {"frames": fit.frames, "noise_px": fit.noise_px}),
             **({"failed": rig.pairs.failed[pair]} if pair in rig.pairs.failed else {}),
         }
-    return found
+    return entries

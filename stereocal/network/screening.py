@@ -41,7 +41,7 @@ class _Trial:
 def wrong_images(fit: RigFit) -> list[WrongImage]:
     """What is wrong in the outlying frames of a fit, where exactly one image can be."""
     seen, names = fit.seen, list(fit.recording.cameras)
-    found: list[WrongImage] = []
+    wrong: list[WrongImage] = []
     bad = np.flatnonzero(fit.outlying)
     trials = [
         _Trial(int(frame), camera, target)
@@ -61,22 +61,22 @@ def wrong_images(fit: RigFit) -> list[WrongImage]:
                 trial = some[0]
                 both = trial.camera in {t.camera for t in mine if t.target == -2}
                 target = fit.recording.object.names[trial.target] if is_one else None
-                found.append(WrongImage(int(seen.frames[frame]), names[trial.camera], target, both))
+                wrong.append(WrongImage(int(seen.frames[frame]), names[trial.camera], target, both))
             if some:
                 break  # several: it cannot be told which
-    return found
+    return wrong
 
 
 def rows_of(recording: Recording, wrong: list[WrongImage]) -> BoolArray:
     """(n,): the rows of the images that are wrong."""
     names, targets = list(recording.cameras), recording.object.names
-    found = np.zeros(len(recording.frame), dtype=np.bool_)
-    for own in wrong:
-        mine = (recording.frame == own.frame) & (recording.camera == names.index(own.camera))
-        if own.target is not None:
-            mine &= recording.target == targets.index(own.target)
-        found |= mine
-    return found
+    wrong_rows = np.zeros(len(recording.frame), dtype=np.bool_)
+    for image in wrong:
+        mine = (recording.frame == image.frame) & (recording.camera == names.index(image.camera))
+        if image.target is not None:
+            mine &= recording.target == targets.index(image.target)
+        wrong_rows |= mine
+    return wrong_rows
 
 
 def _fitting(fit: RigFit, trials: list[_Trial]) -> list[bool]:

@@ -99,9 +99,10 @@ def sum_normal_equations(
     cameras, count, unknowns = with_lenses(stated), len(stated.R), len(stated.q)
     work, index, x = work_of(count), np.empty(unknowns, np.int64), np.empty(OWN)
     Y = np.empty((unknowns + 1, OWN))
-    still, bent, cost = np.empty((0, count, 3)), False, 0.0
+    still, distorted, cost = np.empty((0, count, 3)), False, 0.0
     for i in range(unknowns):
-        bent = bent or (into.free[i] and i < EACH * count and 0 <= i % EACH - DISTORTION < 4)
+        place = i % EACH - DISTORTION
+        distorted = distorted or (into.free[i] and i < EACH * count and 0 <= place < 4)
         into.g[i] = 0.0
         for j in range(unknowns):
             into.H[i, j] = 0.0
@@ -117,7 +118,7 @@ def sum_normal_equations(
         rho, w = loss(s, limits[n])
         cost += rho
         if w > 0.0 and s < np.inf:
-            fill_shared(cameras, unit, x, bent, work)
+            fill_shared(cameras, unit, x, distorted, work)
             fill_normal_matrix(unit, known, work)
             if factor(work.V, 0.0):
                 eliminate(stated.q, unit, work, w, index, Y, into)
@@ -149,16 +150,16 @@ def eliminate(
     for n in range(count):
         a = index[n]
         c = a // EACH
-        own = Y[a]
+        row = Y[a]
         if a == last:
             total = along[OWN] * by_factor
             for j in range(OWN):
-                own[j] = along[j] * by_factor
+                row[j] = along[j] * by_factor
         else:
-            total = project(unit.pixels, work, c, a - EACH * c, own)
-        forward(L, own)
+            total = project(unit.pixels, work, c, a - EACH * c, row)
+        forward(L, row)
         for j in range(OWN):
-            total -= own[j] * Y[last + 1, j]
+            total -= row[j] * Y[last + 1, j]
         into.g[a] += w * total
         for m in range(n + 1):
             b = index[m]
@@ -168,7 +169,7 @@ def eliminate(
             elif b // EACH == c:
                 total = product(unit.pixels, work.Js, c, a - EACH * c, b - EACH * c)
             for j in range(OWN):
-                total -= own[j] * Y[b, j]
+                total -= row[j] * Y[b, j]
             into.H[a, b] += w * total
 
 
@@ -190,17 +191,17 @@ def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
 
 
 @internal
-def project(pixels: FloatArray, work: Work, c: int, i: int, own: FloatArray) -> float:
-    """Write Jx^T times an unknown's column of Js to `own` (6,); return the column times r."""
+def project(pixels: FloatArray, work: Work, c: int, i: int, row: FloatArray) -> float:
+    """Write Jx^T times an unknown's column of Js to `row` (6,); return the column times r."""
     total, r, Jx, Js = 0.0, work.r, work.Jx, work.Js
-    own[:] = 0.0
+    row[:] = 0.0
     for e in range(2):
         if not np.isnan(pixels[e, c, 0]):
             for k in range(2):
                 s = Js[e, c, k, i]
                 total += s * r[e, c, k]
                 for j in range(3):
-                    own[3 * e + j] += s * Jx[e, c, k, j]
+                    row[3 * e + j] += s * Jx[e, c, k, j]
     return total
 
 
@@ -220,13 +221,13 @@ class Parameters(NamedTuple):
     Args:
         by_parameter: (k, Q): the transpose of M.
         precision: (k, k): of the prior of p, normal with mean 0; 0 for no prior.
-        turns: (k,): which of p are small rotations: they are 0 after each step.
+        rotations: (k,): which of p are small ones: they are 0 after each step.
     """
 
     origin: FloatArray
     by_parameter: FloatArray
     precision: FloatArray
-    turns: BoolArray
+    rotations: BoolArray
 
 
 @compiled
@@ -237,7 +238,7 @@ def adjust(
     units: Units,
     baselines: FloatArray,
     limits: FloatArray,
-    found: Equations,
+    into: Equations,
     tolerance: float,
     most_steps: int,
 ) -> tuple[float, int, bool]:
@@ -251,10 +252,10 @@ def adjust(
     Returns:
         The cost with the priors, the number of steps tried, and whether it converged.
     """
-    k, size, gain, cost, damping = len(state.p), len(found.H), np.inf, np.inf, 1e-5
+    k, size, gain, cost, damping = len(state.p), len(into.H), np.inf, np.inf, 1e-5
     q, by_p, precision = np.empty(size), np.empty((k, size)), parameters.precision
     trial = State(state.p.copy(), state.R.copy(), state.points.copy(), state.chi_squares.copy())
-    tried, with_baselines = Equations(found.free, found.H.copy(), found.g), found.H.copy()
+    tried, with_baselines = Equations(into.free, into.H.copy(), into.g), into.H.copy()
     A, damped, b, d = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
     for step in range(most_steps + 1):
         place(parameters, trial, state.R, q, by_p)
@@ -266,7 +267,7 @@ def adjust(
         if total <= cost or step == 0:
             cost = total
             copy(trial.points, state.points)
-            copy(tried.H, found.H)
+            copy(tried.H, into.H)
             copy_row(trial.chi_squares, state.chi_squares)
             copy_row(trial.p, state.p)
             for c in range(len(state.R)):
@@ -364,7 +365,7 @@ def place(
         for i in range(TRANSLATION):
             q[EACH * c + i] = 0.0
     for j in range(len(p)):
-        p[j] = 0.0 if parameters.turns[j] else p[j]
+        p[j] = 0.0 if parameters.rotations[j] else p[j]
 
 
 @internal
@@ -392,42 +393,42 @@ def add_baselines(
     Args:
         baselines: (m, 4): the numbers of two cameras, their distance and its standard deviation.
     """
-    cost, J, at = 0.0, np.empty(12), np.empty(12, np.int64)
+    cost, J, place = 0.0, np.empty(12), np.empty(12, np.int64)
     for m in range(len(baselines)):
-        error = fill_baseline(baselines[m], q, R, J, at)
+        error = fill_baseline(baselines[m], q, R, J, place)
         cost += error * error
         for i in range(12):
-            g[at[i]] += J[i] * error
+            g[place[i]] += J[i] * error
             for j in range(12):
-                H[at[i], at[j]] += J[i] * J[j]
+                H[place[i], place[j]] += J[i] * J[j]
     return cost
 
 
 @internal
 def fill_baseline(
-    own: FloatArray, q: FloatArray, R: FloatArray, J: FloatArray, at: IntArray
+    baseline: FloatArray, q: FloatArray, R: FloatArray, J: FloatArray, place: IntArray
 ) -> float:
     """Return the error of a baseline; write its derivatives (12,) and the places of both poses."""
     apart = np.zeros(3)
     for end in range(2):
-        c = int(own[end])
+        c = int(baseline[end])
         for i in range(3):  # centre = -R^T T
             for j in range(3):
                 apart[j] += (2 * end - 1) * R[c, i, j] * q[EACH * c + TRANSLATION + i]
     length = np.sqrt(apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2)
     for end in range(2):
-        c, k = int(own[end]), 6 * end
+        c, k = int(baseline[end]), 6 * end
         T, by_T = q[EACH * c + TRANSLATION : EACH * c + LENS], J[k + 3 : k + 6]
         for i in range(3):
             along = R[c, i, 0] * apart[0] + R[c, i, 1] * apart[1] + R[c, i, 2] * apart[2]
-            by_T[i] = (2 * end - 1) * along / (length * own[3])
+            by_T[i] = (2 * end - 1) * along / (length * baseline[3])
         # turning the camera by w moves its centre by R^T (w x T)
         J[k] = T[2] * by_T[1] - T[1] * by_T[2]
         J[k + 1] = T[0] * by_T[2] - T[2] * by_T[0]
         J[k + 2] = T[1] * by_T[0] - T[0] * by_T[1]
         for i in range(6):
-            at[k + i] = EACH * c + i
-    return float((length - own[2]) / own[3])
+            place[k + i] = EACH * c + i
+    return float((length - baseline[2]) / baseline[3])
 
 
 @internal

@@ -74,12 +74,12 @@ class Judged:
     """The reading with the least is the best."""
 
 
-def check_inputs(dataset: Dataset, late: bool = False) -> list[str]:
+def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
     """Reject inputs that are certainly wrong; return warnings about those that may be.
 
     Args:
-        late: whether cameras out of step seem to explain the data. They fit otherwise estimated
-            values too, and somewhat better many a wrong camera: neither is named then.
+        out_of_step: whether cameras out of step seem to explain the data. They fit otherwise
+            estimated values too, and somewhat better many a wrong camera: neither is named then.
     """
     suspected = suspects(dataset)
     if not suspected:
@@ -87,10 +87,10 @@ def check_inputs(dataset: Dataset, late: bool = False) -> list[str]:
     nominal = noise_of(_fewer_frames(dataset))
     if nominal < fitting_px(dataset) and not _named(nominal, _by_noise(suspected), POSSIBLE_GAIN):
         return []
-    found = _every_reading(dataset, late)
-    if message := _message(nominal, found, CERTAIN_GAIN):
+    judged = _every_reading(dataset, out_of_step)
+    if message := _message(nominal, judged, CERTAIN_GAIN):
         raise StereocalError(message)
-    possible = [] if late else _named(nominal, found, POSSIBLE_GAIN)
+    possible = [] if out_of_step else _named(nominal, judged, POSSIBLE_GAIN)
     return [
         f"{best.reading.claim}: all points and lengths would then fit to "
         f"{rounded(best.noise_px)} px instead of {rounded(nominal)} px, which is not enough to be "
@@ -99,16 +99,16 @@ def check_inputs(dataset: Dataset, late: bool = False) -> list[str]:
     ]
 
 
-def find_wrong_input(dataset: Dataset, late: bool = False) -> str:
+def find_wrong_input(dataset: Dataset, out_of_step: bool = False) -> str:
     """A message that names the wrong input if one explains the data; else empty.
 
     Args:
-        late: as in `check_inputs`.
+        out_of_step: as in `check_inputs`.
     """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     nominal = noise_of(_fewer_frames(dataset))
-    return _message(nominal, _every_reading(dataset, late), CERTAIN_GAIN)
+    return _message(nominal, _every_reading(dataset, out_of_step), CERTAIN_GAIN)
 
 
 def nothing_fits(dataset: Dataset) -> str:
@@ -134,13 +134,13 @@ def _fewer_frames(dataset: Dataset) -> Dataset:
     return dataset.of_frames(frames[at])
 
 
-def _every_reading(dataset: Dataset, late: bool) -> list[Judged]:
+def _every_reading(dataset: Dataset, out_of_step: bool) -> list[Judged]:
     """All readings, the best first: those of estimated values must leave less noise than others."""
-    found = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
-    if not late:
+    judged = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
+    if not out_of_step:
         dataset = _fewer_frames(dataset)
-        found += _by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
-    return sorted(found, key=lambda it: it.rank)
+        judged += _by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
+    return sorted(judged, key=lambda it: it.rank)
 
 
 def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged]:
@@ -216,14 +216,14 @@ def _centred_readings(dataset: Dataset) -> Iterator[Reading]:
         )
 
 
-def _named(nominal: float, found: list[Judged], gain: float) -> list[Judged]:
+def _named(nominal: float, judged: list[Judged], gain: float) -> list[Judged]:
     """The readings that fit, and so many times better than what was given; the best first."""
-    return [it for it in found if it.fits and gain * it.noise_px < nominal]
+    return [it for it in judged if it.fits and gain * it.noise_px < nominal]
 
 
-def _message(nominal: float, found: list[Judged], gain: float) -> str:
+def _message(nominal: float, judged: list[Judged], gain: float) -> str:
     """The reading with the least noise, and those that explain as much; or empty."""
-    named = _named(nominal, found, gain)
+    named = _named(nominal, judged, gain)
     if not named:
         return ""
     best = named[0]

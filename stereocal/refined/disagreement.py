@@ -299,16 +299,16 @@ def _accused(
 ) -> Input:
     """An input with its estimate from the other data, and the message about it."""
     others = {
-        key: (_values(own, key, own.q), _values(own, key, np.sqrt(np.diag(own.covariance))))
-        for key, own in freed.items()
+        key: (_values(fit, key, fit.q), _values(fit, key, np.sqrt(np.diag(fit.covariance))))
+        for key, fit in freed.items()
     }
-    (say, sigma), own = others[item.key], freed[item.key]
+    (say, sigma), fit = others[item.key], freed[item.key]
     if len(freed) > 1:
         other = next(key for key in freed if key != item.key)
         cases = (item, *others[item.key]), (inputs[other], *others[other])
         advice = pair_advice(cases) + note_on_rivals(tuple(set(rivals) - LENGTHS))
     else:
-        camera = own.secondary if item.key.startswith("secondary") else own.primary
+        camera = fit.secondary if item.key.startswith("secondary") else fit.primary
         advice = advice_on(item.key, item.stated, say, sigma, camera.lens_names[4:8])
         advice += note_on_rivals(rivals)
     return replace(

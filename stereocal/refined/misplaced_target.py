@@ -43,22 +43,22 @@ def misplaced_target(fit: RefinedResult) -> str:
     rows = fit.dataset.correspondences
     if rows.rigid_object is None or len(rows.names) > MOST_TARGETS:
         return ""
-    found = _distances(fit)
-    if _agree(found):
+    distances = _distances(fit)
+    if _agree(distances):
         return ""
     try:  # whose lengths a wrong baseline does not change
         free = refine(fit.dataset, replace(fit.settings, baseline_sigma_m=np.inf), fit.pose)
     except StereocalError:
         free = fit
-    fit, found = free, _distances(free)
-    suspects = [k for k in range(len(rows.names)) if _explains(fit, found, k)]
-    off = sorted(found, key=lambda it: -abs(it.ratio) / it.sigma)
-    named = [it for it in off if suspects[1:] or {*suspects} & {*it.ends}][:3]
-    stated, scale = rows.rigid_object.distance, _scale(found, suspects)
+    fit, distances = free, _distances(free)
+    suspects = [k for k in range(len(rows.names)) if _explains(fit, distances, k)]
+    ranked = sorted(distances, key=lambda it: -abs(it.ratio) / it.sigma)
+    named = [it for it in ranked if suspects[1:] or {*suspects} & {*it.ends}][:3]
+    stated, scale = rows.rigid_object.distance, _scale(distances, suspects)
     seen = "; ".join(
         f"{rows.names[a]}-{rows.names[b]} {1e3 * stated(a, b) * np.exp(ratio - scale):.1f} ± "
         f"{1e3 * stated(a, b) * sigma:.1f} mm, stated {1e3 * stated(a, b):.1f} mm"
-        for (a, b), ratio, sigma in named or off[:3]
+        for (a, b), ratio, sigma in named or ranked[:3]
     )
     names = [rows.names[k] for k in suspects] or list(rows.names)
     if len(suspects) == 1:
@@ -78,7 +78,7 @@ def _distances(fit: RefinedResult) -> list[_Distance]:
     points = np.full((len(rows.frames), len(rows.names), 3), np.nan)
     at = np.searchsorted(rows.frames, rows.frame)
     points[at, rows.target] = fit.rig.reconstruct(rows.primary, rows.secondary)
-    sigma_m, found = distance_sigma_m(fit.dataset, fit.settings), []
+    sigma_m, distances = distance_sigma_m(fit.dataset, fit.settings), []
     for a, b in combinations(range(len(rows.names)), 2):
         stated = rows.rigid_object.distance(a, b)
         logs = np.log(np.linalg.norm(points[:, a] - points[:, b], axis=1) / stated)
@@ -87,29 +87,29 @@ def _distances(fit: RefinedResult) -> list[_Distance]:
             continue
         middle = float(np.median(logs))
         spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(logs - middle)))
-        own = spread * np.sqrt(fit.design_effect / len(logs))
-        found.append(_Distance((a, b), middle, float(np.hypot(own, sigma_m / stated))))
-    return found
+        of_noise = spread * np.sqrt(fit.design_effect / len(logs))
+        distances.append(_Distance((a, b), middle, float(np.hypot(of_noise, sigma_m / stated))))
+    return distances
 
 
-def _mean(found: Iterable[_Distance]) -> tuple[float, float]:
+def _mean(distances: Iterable[_Distance]) -> tuple[float, float]:
     """The weighted mean of the ratios and its standard error."""
-    weights = np.array([it.sigma**-2 for it in found])
-    ratios = np.array([it.ratio for it in found])
+    weights = np.array([it.sigma**-2 for it in distances])
+    ratios = np.array([it.ratio for it in distances])
     return float(weights @ ratios / weights.sum()), float(weights.sum() ** -0.5)
 
 
-def _agree(found: list[_Distance]) -> bool:
+def _agree(distances: list[_Distance]) -> bool:
     """Whether all distances have one scale."""
-    if len(found) < 2:
+    if len(distances) < 2:
         return True
-    mean, sigma = _mean(found)
-    return all(abs(it.ratio - mean) < CONTRADICTING * np.hypot(it.sigma, sigma) for it in found)
+    mean, sigma = _mean(distances)
+    return all(abs(it.ratio - mean) < CONTRADICTING * np.hypot(it.sigma, sigma) for it in distances)
 
 
-def _explains(fit: RefinedResult, found: list[_Distance], target: int) -> bool:
+def _explains(fit: RefinedResult, distances: list[_Distance], target: int) -> bool:
     """Whether the distances without a target agree, and with the measured baseline."""
-    others = [it for it in found if target not in it.ends]
+    others = [it for it in distances if target not in it.ends]
     if not others or not _agree(others):
         return False
     dataset = fit.dataset
@@ -121,8 +121,8 @@ def _explains(fit: RefinedResult, found: list[_Distance], target: int) -> bool:
     return bool(abs(off) < CONTRADICTING * np.hypot(sigma, stated))
 
 
-def _scale(found: list[_Distance], suspects: list[int]) -> float:
+def _scale(distances: list[_Distance], suspects: list[int]) -> float:
     """The scale of the distances without the only suspect, in logarithms; 0 with several."""
     if len(suspects) != 1:
         return 0.0
-    return _mean([it for it in found if suspects[0] not in it.ends])[0]
+    return _mean([it for it in distances if suspects[0] not in it.ends])[0]

@@ -45,26 +45,26 @@ class Observations:
         """
         table = dataset.correspondences
         kept = np.ones(len(table), dtype=np.bool_) if rows is None else rows
-        part, place = (own[kept] for own in table.parts)
-        _, first, at = np.unique(part, return_index=True, return_inverse=True)
+        part, place = (column[kept] for column in table.parts)
+        _, first, unit = np.unique(part, return_index=True, return_inverse=True)
         frames, frame_of = np.unique(table.frame[kept][first], return_inverse=True)
         n = len(first)
         targets = np.full((n, 2), -1)
-        targets[at, place] = table.target[kept]
+        targets[unit, place] = table.target[kept]
         pixels, rays = np.full((n, 2, 2, 2), np.nan), np.full((n, 2, 2, 2), np.nan)
-        pixels[at, place, 0] = table.primary[kept]
-        pixels[at, place, 1] = table.secondary[kept]
-        rays[at, place] = dataset.rays[:, kept].T.reshape(-1, 2, 2)
+        pixels[unit, place, 0] = table.primary[kept]
+        pixels[unit, place, 1] = table.secondary[kept]
+        rays[unit, place] = dataset.rays[:, kept].T.reshape(-1, 2, 2)
         motion = np.zeros((n if moving else 0, 2, 2, 3))
         if moving:
             offset = dataset.time_offset or TimeOffset()
-            motion[at, place, 1, :2] = np.nan_to_num(table.motion[kept, :2])
-            motion[at, place, 1, 2] = table.time_frame[kept] - offset.reference
+            motion[unit, place, 1, :2] = np.nan_to_num(table.motion[kept, :2])
+            motion[unit, place, 1, 2] = table.time_frame[kept] - offset.reference
         variances = np.ones((len(frames), len(table.names)))
-        of_rows = frame_of[at], table.target[kept]
+        of_rows = frame_of[unit], table.target[kept]
         variances[of_rows] = 0.5 + 0.5 * np.nan_to_num(table.motion[kept, 2], nan=1.0)
         bars, distances = kept[table.bars].all(axis=1), np.full(n, np.nan)
-        of_bars = at[np.searchsorted(np.flatnonzero(kept), table.bars[bars, 0])]
+        of_bars = unit[np.searchsorted(np.flatnonzero(kept), table.bars[bars, 0])]
         distances[of_bars] = dataset.bar_distances_m[bars]
         return cls(
             frames,

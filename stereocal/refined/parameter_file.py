@@ -30,9 +30,9 @@ COVARIANCE_OF = (
 def covariance_names(cameras: Sequence[Camera]) -> tuple[str, ...]:
     """`COVARIANCE_OF`, with the k3 and k4 of a fisheye instead of p1 and p2."""
     fisheyes = {
-        f"{which}_{usual}": f"{which}_{own}"
+        f"{which}_{usual}": f"{which}_{of_fisheye}"
         for which, camera in zip(CAMERAS, cameras, strict=True)
-        for usual, own in zip(LENS_UNKNOWNS, camera.lens_names, strict=True)
+        for usual, of_fisheye in zip(LENS_UNKNOWNS, camera.lens_names, strict=True)
     }
     return tuple(fisheyes.get(name, name) for name in COVARIANCE_OF)
 

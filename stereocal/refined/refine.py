@@ -364,8 +364,8 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
         return None
     cameras = dataset.primary, dataset.secondary
     focal = [
-        np.median(camera.local_focal_px(own.T))
-        for camera, own in zip(cameras, (rays[:2], rays[2:]), strict=True)
+        np.median(camera.local_focal_px(points.T))
+        for camera, points in zip(cameras, (rays[:2], rays[2:]), strict=True)
     ]
     E, _ = cv2.findEssentialMat(
         np.ascontiguousarray(rays[:2].T),

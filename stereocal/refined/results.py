@@ -54,14 +54,14 @@ class Calibration:
     def errors(self) -> Mapping[Method, Errors]:
         """Errors of each set on all frames, of the refined one with its own lenses."""
         left_out = self.screening.left_out
-        found = {
-            name: errors_of(self.dataset, found.pose, left_out)
-            for name, found in self.methods.items()
+        errors = {
+            name: errors_of(self.dataset, result.pose, left_out)
+            for name, result in self.methods.items()
         }
         if self.refined is not None:
             seen = self.refined.apply(self.dataset)
-            found["refined"] = errors_of(seen, self.refined.pose, left_out)
-        return found
+            errors["refined"] = errors_of(seen, self.refined.pose, left_out)
+        return errors
 
     @property
     def noise_px(self) -> float | None:

@@ -80,10 +80,10 @@ class RobustFit:
         self.baselines = np.empty((0, 4)) if baselines is None else baselines
         self.p = np.zeros(len(unknowns.names))
         is_pair, places = len(unknowns.origin) == SHARED, np.arange(len(unknowns.origin) - 1)
-        turns = places < 0 if is_pair else places % EACH < TRANSLATION
+        rotations = places < 0 if is_pair else places % EACH < TRANSLATION
         poses = places <= EPSILON if is_pair else places % EACH < 2 * TRANSLATION
-        self.turns, self.of_poses = (
-            np.asarray(unknowns.M[:-1][own].any(axis=0)) for own in (turns, poses)
+        self.rotations, self.of_poses = (
+            np.asarray(unknowns.M[:-1][rows].any(axis=0)) for rows in (rotations, poses)
         )
         B, M = self.views(unknowns.origin)[1], np.abs(unknowns.M.T)
         self.free: BoolArray = np.asarray((M if B is None else M @ np.abs(B)).any(axis=0))
@@ -190,29 +190,29 @@ class RobustFit:
         """(f,): sums over the units of each frame."""
         return np.bincount(self.frame_of, of_units, len(self.frames)).astype(np.float64)
 
-    def _units(self, length_weight: float, own: IntArray | slice = slice(None)) -> Units:
+    def _units(self, length_weight: float, which: IntArray | slice = slice(None)) -> Units:
         """What was measured of some units."""
         seen = self.seen
-        motion = seen.motion[own] if len(seen.motion) else seen.motion
-        pixels, rays, distances = seen.pixels[own], seen.rays[own], seen.distances[own]
+        motion = seen.motion[which] if len(seen.motion) else seen.motion
+        pixels, rays, distances = seen.pixels[which], seen.rays[which], seen.distances[which]
         return Units(pixels, rays, motion, distances, 1 / self.sigma_px, length_weight)
 
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
         """Minimise the cost with these limits (f,) of the loss; updates all results."""
-        own, found = self.unknowns, equations_for(self.free)
+        free, equations = self.unknowns, equations_for(self.free)
         self.cost, steps, self.converged = adjust(
-            Parameters(own.origin, np.ascontiguousarray(own.M.T), own.precision, self.turns),
+            Parameters(free.origin, np.ascontiguousarray(free.M.T), free.precision, self.rotations),
             State(self.p, self.R, self.points, self.of_units),
             self.seen.lenses,
             self._units(1 / self.scatter),
             self.baselines,
             limits[self.frame_of] * self.share_of_limit,
-            found,
+            equations,
             tolerance,
             self.settings.maximum_steps,
         )
         B = self.views(self.q)[1]
-        self.H[:] = found.H if B is None else B @ found.H @ B.T
+        self.H[:] = equations.H if B is None else B @ equations.H @ B.T
         self.chi_squares[:] = self.by_frame(self.of_units)
         self.steps += steps
 
@@ -240,9 +240,9 @@ class RobustFit:
 
     def innovations(self, q: FloatArray, points: FloatArray) -> FloatArray:
         """(n, 2): as of `adjustment.length_innovations`."""
-        found = np.empty((len(points), 2))
-        length_innovations(self.views(q)[0], self._units(1.0), points, found)
-        return found
+        innovations = np.empty((len(points), 2))
+        length_innovations(self.views(q)[0], self._units(1.0), points, innovations)
+        return innovations
 
     def equations(
         self, q: FloatArray, groups: Sequence[IntArray]
@@ -257,10 +257,10 @@ class RobustFit:
         n, count, every = len(groups), len(q), np.ones(len(self.free), dtype=np.bool_)
         H, g, c = np.zeros((n, count, count)), np.zeros((n, count)), np.zeros(n)
         for i, group in enumerate(groups):
-            own = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
-            points, size = np.full((len(own), OWN), np.nan), len(own)
+            units = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
+            points, size = np.full((len(units), OWN), np.nan), len(units)
             c[i], H[i], g[i] = self.sum_at(
-                q, 1 / self.scatter, np.full(size, np.inf), points, np.empty(size), own, every
+                q, 1 / self.scatter, np.full(size, np.inf), points, np.empty(size), units, every
             )
         lost = ~np.isfinite(c)
         H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
@@ -268,8 +268,8 @@ class RobustFit:
 
     def evaluate(self, limits: FloatArray) -> None:
         """Points, chi-squares and H at the present parameters."""
-        own = limits[self.frame_of] * self.share_of_limit
-        _, self.H[:], _ = self.sum_at(self.q, 1 / self.scatter, own, self.points, self.of_units)
+        limits = limits[self.frame_of] * self.share_of_limit
+        _, self.H[:], _ = self.sum_at(self.q, 1 / self.scatter, limits, self.points, self.of_units)
         self.chi_squares[:] = self.by_frame(self.of_units)
 
     def run(self) -> bool:
@@ -349,10 +349,10 @@ class RobustFit:
                 return False
             self.sigma_px = max(self.sigma_px * float(np.sqrt(ratio)), SMALLEST_SIGMA_PX)
         if self.source_scatter == ESTIMATED:
-            found = self.innovations(self.q, points)
-            found = found[np.isfinite(found[:, 0]) & ~self.outlying[self.frame_of]]
+            lengths = self.innovations(self.q, points)
+            lengths = lengths[np.isfinite(lengths[:, 0]) & ~self.outlying[self.frame_of]]
             self.scatter = max(
-                scatter_of(found[:, 0], found[:, 1], spent_m, robust), self.smallest_scatter
+                scatter_of(lengths[:, 0], lengths[:, 1], spent_m, robust), self.smallest_scatter
             )
         return True
 

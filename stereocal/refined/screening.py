@@ -272,16 +272,16 @@ def _speed(fit: RefinedResult) -> FloatArray:
 
     Of the motions from the previous recorded frame and to the next; NaN if both are missing.
     """
-    rows, found = fit.dataset.correspondences, np.full(len(fit.frames), np.nan)
+    rows, speed = fit.dataset.correspondences, np.full(len(fit.frames), np.nan)
     order = np.lexsort([rows.time_frame, rows.target])
     before, after = order[:-1], order[1:]
     follows = (rows.target[before] == rows.target[after]) & (
         rows.time_frame[before] + 1 == rows.time_frame[after]
     )
     moved = np.linalg.norm(rows.primary[after] - rows.primary[before], axis=1)[follows]
-    for own in (before, after):
-        np.fmax.at(found, np.searchsorted(fit.frames, rows.frame[own[follows]]), moved)
-    return found
+    for rows_of in (before, after):
+        np.fmax.at(speed, np.searchsorted(fit.frames, rows.frame[rows_of[follows]]), moved)
+    return speed
 
 
 def _like_neighbours(fit: RefinedResult, out: BoolArray) -> bool:

@@ -38,12 +38,12 @@ def standard_errors(result: RefinedResult) -> dict[str, Value]:
     sigma = np.sqrt(np.diag(result.covariance))
     names = [*result.pose.angles._fields, "baseline_m"]
     indices = [*range(5), BASELINE]
-    for name, at in (("primary", PRIMARY), ("secondary", SECONDARY)):
+    for name, place in (("primary", PRIMARY), ("secondary", SECONDARY)):
         names += [f"{name}_{key}" for key in LENS]
-        indices += range(at, at + 4)
+        indices += range(place, place + 4)
     return {
-        name: Value(float(result.q[at]), float(sigma[at]))
-        for name, at in zip(names, indices, strict=True)
+        name: Value(float(result.q[place]), float(sigma[place]))
+        for name, place in zip(names, indices, strict=True)
     }
 
 
@@ -55,8 +55,8 @@ def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatAr
     Args:
         points_m: (n, 3), in the primary's frame.
     """
-    own, jacobian = point_errors(result.q, result.lenses, result.sigma_px.value, points_m)
-    return np.asarray(own + jacobian @ result.covariance @ jacobian.transpose(0, 2, 1))
+    of_pixels, jacobian = point_errors(result.q, result.lenses, result.sigma_px.value, points_m)
+    return np.asarray(of_pixels + jacobian @ result.covariance @ jacobian.transpose(0, 2, 1))
 
 
 def length_sigmas(
@@ -73,8 +73,8 @@ def length_sigmas(
         covariance: (25, 25); the others as in `point_errors`.
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    own, jacobian = length_errors(q, lenses, sigma_px, first_m, second_m)
-    return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
+    of_pixels, jacobian = length_errors(q, lenses, sigma_px, first_m, second_m)
+    return np.asarray(np.sqrt(of_pixels + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
 
 
 def length_errors(
@@ -91,8 +91,8 @@ def length_errors(
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
     own_a, jacobian_a = point_errors(q, lenses, sigma_px, a)
     own_b, jacobian_b = point_errors(q, lenses, sigma_px, b)
-    own = np.einsum("ni,nij,nj->n", along, own_a + own_b, along)
-    return own, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
+    of_pixels = np.einsum("ni,nij,nj->n", along, own_a + own_b, along)
+    return of_pixels, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,16 +160,16 @@ def point_errors(
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
     by_point, by_shared = point_jacobians(q, lenses, points)
     usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
-    own = np.full((len(points), 3, 3), np.nan)
+    of_pixels = np.full((len(points), 3, 3), np.nan)
     jacobian = np.full((len(points), 3, SHARED), np.nan)
     J = by_point[usable]
     shifts = np.concatenate([np.linalg.pinv(J[:, :2]), np.linalg.pinv(J[:, 2:])], axis=2)
     gain = np.linalg.solve(shifts @ J, shifts)
     sigmas = np.broadcast_to(np.asarray(sigma_px, dtype=np.float64), (len(points), 2))[usable]
     weighted = gain * np.repeat(sigmas, 2, axis=1)[:, None, :]
-    own[usable] = weighted @ weighted.transpose(0, 2, 1)
+    of_pixels[usable] = weighted @ weighted.transpose(0, 2, 1)
     jacobian[usable] = -gain @ by_shared[usable]
-    return own, jacobian
+    return of_pixels, jacobian
 
 
 def point_jacobians(
@@ -208,9 +208,9 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
     solve = result.fit_of(result.dataset, rows)
     n = len(solve.points)
     _, H, _ = solve.sum_at(result.q, 0.0, np.full(n, np.inf), solve.points, np.empty(n))
-    found = solve.innovations(result.q, solve.points)
+    errors, variances = solve.innovations(result.q, solve.points).T
     frames = solve.frames[solve.frame_of]
-    return Innovations(frames, found[:, 0], found[:, 1], solve.points.reshape(n, 2, 3), H)
+    return Innovations(frames, errors, variances, solve.points.reshape(n, 2, 3), H)
 
 
 def length_freedom(result: RefinedResult, bars: Innovations) -> float:

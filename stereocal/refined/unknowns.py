@@ -180,8 +180,8 @@ class Unknowns:
         """The covariance of the priors of some free parameters, which must all have one."""
         known = np.flatnonzero(np.isfinite(self.sigma))
         whole = np.linalg.inv(self.precision[np.ix_(known, known)])
-        at = np.searchsorted(known, columns)
-        return np.asarray(whole[np.ix_(at, at)])
+        places = np.searchsorted(known, columns)
+        return np.asarray(whole[np.ix_(places, places)])
 
 
 def unknowns_of(
@@ -218,11 +218,11 @@ def unknowns_of(
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
         blocks.append(lens_block(CAMERAS[number], prior, lens_places(number)))
-    late, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
-    blocks.append(([("time offset", late, [TIME]), ("time drift", drift, [DRIFT])], None))
+    offset, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
+    blocks.append(([("time offset", offset, [TIME]), ("time drift", drift, [DRIFT])], None))
     focal_lengths = [place for number in range(2) for place in lens_places(number)[:2]]
-    found = free_parameters(blocks, origin, focal_lengths)
-    return found if settings.rest is None else _with_prior(found, settings.rest)
+    unknowns = free_parameters(blocks, origin, focal_lengths)
+    return unknowns if settings.rest is None else _with_prior(unknowns, settings.rest)
 
 
 def _with_prior(unknowns: Unknowns, rest: RigPrior) -> Unknowns:
@@ -257,15 +257,15 @@ def free_parameters(
             names.append(name)
             along.append(np.zeros(len(origin)))
             along[-1][places] = unit[places]
-        own = np.array([columns[i][1] for i in free])
-        sigmas.append(own)
-        known = np.flatnonzero(np.isfinite(own))
+        of_block = np.array([columns[i][1] for i in free])
+        sigmas.append(of_block)
+        known = np.flatnonzero(np.isfinite(of_block))
         if len(known):
             whole = np.eye(len(columns)) if correlation is None else correlation
             among = whole[np.ix_(free, free)][np.ix_(known, known)]
-            at = len(names) - len(free) + known
-            spread = np.outer(own[known], own[known])
-            precision[np.ix_(at, at)] = np.linalg.inv(among * spread)
+            rows = len(names) - len(free) + known
+            spread = np.outer(of_block[known], of_block[known])
+            precision[np.ix_(rows, rows)] = np.linalg.inv(among * spread)
     return Unknowns(
         names=tuple(names),
         origin=origin,
@@ -367,10 +367,10 @@ def _first(*values: float | None) -> float:
     return next(value for value in values if value is not None)
 
 
-def _exchanged(value: Any, one: Any, other: Any) -> Any:
-    """A plain value with `other` wherever `one` is."""
+def _exchanged(value: Any, old: Any, new: Any) -> Any:
+    """A plain value with `new` wherever `old` is."""
     if isinstance(value, dict):
-        return {key: _exchanged(inner, one, other) for key, inner in value.items()}
+        return {key: _exchanged(inner, old, new) for key, inner in value.items()}
     if isinstance(value, list):
-        return [_exchanged(inner, one, other) for inner in value]
-    return other if value == one else value
+        return [_exchanged(inner, old, new) for inner in value]
+    return new if value == old else value

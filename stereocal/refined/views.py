@@ -129,9 +129,9 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
             bx, by, xx, xy, yx, yy = distort(nx, ny, lenses, c)
             u, v = pixels[e, c, 0], pixels[e, c, 1]
             if len(motion):
-                late = q[at + TIME] + q[at + DRIFT] * motion[e, c, 2]
-                u -= late * motion[e, c, 0]
-                v -= late * motion[e, c, 1]
+                delay = q[at + TIME] + q[at + DRIFT] * motion[e, c, 2]
+                u -= delay * motion[e, c, 0]
+                v -= delay * motion[e, c, 1]
             r[e, c, 0] = weight * (fx * bx + skew * by + q[at + LENS + 2] - u)
             r[e, c, 1] = weight * (fy * by + q[at + LENS + 3] - v)
             total += r[e, c, 0] ** 2 + r[e, c, 1] ** 2
@@ -277,11 +277,11 @@ def nearest_point(
 
 
 @internal
-def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, bent: bool, work: Work) -> None:
+def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, work: Work) -> None:
     """Write the derivatives by the unknowns of the cameras, after `fill_residuals`.
 
     Args:
-        bent: whether those by the distortion are wanted; else they stay as they are.
+        distorted: whether those by the distortion are wanted; else they stay as they are.
     """
     q, R, lenses = cameras
     pixels, motion, weight = unit.pixels, unit.motion, unit.weight
@@ -298,18 +298,18 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, bent: bool, work: W
             nx, ny = (a + q[at + 3]) * near, (b + q[at + 4]) * near
             bx, by, _, _, _, _ = distort(nx, ny, lenses, c)
             for k in range(2):
-                row, own = Js[e, c, k], Jx[e, c, k]
+                row, by_point = Js[e, c, k], Jx[e, c, k]
                 # by the point in the camera's frame
-                s0 = own[0] * R[c, 0, 0] + own[1] * R[c, 0, 1] + own[2] * R[c, 0, 2]
-                s1 = own[0] * R[c, 1, 0] + own[1] * R[c, 1, 1] + own[2] * R[c, 1, 2]
-                s2 = own[0] * R[c, 2, 0] + own[1] * R[c, 2, 1] + own[2] * R[c, 2, 2]
+                s0 = by_point[0] * R[c, 0, 0] + by_point[1] * R[c, 0, 1] + by_point[2] * R[c, 0, 2]
+                s1 = by_point[0] * R[c, 1, 0] + by_point[1] * R[c, 1, 1] + by_point[2] * R[c, 1, 2]
+                s2 = by_point[0] * R[c, 2, 0] + by_point[1] * R[c, 2, 1] + by_point[2] * R[c, 2, 2]
                 row[0], row[1], row[2] = b * s2 - d * s1, d * s0 - a * s2, a * s1 - b * s0
                 row[3], row[4], row[5] = s0, s1, s2
                 row[6], row[7] = weight * bx * (1 - k), weight * by * k
                 row[8], row[9] = weight * (1 - k), weight * k
                 row[TIME] = weight * motion[e, c, k] if len(motion) else 0.0
                 row[DRIFT] = row[TIME] * motion[e, c, 2] if len(motion) else 0.0
-            if not bent:
+            if not distorted:
                 continue
             distortion_derivatives(nx, ny, lenses, c, by_lens)
             fx, fy = q[at + LENS], q[at + LENS + 1]
@@ -342,18 +342,18 @@ def fit_points(
         pixels, rays: (n, c, 2); NaN where a camera does not see a point.
     """
     n, count = len(pixels), len(cameras.q)
-    found = PointFits(
+    fits = PointFits(
         np.full((n, 3), np.nan),
         np.full(pixels.shape, np.nan),
         np.full((n, 3, 3), np.nan),
         np.full((n if derivatives else 0, 3, count), np.nan),
     )
-    _fill_fits(cameras, np.ascontiguousarray(pixels), np.ascontiguousarray(rays), found)
-    return found
+    _fill_fits(cameras, np.ascontiguousarray(pixels), np.ascontiguousarray(rays), fits)
+    return fits
 
 
 @compiled
-def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, found: PointFits) -> None:
+def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, fits: PointFits) -> None:
     cameras, count = with_lenses(stated), len(stated.R)
     work, x, b = work_of(count), np.empty(OWN), np.empty(OWN)
     seen, ray = np.full((2, count, 2), np.nan), np.full((2, count, 2), np.nan)
@@ -369,18 +369,18 @@ def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, found: Poi
         fill_normal_matrix(unit, 0.0, work)
         if not factor(work.V, 1e-14):
             continue
-        found.residuals[n] = np.where(np.isnan(seen[0]), np.nan, work.r[0])
-        found.points[n] = x[:3]
+        fits.residuals[n] = np.where(np.isnan(seen[0]), np.nan, work.r[0])
+        fits.points[n] = x[:3]
         for j in range(3):
             b[:] = 0.0
             b[j] = 1.0
             forward(work.V, b)
             backward(work.V, b)
-            found.covariances[n, :, j] = b[:3]
-        if len(found.by_shared):
+            fits.covariances[n, :, j] = b[:3]
+        if len(fits.by_shared):
             fill_shared(cameras, unit, x, True, work)
             fill_point_derivatives(
-                seen[0], work.Jx[0], work.Js[0], found.covariances[n], found.by_shared[n]
+                seen[0], work.Jx[0], work.Js[0], fits.covariances[n], fits.by_shared[n]
             )
 
 
