@@ -20,7 +20,7 @@ import numpy as np
 
 from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_board
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens, solve
+from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens, solve_lens
 from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     find_stereo_boards,
@@ -69,7 +69,7 @@ def some(boards: StereoBoards, chosen: Collection[int]) -> StereoBoards:
 
 def camera_of(search: BoardSearch, known: LensUncertainty | None) -> Camera:
     """The lens from all boards at once."""
-    v = solve(OPENCV, search.views, search.image_size, SETTINGS)
+    v = solve_lens(OPENCV, search.views, search.image_size, SETTINGS)
     K = np.array([[v[0], 0.0, v[2]], [0.0, v[1], v[3]], [0.0, 0.0, 1.0]])
     return Camera(K, v[4:], search.image_size, known)
 

@@ -144,7 +144,7 @@ class Run:
         all_kept = len(frames) == len(kept.correspondences.frames)
         chosen = kept if all_kept else kept.of_frames(frames)
         try:
-            checks.check_points(chosen)
+            checks.check_enough_points(chosen)
         except StereocalError as error:
             raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
         reconstruction = reconstruction_problem(chosen, settings.known_points)

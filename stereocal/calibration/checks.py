@@ -22,7 +22,7 @@ FEW_BARS = 5
 """Five angles need at least five lengths."""
 
 
-def check_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
+def check_enough_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
     """Check that there are enough points and that they are spread over both images.
 
     Args:

@@ -90,7 +90,7 @@ def calibrate_essential(
 
 
 def _best(
-    found: list[tuple[int, float, Pose]],
+    candidates: list[tuple[int, float, Pose]],
     baseline: float,
     tie_breaker: Callable[[Pose], float] | None,
 ) -> tuple[float, Pose]:
@@ -98,8 +98,8 @@ def _best(
 
     `tie_breaker` selects among exact fits.
     """
-    most = max(in_front for in_front, _, _ in found)
-    remaining = [(cost, pose) for in_front, cost, pose in found if in_front == most]
+    most = max(in_front for in_front, _, _ in candidates)
+    remaining = [(cost, pose) for in_front, cost, pose in candidates if in_front == most]
     least = min(cost for cost, _ in remaining)
     # The residuals of an exact fit are rounding errors: 1e-15 each for rays of order 1.
     ties = [(cost, pose) for cost, pose in remaining if cost <= max(least, 1e-24)]

@@ -110,11 +110,11 @@ class MethodResult:
     cost: float
     """Unit: `COST_UNITS` of the method."""
     evaluations: int
-    """Of the cost."""
+    """How often the cost was computed."""
     stop_reason: str
     seconds: float
     trace: Trace | None = None
-    """Of a search."""
+    """History of a search; None for other methods, or if not asked for."""
 
 
 class Problem(NamedTuple):

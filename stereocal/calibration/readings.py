@@ -52,7 +52,7 @@ def changed(
 
 
 def whose(cameras: Sequence[CameraName]) -> str:
-    """Of one camera or of both, for messages."""
+    """One camera's or both cameras', for messages."""
     return f"{cameras[0]} camera's" if len(cameras) == 1 else "cameras'"
 
 
@@ -63,7 +63,7 @@ def same_lens(one: Camera, other: Camera) -> bool:
 
 
 def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
-    """Of the camera files, and of the labels of the targets: what is tried with every data set."""
+    """Readings of the camera files and of the targets' labels, tried with every data set."""
     one, two = dataset.primary, dataset.secondary
     if not same_lens(one, two):
         sizes = {"primary": one.image_size, "secondary": two.image_size}
@@ -107,7 +107,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
 
 
 def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
-    """Of the table of points: what is tried where the data do not fit."""
+    """Readings of the table of points, tried where the data do not fit."""
     for axis, claim, remedy in (
         (
             0,

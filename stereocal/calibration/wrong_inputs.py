@@ -60,7 +60,7 @@ LENGTH_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True)
-class Fit:
+class PoseFit:
     """How well a data set fits a pose."""
 
     px: float
@@ -81,10 +81,10 @@ class Fit:
         return self.only_scale_is_wrong and bool(abs(np.log(self.scale)) > np.log(LARGEST_SCALE))
 
 
-NO_FIT = Fit(np.inf, np.inf, np.nan)
+NO_FIT = PoseFit(np.inf, np.inf, np.nan)
 
 
-def essential_fit(dataset: Dataset) -> Fit:
+def essential_fit(dataset: Dataset) -> PoseFit:
     """The fit of the constrained essential matrix; `NO_FIT` if there is no solution."""
     try:
         return pose_fit(dataset, calibrate_essential(dataset.rays, dataset.baseline_m).pose)
@@ -92,7 +92,7 @@ def essential_fit(dataset: Dataset) -> Fit:
         return NO_FIT
 
 
-def pose_fit(dataset: Dataset, pose: Pose) -> Fit:
+def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
     """The fit of a pose; `NO_FIT` if too many points are behind a camera."""
     px = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale).mean(axis=1)
     logs = np.log(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose))
@@ -101,7 +101,7 @@ def pose_fit(dataset: Dataset, pose: Pose) -> Fit:
         return NO_FIT
     median = float(np.median(known))
     spread = float(np.median(np.abs(known - median)))
-    return Fit(float(np.nanmedian(px)), spread, float(np.exp(median)))
+    return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)))
 
 
 def suspects(dataset: Dataset) -> list[Reading]:
@@ -121,11 +121,11 @@ def suspects(dataset: Dataset) -> list[Reading]:
     return found
 
 
-def _gains(nominal: Fit, found: Fit) -> tuple[float, float]:
+def _gains(nominal: PoseFit, reading: PoseFit) -> tuple[float, float]:
     """How many times better a reading fits in the images and in the lengths; 0 if not at all."""
-    if not np.isfinite(found.px):
+    if not np.isfinite(reading.px):
         return 0.0, 0.0
-    return nominal.px / max(found.px, 1e-9), nominal.spread / max(found.spread, 1e-9)
+    return nominal.px / max(reading.px, 1e-9), nominal.spread / max(reading.spread, 1e-9)
 
 
 def scaled_readings(dataset: Dataset) -> Iterator[Reading]:
@@ -153,7 +153,7 @@ def _rescaled(
     return changed(dataset, cameras, change)
 
 
-def inconsistency_message(dataset: Dataset, nominal: Fit | None = None) -> str:
+def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> str:
     """The message for inputs that contradict each other where no single mistake explains it.
 
     It names the two measured lengths if only the scale is wrong, and otherwise all inputs.

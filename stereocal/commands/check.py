@@ -24,7 +24,7 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
-from stereocal.field.checking.rig_check import check_rig, rig_notes, rig_sentence, rig_to_json
+from stereocal.field.checking.rig_check import check_rig
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
 from stereocal.matching.point_noise import check_sigma
@@ -69,7 +69,7 @@ def run(parsed: argparse.Namespace) -> None:
         else:
             recording = read_recording(data, parsed.lens_model)
         whole = check_rig(rig, recording, smallest)
-        answer, told, remarks = rig_to_json(whole), rig_sentence(whole), rig_notes(whole)
+        answer, told, remarks = whole.to_json(), whole.sentence, whole.notes
     else:
         path, prior = _prior(path)
         is_file = data.is_file() and data.suffix != STORED_PROJECT

@@ -7,7 +7,7 @@ from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import WORKERS, finish, questions, workers_from
 from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import draw_rigs
-from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, answer, forecast
+from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, forecast, plan_answer
 from stereocal.figures.plan_report import plan_report
 from stereocal.formats.plan_file import read_plan
 
@@ -35,4 +35,4 @@ def run(parsed: argparse.Namespace) -> None:
         found = with_bar("rigs", partial(forecast, plan, executor, parsed.seed, parsed.rigs))
     files = {"forecast.json": found.dumps(), "report.html": plan_report(found).encode()}
     lines = (f"  {sentence}" for sentence in found.advice.sentences)
-    finish(parsed.out, files, answer(found), *lines)
+    finish(parsed.out, files, plan_answer(found), *lines)

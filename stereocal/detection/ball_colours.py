@@ -28,7 +28,7 @@ GREY_CHROMA = 0.12
 
 def colour_at(image: npt.NDArray[Any], point: tuple[float, float]) -> str:
     """The colour of a ball where a person clicked, as `Balls` has it; `white` for a grey."""
-    colours = eight_bits(image)
+    colours = colours_in_eight_bits(image)
     u, v = (round(each) for each in point)
     around = colours[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3].reshape(-1, 3)
     if not len(around):
@@ -39,7 +39,7 @@ def colour_at(image: npt.NDArray[Any], point: tuple[float, float]) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def eight_bits(image: npt.NDArray[Any]) -> Colours:
+def colours_in_eight_bits(image: npt.NDArray[Any]) -> Colours:
     """The photograph (h, w, 3) with 8 bits, the brightest value at 255 if it had more."""
     if image.dtype == np.uint8:
         return image
@@ -69,29 +69,29 @@ def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]
 
 
 def _rule(
-    few: FloatArray, own: str, target: Balls
+    few: FloatArray, colour: str, target: Balls
 ) -> tuple[FloatArray, float, float, float] | None:
     """When a pixel of a photograph, of which `few` are given, has a colour; None for a grey.
 
     (2, 3): unit vectors, blue, green, red, along the colour's chroma and across it; the least
     chroma along; the most across, over that; the least over the length of the pixel's colour.
     """
-    if own == BRIGHT or (chroma := _chroma(own)) is None:
+    if colour == BRIGHT or (chroma := _chroma(colour)) is None:
         return None
     size = float(np.linalg.norm(chroma))
     along = chroma / size
     across = np.cross(along, np.ones(3) / math.sqrt(3.0))
-    degrees, part = NAMED if _bgr(own).min() == 0 else MEASURED
+    degrees, part = NAMED if _bgr(colour).min() == 0 else MEASURED
     slack = math.tan(math.radians(degrees))
     for other in target.colours:
-        if other not in (own, BRIGHT) and (its := _chroma(other)) is not None:
+        if other not in (colour, BRIGHT) and (its := _chroma(other)) is not None:
             between = abs(math.atan2(float(across @ its), float(along @ its)))
             slack = min(slack, math.tan(0.5 * min(between, 2.0)))
     signal = few @ along
     usual = float(np.median(signal))
     spread = MAD_TO_SIGMA * float(np.median(np.abs(signal - usual)))
     least = max(LEAST_CHROMA, usual + OVER_BACKGROUND * spread)
-    ratio = part * size / float(np.linalg.norm(_bgr(own)))
+    ratio = part * size / float(np.linalg.norm(_bgr(colour)))
     return np.array([along, across]), least, slack, ratio
 
 

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.detection.ball_colours import LEAST_CHROMA, Colours, eight_bits, masks
+from stereocal.detection.ball_colours import LEAST_CHROMA, Colours, colours_in_eight_bits, masks
 from stereocal.detection.outline import fit_outline
-from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, in_order
+from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, in_reading_order
 from stereocal.rig.camera import Camera
 
 SHORTEST_OUTLINE, LEAST_ROUND, MOST_CANDIDATES = 4, 0.2, 10
@@ -31,7 +31,8 @@ HIDDEN = 0.45
 """Least part of the outline that must be seen."""
 CERTAIN, RUNNER_UP = 0.5, 0.5
 SIZE_SPREAD = 0.35
-"""Of the logarithm of the ratio of the two radii: one ball may be 1.5 times as far as the other."""
+"""Spread of the logarithm of the ratio of the two radii: one ball may be 1.5 times as far as the
+other."""
 HUES = [
     f"#{red:02x}{green:02x}{blue:02x}"
     for red, green, blue in itertools.product((0, 128, 255), repeat=3)
@@ -48,18 +49,18 @@ AGREEING = 0.6
 def find_balls(image: npt.NDArray[Any], target: Balls, camera: Camera | None = None) -> Sighting:
     """Find both balls in a photograph (h, w, 3), blue, green, red, of 8 or 16 bits; the camera's
     lens shapes their outlines, which are circles without one."""
-    colours = eight_bits(image)
+    colours = colours_in_eight_bits(image)
     few = colours[::8, ::8]
     if target.named and not np.ptp(few, axis=2).any():
         grey = "The photograph is grey: take it, or the frames of the video, in colours."
         return Sighting((None, None), grey)
     lamps = target.colours[0] == BRIGHT
-    return choose(
+    return choose_balls(
         tuple(_candidates(colours, mask, camera, lamps) for mask in masks(colours, target))
     )
 
 
-def choose(candidates: tuple[tuple[Spot, ...], ...]) -> Sighting:
+def choose_balls(candidates: tuple[tuple[Spot, ...], ...]) -> Sighting:
     """The balls among the candidates, a pair of about the same size.
 
     Args:
@@ -69,7 +70,7 @@ def choose(candidates: tuple[tuple[Spot, ...], ...]) -> Sighting:
         pairs = list(itertools.product(*candidates))
     else:
         pairs = [
-            (a, b) if in_order(a.centre, b.centre) else (b, a)
+            (a, b) if in_reading_order(a.centre, b.centre) else (b, a)
             for a, b in itertools.combinations(candidates[0], 2)
         ]
     pairs.sort(key=lambda pair: -_likeness(pair))
@@ -111,7 +112,7 @@ class _Region(NamedTuple):
     """A connected region of the target's colour."""
 
     middle: tuple[float, float]
-    """Of the smallest circle around it."""
+    """Centre of the smallest circle around it."""
     radius: float
     centroid: tuple[float, float]
     area: float
@@ -192,7 +193,7 @@ def proposed_colours(cameras: Sequence[Sequence[npt.NDArray[Any]]]) -> Balls | N
 
 def reduced(image: npt.NDArray[Any]) -> Colours:
     """The photograph (h, w, 3) with 8 bits, halved until no side is longer than `LARGE_PX`."""
-    small = eight_bits(image)
+    small = colours_in_eight_bits(image)
     while max(small.shape) > LARGE_PX:
         half = cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         small = np.asarray(half, np.uint8)

@@ -26,7 +26,7 @@ from stereocal.detection.checks import (
 from stereocal.detection.corner_model import ALL
 from stereocal.detection.fit import Corner, fit_corner
 from stereocal.detection.intensity import Intensity, normalise_intensity
-from stereocal.detection.target import in_order
+from stereocal.detection.target import in_reading_order
 from stereocal.rig.compiled import FloatArray
 
 State = Literal["found", "doubtful", "refused"]
@@ -90,7 +90,7 @@ def detect_targets(image: npt.NDArray[Any]) -> Detection:
         return refusal(size, "too few candidates", f"It is only {size[0]}x{size[1]} px.")
     corners, chess = _corners(intensity)
     pairs = [
-        (_pair_score(a, b), (a, b) if in_order(a.centre, b.centre) else (b, a))
+        (_pair_score(a, b), (a, b) if in_reading_order(a.centre, b.centre) else (b, a))
         for a, b in itertools.combinations(corners, 2)
     ]
     pairs.sort(key=lambda scored: -scored[0])
@@ -214,9 +214,9 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
     return single, len(in_rows) + len(double)
 
 
-def _covered(found: list[Corner], point: Sequence[float] | FloatArray) -> bool:
+def _covered(boards: list[Corner], point: Sequence[float] | FloatArray) -> bool:
     """Whether a point lies near the centre of a board that was found."""
-    return any(math.dist(corner.centre, point) < 0.3 * corner.board_px for corner in found)
+    return any(math.dist(corner.centre, point) < 0.3 * corner.board_px for corner in boards)
 
 
 def _pair_score(first: Corner, second: Corner) -> float:

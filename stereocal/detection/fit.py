@@ -40,7 +40,7 @@ behind the board may have extended an arm. If that fit is good, the misfit is se
 PIXEL_VARIANCE = 1.0 / 12.0
 """px^2: the blur by the area of a pixel, if the model averages over it."""
 MAXIMUM_CORRELATION = 0.9
-"""Of neighbouring residuals; above it the sum would be infinite."""
+"""Correlation of neighbouring residuals; above it the sum would be infinite."""
 SHARP = 1.3
 """Blur in px below which the model is averaged over each pixel."""
 

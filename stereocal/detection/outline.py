@@ -14,7 +14,7 @@ from stereocal.rig.compiled import FloatArray
 
 ANGLES_PX = 1.5
 REACHES = (0.25, 0.16, 0.12)
-"""Of the profiles in the rounds of the fit, in radii."""
+"""Reach of the profiles in each round of the fit, in radii."""
 LEAST_SIGMA_PX, SHADING_OF_BLUR = 0.005, 0.85
 """In light from the side, shading inside a blurred outline moves it by this times the blur's
 variance over the radius; found in renderings with blurs of 0.7 to 1.8 px."""
@@ -25,10 +25,10 @@ the blur: with light from the side, the centre by 0.1 to 0.5 px. The middle is t
 difference is part of the stated error. In renderings coding moves it by 1.1 times that, but
 linear levels differ more and would then have a larger error than coded ones."""
 HARMONICS, LOW = np.arange(2, 13), 3
-"""Of the residuals along the rim. The centre's error is their first harmonic, which the fit takes
-out of them: from the 5th on they have the power of the edges' own noise, correlated from edge to
-edge as it is. The lowest `LOW` have more where stretches of the rim stray together, as they follow
-a shadow's border or a thing behind the ball, and the fit gives way to them."""
+"""Harmonics of the residuals along the rim. The centre's error is their first harmonic, which the
+fit takes out of them: from the 5th on they have the power of the edges' own noise, correlated from
+edge to edge as it is. The lowest `LOW` have more where stretches of the rim stray together, as they
+follow a shadow's border or a thing behind the ball, and the fit gives way to them."""
 STRAYED = (4.0, 8.0)
 """What the low harmonics have beyond this times the noise is added, this many times: by chance in
 1 of 80 balls. In even light renderings, what they have below that does not move the centre."""
@@ -46,7 +46,7 @@ class Outline:
     sigma: float
     """Standard error of one coordinate of the centre."""
     scatter: float
-    """Of the edges about the outline."""
+    """Scatter of the edges about the outline."""
     seen: float
     """Part of the outline that fits."""
 

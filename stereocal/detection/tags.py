@@ -25,7 +25,7 @@ SMALLEST_SIDE = 12.0
 SMALL_SIDE = 24.0
 """px; smaller tags are doubtful: four cells of 4x4_50 and the border have 4 px each."""
 REACH = 0.1
-"""Of the profiles, in sides; the black border is at least 1/10 of the side (8x8 cells)."""
+"""Reach of the profiles, in sides; the black border is at least 1/10 of the side (8x8 cells)."""
 STRAIGHT_PX = 0.35
 """Largest scatter of a side about its line before the tag is doubtful (bent paper)."""
 CORRELATION = 2.0

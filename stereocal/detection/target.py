@@ -33,7 +33,7 @@ class Balls:
     """Two balls or lamps."""
 
     colours: tuple[str, str]
-    """Of A and B: `#rrggbb` or `bright`. Balls of one colour are told apart by the other frames."""
+    """A's and B's: `#rrggbb` or `bright`. Balls of one colour are named by the other frames."""
 
     @property
     def named(self) -> bool:
@@ -48,7 +48,7 @@ class Tags:
     dictionary: str
     """As OpenCV names it, without `DICT_`."""
     ids: tuple[int, int]
-    """Of A and B."""
+    """Numbers of A and B."""
     named: ClassVar = True
 
 
@@ -76,7 +76,7 @@ class Spot:
     sigma_px: float
     """Standard error of one coordinate."""
     radius_px: float
-    """Of a ball; half the side of a tag."""
+    """Radius of a ball; half the side of a tag."""
     doubts: tuple[str, ...] = ()
     """What the user should check, as messages."""
     score: float = 1.0
@@ -106,7 +106,9 @@ Target = Bar2x2 | Balls | Tags
 BAR = Bar2x2()
 
 
-def in_order(first: Sequence[float] | FloatArray, second: Sequence[float] | FloatArray) -> bool:
+def in_reading_order(
+    first: Sequence[float] | FloatArray, second: Sequence[float] | FloatArray
+) -> bool:
     """Whether two centres are ordered from left to right, or from top to bottom if the bar is
     steeper than 45 degrees."""
     du, dv = second[0] - first[0], second[1] - first[1]

@@ -21,7 +21,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from stereocal.calibration.checks import check_points
+from stereocal.calibration.checks import check_enough_points
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
@@ -131,7 +131,7 @@ def evaluate_run(
     seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
     clusters = clusters_to_split(dataset) if settings.splits == "runs" else None
     fit = split(dataset, settings.calibration_frames, seeds[0], clusters)
-    check_points(dataset, fit)
+    check_enough_points(dataset, fit)
     angles = paper_angles(dataset, fit, own, seeds[1], seeds[2])
     rng = np.random.Generator(np.random.PCG64(seeds[3]))
     partners = _partners(int(np.count_nonzero(~fit)), rng)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.field.planning.forecast import PlanForecast, answer
+from stereocal.field.planning.forecast import PlanForecast, plan_answer
 from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.html import html_figure, html_list, html_page, html_table, paragraphs
@@ -125,7 +125,7 @@ def plan_report(found: PlanForecast) -> str:
         "How it was computed": paragraphs(how_computed(found)),
         "The plan": html_table(_contents(found.plan)),
     }
-    return html_page(f"Forecast of the plan {found.plan.name}", answer(found), sections)
+    return html_page(f"Forecast of the plan {found.plan.name}", plan_answer(found), sections)
 
 
 def how_computed(found: PlanForecast) -> str:

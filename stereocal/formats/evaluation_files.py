@@ -126,9 +126,8 @@ class Evaluation:
     runs: Sequence[Sequence[RunCounts]]
     settings: EvaluationSettings
     names: Sequence[str]
-    """Of the data sets, in order."""
     sha256: Sequence[str]
-    """Of the data sets, in order."""
+    """One name and one digest for each data set, in order."""
 
     @cached_property
     def digest(self) -> str:
@@ -157,16 +156,16 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
     return packed.getvalue()
 
 
-def _arrays(runs: Sequence[RunCounts], at: int) -> dict[str, Any]:
+def _arrays(runs: Sequence[RunCounts], number: int) -> dict[str, Any]:
     """The runs of one data set."""
     return {
-        f"counts{at}": np.array([run.counts for run in runs], dtype=np.int32),
-        f"nans{at}": np.array([run.nans for run in runs]),
-        f"angles{at}": np.array([run.angles for run in runs]),
-        f"correct_px{at}": np.array([run.correct_px for run in runs]),
+        f"counts{number}": np.array([run.counts for run in runs], dtype=np.int32),
+        f"nans{number}": np.array([run.nans for run in runs]),
+        f"angles{number}": np.array([run.angles for run in runs]),
+        f"correct_px{number}": np.array([run.correct_px for run in runs]),
         # The number of bars may differ between runs: frames with one target have none.
-        f"bars{at}": np.array([run.lengths.shape[1] for run in runs]),
-        f"lengths{at}": np.concatenate([run.lengths for run in runs], axis=1),
+        f"bars{number}": np.array([run.lengths.shape[1] for run in runs]),
+        f"lengths{number}": np.concatenate([run.lengths for run in runs], axis=1),
     }
 
 
@@ -184,16 +183,16 @@ def unpack_evaluation(content: bytes) -> Evaluation:
         raise StereocalError("The last validation cannot be read; validate again.") from error
 
 
-def _runs(arrays: Mapping[str, Array], at: int) -> list[RunCounts]:
+def _runs(arrays: Mapping[str, Array], number: int) -> list[RunCounts]:
     """The runs of one data set."""
-    counts = shaped(arrays[f"counts{at}"], "iu", None, None, 2, 2, BINS + 2).astype(np.int32)
+    counts = shaped(arrays[f"counts{number}"], "iu", None, None, 2, 2, BINS + 2).astype(np.int32)
     count, methods = counts.shape[:2]
-    bars = shaped(arrays[f"bars{at}"], "iu", count)
-    lengths = shaped(arrays[f"lengths{at}"], "f", methods, int(bars.sum()))
-    nans = shaped(arrays[f"nans{at}"], "iu", count, methods, 2)
-    angles = shaped(arrays[f"angles{at}"], "f", count, methods, 5)
+    bars = shaped(arrays[f"bars{number}"], "iu", count)
+    lengths = shaped(arrays[f"lengths{number}"], "f", methods, int(bars.sum()))
+    nans = shaped(arrays[f"nans{number}"], "iu", count, methods, 2)
+    angles = shaped(arrays[f"angles{number}"], "f", count, methods, 5)
     # Missing in validations from before the refined method.
-    px = arrays.get(f"correct_px{at}", np.full((count, methods), np.nan))
+    px = arrays.get(f"correct_px{number}", np.full((count, methods), np.nan))
     px = shaped(px, "f", count, methods)
     if not count or methods not in METHOD_COUNTS or min(bars.min(), counts.min(), nans.min()) < 0:
         raise ValueError(counts.shape)

@@ -193,7 +193,7 @@ _PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0
 def read_yaml(text: str, source: str) -> dict[str, Any]:
     """The mapping in a YAML text."""
     text = _document(LONG_LIST.sub("[]", YAML_HEAD.sub("", text.replace("\r\n", "\n"))), source)
-    check_length(text, source)
+    check_text_length(text, source)
     try:
         data = yaml.load(text, Loader=_PlainLoader)
     except (yaml.YAMLError, *DAMAGED) as error:
@@ -218,7 +218,7 @@ def _document(text: str, source: str) -> str:
     return documents[0]
 
 
-def check_length(text: str, source: str) -> None:
+def check_text_length(text: str, source: str) -> None:
     """Raise a `StereocalError` for a text that a parser written in Python would take long for."""
     if len(text) > LONGEST:
         raise StereocalError(f"{source}: {len(text)} characters are too many for a parameter file.")

@@ -78,7 +78,7 @@ def _read(path: Path) -> tuple[dict[str, Fields] | None, str]:
     return found, ", ".join(f"{name} ({kind})" for name, (_, kind) in kinds.items())
 
 
-def numbers_of(fields: Fields, name: str, source: str) -> FloatArray | None:
+def numbers_in_field(fields: Fields, name: str, source: str) -> FloatArray | None:
     """The numbers in a field, of any shape; None if it is missing or empty."""
     if name not in fields:
         return None
@@ -95,7 +95,7 @@ def numbers_of(fields: Fields, name: str, source: str) -> FloatArray | None:
 
 def required(fields: Fields, name: str, size: int, source: str) -> FloatArray:
     """(size,): the numbers in a field; a single number stands for all."""
-    found = numbers_of(fields, name, source)
+    found = numbers_in_field(fields, name, source)
     if found is None:
         raise StereocalError(f"{source}: {name} is missing.")
     if found.size not in (1, size) or not np.isfinite(found).all():

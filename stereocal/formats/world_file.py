@@ -54,7 +54,7 @@ SURVEYED = ("x", "y", "z")
 MEASURED = ("x_primary", "y_primary", "z_primary")
 MOST_ROWS = 5_000
 MOST_NAMES = {POINT: 200, LINE: 30, FRAME: 10}
-"""Of points, lines and throws; the time of a fit grows with the square of the last two."""
+"""Most points, lines and throws; the time of a fit grows with the square of the last two."""
 LONGEST_NAME = 60
 FARTHEST_M = 1e8
 

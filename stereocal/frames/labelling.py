@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from stereocal.detection.balls import CERTAIN, choose
+from stereocal.detection.balls import CERTAIN, choose_balls
 from stereocal.detection.detect import Detection
 from stereocal.detection.fit import Corner
 from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Target
@@ -185,7 +185,7 @@ def without_still(seen: Sequence[Sighting]) -> list[Sighting]:
             its if sum(spot.score >= CERTAIN for spot in its) >= enough else own
             for own, its in zip(one.candidates, left, strict=True)
         )
-        chosen.append(choose(kept) if one.candidates else one)
+        chosen.append(choose_balls(kept) if one.candidates else one)
     return chosen
 
 

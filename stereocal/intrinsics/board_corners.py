@@ -84,7 +84,7 @@ def find_chessboard(
             raw = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
             # Pixel centres are integers: the middle of pixels 0 and 1 is 0.5.
             grid = scale * raw + 0.5 * (scale - 1.0)
-            best = Chessboard(*in_order(grid, grey), outer_squares(grid, grey))
+            best = Chessboard(*in_board_order(grid, grey), outer_squares(grid, grey))
             if best.outer:
                 break
     return best
@@ -148,7 +148,7 @@ def plain_squares(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> bool:
     return bool(largest <= PLAIN * (high - low))
 
 
-def in_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray, bool]:
+def in_board_order(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> tuple[FloatArray, bool]:
     """Corners in the board's own order, (n, 2) row by row, from a grid (rows, columns, 2).
 
     The finder may return a board mirrored, turned by 180 degrees or, if square, by 90. The lens is
@@ -200,7 +200,7 @@ def find_charuco(
     return ids, corners
 
 
-def refine(image: GreyImage, corners: FloatArray, reach_px: float) -> FloatArray:
+def refine_corners(image: GreyImage, corners: FloatArray, reach_px: float) -> FloatArray:
     """The corners (n, 2) to a few hundredths of a pixel; nothing else is printed within `reach_px`.
 
     The finder alone has a common shift of up to 0.2 px on tilted boards. Larger windows are

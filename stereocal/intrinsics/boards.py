@@ -25,7 +25,7 @@ from stereocal.intrinsics.board_corners import (
     find_charuco,
     find_chessboard,
     halved,
-    refine,
+    refine_corners,
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import BoardPattern
@@ -119,7 +119,7 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView 
             f"the board is too far away or seen edge-on: its corners are {spacing:.1f} px apart, "
             f"and at least {MINIMUM_SPACING_PX:.0f} are needed"
         )
-    corners = refine(image, corners, reach * spacing)
+    corners = refine_corners(image, corners, reach * spacing)
     sound = are_crossings(grey, corners, 0.5 * reach * spacing)
     return BoardView(name, size, ids[sound], corners[sound], turned)
 
@@ -203,11 +203,11 @@ def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
 
 
 def _check_size(
-    photographs: Photographs, found: Mapping[str, BoardView | Refused], pattern: BoardPattern
+    photographs: Photographs, results: Mapping[str, BoardView | Refused], pattern: BoardPattern
 ) -> None:
     """Raise an error if the first two photographs that show the board, or may, show another."""
-    views = [name for name, result in found.items() if isinstance(result, BoardView)]
-    seen = views or [name for name, result in found.items() if result.image_size]
+    views = [name for name, result in results.items() if isinstance(result, BoardView)]
+    seen = views or [name for name, result in results.items() if result.image_size]
     if views and pattern.dictionary is not None:
         return
     for name in seen[:2]:

@@ -41,7 +41,7 @@ from stereocal.system.described import check_described, described
 from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-"""Of the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
+"""For the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
 RECOMMENDED_VIEWS = 50
 FEWEST_VIEWS = 8
 """Photographs below which draws are not made smaller unasked."""
@@ -262,7 +262,7 @@ def calibrate_lens(
     return LensCalibration(search, settings, drawn, used[1:], used[0], others)
 
 
-def digest_of(search: BoardSearch, settings: LensSettings) -> str:
+def digest_of_draws(search: BoardSearch, settings: LensSettings) -> str:
     """Digest of all that a draw depends on, except its number."""
     digest = hashlib.sha256(repr((search.pattern, search.image_size, settings)).encode())
     for view in search.views:
@@ -276,20 +276,20 @@ def solve_draws(
     """(draws, 9): `PARAMETERS` of some draws; the task of an executor.
 
     Args:
-        start: as for `solve`.
+        start: as for `solve_lens`.
     """
     pattern, size = search.pattern, search.image_size
     of_draws = ([search.views[at] for at in draw] for draw in drawn)
-    return np.array([solve(pattern, views, size, settings, start) for views in of_draws])
+    return np.array([solve_lens(pattern, views, size, settings, start) for views in of_draws])
 
 
 def _started(search: BoardSearch, settings: LensSettings) -> FloatArray:
     """(9,): `PARAMETERS` of a fisheye from boards that are spread over the photographs."""
     few = search.views[:: max(1, len(search.views) // settings.subset)]
-    return solve(search.pattern, few, search.image_size, settings)
+    return solve_lens(search.pattern, few, search.image_size, settings)
 
 
-def solve(
+def solve_lens(
     pattern: BoardPattern,
     views: Sequence[BoardView],
     image_size: tuple[int, int],
@@ -337,7 +337,7 @@ def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, 
         own, errors = replace(settings, model=model), []
         for fitted, tested in ((0, 1), (1, 0)):
             try:
-                values = solve(search.pattern, search.views[fitted::2], search.image_size, own)
+                values = solve_lens(search.pattern, search.views[fitted::2], search.image_size, own)
                 camera = _camera(values, search.image_size, model)
             except StereocalError:
                 errors.append(np.full((1, 2), np.nan))

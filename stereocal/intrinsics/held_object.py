@@ -37,7 +37,7 @@ LOOKED_AT = 5
 ELSEWHERE = 0.02
 """Least distance of two places over the diagonal of the image."""
 LEAST_PART = 0.6
-"""Of the photographs of each camera, in which the object must be, each time elsewhere."""
+"""Share of the photographs of each camera in which the object must be, each time elsewhere."""
 STRAY_TAGS = 2
 """Patterns that are taken for a tag now and then; of a board with small markers, two may be read in
 most photographs and a dozen in some."""

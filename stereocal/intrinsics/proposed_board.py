@@ -24,7 +24,7 @@ from stereocal.system.photograph_files import Photographs
 
 LOOKED_AT = 6
 FEWEST_MARKERS = 6
-"""Of a ChArUco board; fewer may be tags, or none."""
+"""On a ChArUco board; fewer may be tags, or none."""
 DICTIONARIES = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "APRILTAG_36h11")
 """Those in which markers are looked for; smaller ones are parts of these. Those of 1000 take four
 times as long, 0.5 s each before a large board, and have the same first 250 markers."""

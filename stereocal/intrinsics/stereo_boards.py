@@ -45,7 +45,7 @@ BOARDS_STAGE = "photographs searched for boards"
 Begin = Callable[[str], None]
 
 
-class Seen(NamedTuple):
+class SeenBoard(NamedTuple):
     """A board in both photographs of a frame."""
 
     frame: int
@@ -58,7 +58,7 @@ class StereoBoards:
 
     pairing: Pairing
     searches: tuple[BoardSearch, ...]
-    """Of all photographs of each camera, without repeated ones."""
+    """One for each camera, without repeated boards."""
     repeated: Mapping[int, int]
     """Frames left out because their board stands where that of an earlier frame did."""
 
@@ -68,11 +68,11 @@ class StereoBoards:
         return self.searches[0].pattern
 
     @property
-    def common(self) -> list[Seen]:
+    def common(self) -> list[SeenBoard]:
         """The boards that both cameras see, by frame."""
         first, second = ({view.name: view for view in each.views} for each in self.searches)
         return [
-            Seen(pair.frame, (first[pair.primary], second[pair.secondary]))
+            SeenBoard(pair.frame, (first[pair.primary], second[pair.secondary]))
             for pair in self.pairing.pairs
             if pair.primary in first and pair.secondary in second
         ]
@@ -84,7 +84,7 @@ class StereoBoards:
 
     @property
     def doubtful(self) -> dict[int, str]:
-        """Of frames that are not used, the reason."""
+        """Why frames are not used."""
         reasons = {item.name: item.reason for item in self.refused}
         found = {
             frame: f"the board stands where it does in frame {first}"
@@ -242,7 +242,7 @@ def boards_in_all_cameras(
 
 def _put_together(
     moments: all_cameras.Moments,
-    found: Mapping[tuple[str, str], StereoBoards],
+    by_pair: Mapping[tuple[str, str], StereoBoards],
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,
     why: Mapping[str, str],
@@ -256,8 +256,8 @@ def _put_together(
         return points
 
     points = {}
-    for (one, other), boards in found.items():
-        both = in_one_order(boards.common, (cameras[one], cameras[other]), pattern)
+    for (one, other), boards in by_pair.items():
+        both = boards_in_one_order(boards.common, (cameras[one], cameras[other]), pattern)
         points[one, other] = {
             seen.frame: (whole(seen.views[0]), whole(seen.views[1])) for seen in both
         }
@@ -273,7 +273,7 @@ def _check_size(which: str, camera: Camera, search: BoardSearch) -> None:
         )
 
 
-def _repeated(common: Sequence[Seen]) -> dict[int, int]:
+def _repeated(common: Sequence[SeenBoard]) -> dict[int, int]:
     """Frames whose board stands where that of an earlier frame did, and that frame."""
     found: dict[int, int] = {}
     for at, seen in enumerate(common):
@@ -304,9 +304,9 @@ def orders_of(pattern: BoardPattern) -> list[IntArray]:
     return [order.ravel() for order in turned]
 
 
-def in_one_order(
-    common: Sequence[Seen], cameras: tuple[Camera, Camera], pattern: BoardPattern
-) -> list[Seen]:
+def boards_in_one_order(
+    common: Sequence[SeenBoard], cameras: tuple[Camera, Camera], pattern: BoardPattern
+) -> list[SeenBoard]:
     """The boards with the corners of the secondary's in the order of the primary's; an error if the
     images of one camera are mirrored."""
     orders = orders_of(pattern)
@@ -323,12 +323,12 @@ def in_one_order(
                 "boards give one pose of the cameras. Give them as the camera recorded them."
             )
     return [
-        Seen(seen.frame, (seen.views[0], _renumbered(seen.views[1], orders[order])))
+        SeenBoard(seen.frame, (seen.views[0], _renumbered(seen.views[1], orders[order])))
         for seen, order in zip(common, chosen, strict=True)
     ]
 
 
-def _mirrored(common: Sequence[Seen], camera: Camera) -> tuple[list[Seen], Camera]:
+def _mirrored(common: Sequence[SeenBoard], camera: Camera) -> tuple[list[SeenBoard], Camera]:
     """The boards as a mirrored secondary camera would see them, and that camera."""
     right = camera.image_size[0] - 1.0
     K, distortion = camera.K.copy(), camera.distortion.copy()
@@ -338,7 +338,7 @@ def _mirrored(common: Sequence[Seen], camera: Camera) -> tuple[list[Seen], Camer
     found = []
     for frame, (first, second) in common:
         corners = np.array([right, 0.0]) + [-1.0, 1.0] * second.corners
-        found.append(Seen(frame, (first, replace(second, corners=corners))))
+        found.append(SeenBoard(frame, (first, replace(second, corners=corners))))
     return found, replace(camera, K=K, distortion=distortion)
 
 
@@ -347,13 +347,13 @@ def _renumbered(view: BoardView, order: IntArray) -> BoardView:
 
 
 def _best_orders(
-    common: Sequence[Seen],
+    common: Sequence[SeenBoard],
     cameras: tuple[Camera, Camera],
     pattern: BoardPattern,
     orders: Sequence[IntArray],
 ) -> tuple[FloatArray, IntArray]:
-    """Of each board the distance (px) of the best order from the pose of the cameras that explains
-    most boards, and the order's index."""
+    """For each board, the distance (px) of its best order from the pose of the cameras that
+    explains most boards, and the order's index."""
     candidates = [[_renumbered(seen.views[1], order) for order in orders] for seen in common]
     boards = [_pose(cameras[0], pattern, seen.views[0]) for seen in common]
     every = max(len(common) // MOST_HYPOTHESES, 1)

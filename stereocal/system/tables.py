@@ -21,7 +21,7 @@ from stereocal.system.limits import Limits
 
 MAXIMUM_COLUMNS = 2_000
 MAXIMUM_CELLS = 100_000_000
-"""Of a table that is read into memory as a whole."""
+"""In a table that is read into memory as a whole."""
 LARGEST_WHOLE = 2**53
 EMPTY = frozenset(("",))
 MISSING = frozenset(("", "nan", "na", "none", "null"))

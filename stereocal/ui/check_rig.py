@@ -7,7 +7,7 @@ import streamlit as st
 
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.repair import Residuals, residuals_of
-from stereocal.field.checking.rig_check import RigCheck, check_rig, rig_notes, rig_sentence
+from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.figures.check_residuals import describe_check, plot_check
 from stereocal.formats.inputs import recording_in
 from stereocal.formats.recording_files import POINTS
@@ -84,8 +84,8 @@ def _seen(store: ProjectCheck, rig: RigFile) -> Seen:
 def show_check(chosen: Chosen) -> None:
     """The answer as a sentence, what each pair says, and the errors of one of them."""
     found = _checked(chosen)
-    VERDICTS[found.verdict](escape_markdown(rig_sentence(found)))
-    for note in rig_notes(found):
+    VERDICTS[found.verdict](escape_markdown(found.sentence))
+    for note in found.notes:
         st.caption(escape_markdown(note))
     pairs = {pair_name(pair): own for pair, own in found.pairs.items()}
     changed = next((name for name, own in pairs.items() if own.changed), next(iter(pairs)))

@@ -17,7 +17,7 @@ from stereocal.intrinsics.calibrate_lens import (
     LensCalibration,
     LensSettings,
     calibrate_lens,
-    digest_of,
+    digest_of_draws,
 )
 from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
@@ -242,7 +242,7 @@ def show_lens(store: ProjectLens) -> None:
     for sentence in quality.advice(lens):
         st.warning(escape_markdown(sentence))
     st.success(escape_markdown(quality.lens_answer(lens)))
-    st.caption(escape_markdown(_note_on_model(digest_of(lens.search, lens.settings), lens)))
+    st.caption(escape_markdown(_note_on_model(digest_of_draws(lens.search, lens.settings), lens)))
     if text := quality.hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)

@@ -9,7 +9,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.field.planning.forecast import PlanForecast, answer, forecast, points_per_frame
+from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer, points_per_frame
 from stereocal.field.planning.plan import Plan
 from stereocal.figures import plan_report as figures
 from stereocal.figures.tables import plan_table
@@ -98,7 +98,7 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
     found = _forecast_of(plan)
     shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[found.reached or "yes"]
-    shown(f"**{escape_markdown(answer(found))}**")
+    shown(f"**{escape_markdown(plan_answer(found))}**")
     if found.rigs.failed:
         st.warning(
             f"{found.rigs.failed} of {found.rigs.count} simulated recordings could not be "

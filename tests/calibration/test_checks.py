@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.checks import (
+    check_enough_points,
     check_in_front,
-    check_points,
     scale_is_plausible,
     warnings_about,
 )
@@ -28,7 +28,7 @@ def with_points(primary: FloatArray, secondary: FloatArray) -> Dataset:
 
 
 def test_sound_data_hear_nothing() -> None:
-    check_points(SOUND)
+    check_enough_points(SOUND)
     check_in_front(SOUND, RIG)
     assert scale_is_plausible(SOUND, RIG)
     assert warnings_about(SOUND) == []
@@ -39,15 +39,15 @@ class TestPoints:
     def test_fewer_than_five_pairs(self) -> None:
         few = SOUND.of_frames([1, 2])
         with pytest.raises(StereocalError, match=r"4 pairs of points"):
-            check_points(few)
+            check_enough_points(few)
         with pytest.raises(StereocalError, match=r"4 pairs of points"):
             calibrate(few)
         rows = SOUND.correspondences
         one = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) == 3))
         with pytest.raises(StereocalError, match="1 pair of points"):
-            check_points(one)
+            check_enough_points(one)
         five = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) < 5))
-        check_points(five)
+        check_enough_points(five)
 
     @pytest.mark.parametrize("which", ["primary", "secondary"])
     def test_all_in_one_place(self, which: str) -> None:
@@ -66,9 +66,9 @@ class TestPoints:
                 with pytest.raises(
                     StereocalError, match=f"points of the {which} camera lie within"
                 ):
-                    check_points(data)
+                    check_enough_points(data)
             else:
-                check_points(data)
+                check_enough_points(data)
 
 
 class TestScale:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import in_order, outer_squares
+from stereocal.intrinsics.board_corners import in_board_order, outer_squares
 from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -123,8 +123,8 @@ class TestOrder:
         grid = truth[::-1] if upside_down else truth
         grid = grid[:, ::-1] if mirrored else grid
         grid = np.swapaxes(grid, 0, 1) if transposed and rows == columns else grid
-        first, _ = in_order(truth, image)
-        again, changed = in_order(grid, image)
+        first, _ = in_board_order(truth, image)
+        again, changed = in_board_order(grid, image)
         np.testing.assert_array_equal(again, first)
         assert changed == (not np.array_equal(grid.reshape(-1, 2), first))
 

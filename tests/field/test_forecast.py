@@ -13,7 +13,7 @@ from stereocal.field.planning.advice import LIMITS, advise, with_baseline
 from stereocal.field.planning.common_cameras import COMMON
 from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.expected import expect
-from stereocal.field.planning.forecast import PlanForecast, answer, forecast
+from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
 from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
@@ -53,8 +53,8 @@ def test_an_accuracy_that_is_needed_is_reached_or_not() -> None:
         assert own.reached == reached
         entry = json.loads(own.dumps())["needed"]
         assert (entry["length_error"], entry["reached"]) == (needed, reached)
-        assert f"(needed: {percent(needed)} %)" in answer(own)
-    assert "needed" not in json.loads(found.dumps()) and "need" not in answer(found)
+        assert f"(needed: {percent(needed)} %)" in plan_answer(own)
+    assert "needed" not in json.loads(found.dumps()) and "need" not in plan_answer(found)
     stated = json.dumps(contents(needed={"length_error": 0.01})).encode()
     assert parse_plan(stated, "plan", str.encode).needed == 0.01
     with pytest.raises(StereocalError, match=r"0\.01 stands for 1 %"):

@@ -15,7 +15,7 @@ from stereocal import figures
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
-from stereocal.field.checking.repair import Errors, Residuals
+from stereocal.field.checking.repair import FrameErrors, Residuals
 from stereocal.field.planning.forecast import forecast
 from stereocal.figures.story import read_story
 from stereocal.figures.two_sets import telling_frame, views_of
@@ -57,8 +57,8 @@ FIELD, STORY = ROOT / "sample_data" / "field", ROOT / "assets" / "story.json"
 
 RESIDUALS = Residuals(
     np.arange(1, 6),
-    Errors(np.linspace(0.8, 1.4, 5), np.linspace(0.01, 0.04, 5)),
-    Errors(np.linspace(0.1, 0.2, 5), np.linspace(0.001, 0.005, 5)),
+    FrameErrors(np.linspace(0.8, 1.4, 5), np.linspace(0.01, 0.04, 5)),
+    FrameErrors(np.linspace(0.1, 0.2, 5), np.linspace(0.001, 0.005, 5)),
 )
 
 

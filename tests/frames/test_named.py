@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.cli import main
-from stereocal.detection.balls import choose
+from stereocal.detection.balls import choose_balls
 from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, Tags, Target, parse_target
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
@@ -111,7 +111,8 @@ def test_alike_balls_are_named_by_the_other_frames() -> None:
     pairs, seen = seen_exactly(20)
     spots = {name: [spot for spot in one.spots if spot] for name, one in seen.items()}
     alike = {
-        name: choose((tuple(sorted(own, key=lambda spot: spot.u)),)) for name, own in spots.items()
+        name: choose_balls((tuple(sorted(own, key=lambda spot: spot.u)),))
+        for name, own in spots.items()
     }
     frames = label_frames(pairs, alike, (CAMERA, CAMERA), Balls((BRIGHT, BRIGHT)))
     used = [frame for frame in frames if frame.use]
@@ -127,7 +128,7 @@ def test_what_stands_still_is_not_the_bar() -> None:
         return Spot(u, 50.0, 0.1, 10.0, score=score)
 
     seen = [
-        choose(((ball(400.0, 0.99), ball(20.0 * k, 0.9)), (ball(20.0 * k + 200.0, 0.9),)))
+        choose_balls(((ball(400.0, 0.99), ball(20.0 * k, 0.9)), (ball(20.0 * k + 200.0, 0.9),)))
         for k in range(10)
     ]
     assert all(one.spots[0] and one.spots[0].u == 400.0 and one.spots[0].doubts for one in seen)

@@ -21,7 +21,7 @@ from stereocal.intrinsics.calibrate_lens import (
     LensSettings,
     calibrate_lens,
     held_out_px,
-    solve,
+    solve_lens,
 )
 from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
@@ -275,7 +275,7 @@ class TestFisheye:
                 own = corners.reshape(-1, 2).astype(np.float64)
                 theirs.append(dataclasses.replace(found, ids=np.arange(20), corners=own))
         lens = calibrated(BoardSearch(pattern, tuple(ours[:10]), ()), self.settings)
-        peer = solve(pattern, theirs[:10], small.image_size, self.settings)
+        peer = solve_lens(pattern, theirs[:10], small.image_size, self.settings)
         held_out = BoardSearch(pattern, tuple(ours[10:]), ())
         tested = dataclasses.replace(lens, search=held_out, drawn=lens.drawn[:, :3])
         error, of_peer = tested.error_px, dataclasses.replace(tested, of_all=peer).error_px

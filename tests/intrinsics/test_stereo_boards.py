@@ -19,10 +19,10 @@ from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.stereo_boards import (
-    Seen,
+    SeenBoard,
     StereoBoards,
+    boards_in_one_order,
     find_stereo_boards,
-    in_one_order,
     orders_of,
     recording_of,
     stereo_boards,
@@ -42,7 +42,7 @@ from tools.photographs.rendering import PhotographSettings
 SQUARE, EVEN = BoardPattern(6, 6, 0.03), BoardPattern(7, 5, 0.03)
 
 
-def seen(rig: Pose, count: int, pattern: BoardPattern = PATTERN, seed: int = 1) -> list[Seen]:
+def seen(rig: Pose, count: int, pattern: BoardPattern = PATTERN, seed: int = 1) -> list[SeenBoard]:
     """Boards by projection, with the corners in the pattern's order, at 0.1 px."""
     rng = np.random.default_rng(seed)
     middle = pattern.points.mean(axis=0)
@@ -53,17 +53,17 @@ def seen(rig: Pose, count: int, pattern: BoardPattern = PATTERN, seed: int = 1) 
         return BoardView("x", SMALL.image_size, np.arange(len(noisy)), noisy)
 
     return [
-        Seen(at, (view(pose), view(rig @ pose)))
+        SeenBoard(at, (view(pose), view(rig @ pose)))
         for at, pose in enumerate(placings(rig, count, seed))
     ]
 
 
-def turned_at_random(boards: list[Seen], pattern: BoardPattern) -> list[Seen]:
+def turned_at_random(boards: list[SeenBoard], pattern: BoardPattern) -> list[SeenBoard]:
     """Each secondary board in any of the orders in which it looks the same."""
     rng, found = np.random.default_rng(0), []
     for frame, (first, second) in boards:
         order = orders_of(pattern)[rng.integers(len(orders_of(pattern)))]
-        found.append(Seen(frame, (first, replace(second, ids=order[second.ids]))))
+        found.append(SeenBoard(frame, (first, replace(second, ids=order[second.ids]))))
     return found
 
 
@@ -71,7 +71,7 @@ def turned_at_random(boards: list[Seen], pattern: BoardPattern) -> list[Seen]:
 @pytest.mark.parametrize("pattern", [PATTERN, SQUARE, EVEN])
 def test_corners_are_in_one_order_however_cameras_hang(roll: float, pattern: BoardPattern) -> None:
     right = seen(stereo(roll), 6, pattern)
-    found = in_one_order(turned_at_random(right, pattern), (SMALL, SMALL), pattern)
+    found = boards_in_one_order(turned_at_random(right, pattern), (SMALL, SMALL), pattern)
     for own, true in zip(found, right, strict=True):
         np.testing.assert_array_equal(own.views[1].ids, true.views[1].ids)
 
@@ -89,9 +89,9 @@ def test_a_mirrored_camera_is_named(pattern: BoardPattern) -> None:
     for frame, (first, second) in seen(stereo(0.1), 10, pattern):
         corners = np.array([SMALL.image_size[0] - 1.0, 0]) + [-1.0, 1.0] * second.corners
         view = replace(second, corners=corners, ids=grid[::-1].ravel()[second.ids])
-        boards.append(Seen(frame, (first, view)))
+        boards.append(SeenBoard(frame, (first, view)))
     with pytest.raises(StereocalError, match="mirrored"):
-        in_one_order(boards, (SMALL, SMALL), pattern)
+        boards_in_one_order(boards, (SMALL, SMALL), pattern)
 
 
 def test_a_board_at_the_same_place_counts_once() -> None:
@@ -102,13 +102,13 @@ def test_a_board_at_the_same_place_counts_once() -> None:
         replace(view, corners=view.corners + 0.2 * rng.normal(size=view.corners.shape))
         for view in again.views
     )
-    found = found_boards([*boards, Seen(17, (first, second))])
+    found = found_boards([*boards, SeenBoard(17, (first, second))])
     assert found.repeated == {17: 2}
     assert "17 (as 2)" in found.sentence
     assert [len(search.views) for search in found.searches] == [6, 6]
 
 
-def found_boards(boards: list[Seen]) -> StereoBoards:
+def found_boards(boards: list[SeenBoard]) -> StereoBoards:
     """As found in photographs of these boards."""
     named = {
         f"{side}{board.frame:02}.png": replace(view, name=f"{side}{board.frame:02}.png")

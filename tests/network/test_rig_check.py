@@ -10,7 +10,7 @@ import pytest
 from stereocal.cli import main
 from stereocal.commands.intrinsics import write_recording
 from stereocal.errors import StereocalError
-from stereocal.field.checking.rig_check import check_rig, rig_sentence
+from stereocal.field.checking.rig_check import check_rig
 from stereocal.network.calibrate import calibrate_rig, of_cameras
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
@@ -45,7 +45,7 @@ def test_a_turned_camera_is_named(truth: SimulatedRig, rig: RigFile, name: str) 
     found = check_rig(rig, later(bumped(truth, name, 0.1, 160)))
     assert found.verdict == "moved"
     assert found.moved == (name,)
-    assert f"the camera {name}" in rig_sentence(found)
+    assert f"the camera {name}" in found.sentence
 
 
 def test_two_turned_cameras_are_named(truth: SimulatedRig, rig: RigFile) -> None:
@@ -59,7 +59,7 @@ def test_of_two_cameras_it_cannot_be_told_which(truth: SimulatedRig, rig: RigFil
     assert found.verdict == "moved"
     assert found.moved == ()
     assert found.explanations == (("c2",), ("c3",))
-    assert "cannot be told which" in rig_sentence(found)
+    assert "cannot be told which" in found.sentence
 
 
 def test_other_cameras_cannot_be_checked(truth: SimulatedRig, rig: RigFile) -> None:

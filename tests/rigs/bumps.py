@@ -8,10 +8,10 @@ import numpy as np
 from stereocal.field.checking.fits import (
     Fit,
     information_of,
+    pose_after_turn,
     pose_change,
     pose_difference,
     power_of,
-    turned,
 )
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
 from stereocal.field.checking.prior import Prior, prior_of
@@ -63,7 +63,9 @@ def bumped(case: Case, angle_rad: float) -> Rig:
     """The rig after one of its cameras turned in place about a random axis."""
     axis = case.rng.standard_normal(3)
     vector = angle_rad * axis / np.linalg.norm(axis)
-    return replace(case.truth, pose=turned(case.truth.pose, int(case.rng.integers(2)), vector))
+    return replace(
+        case.truth, pose=pose_after_turn(case.truth.pose, int(case.rng.integers(2)), vector)
+    )
 
 
 def bound(case: Case, images: NewImages, rig: Rig) -> float:

@@ -227,10 +227,10 @@ def _longer(change: Estimate) -> str:
     return f"{_range(change, 100, ' %')} {'longer' if change.value > 0 else 'shorter'}"
 
 
-def _range(found: Estimate, factor: float, unit: str) -> str:
+def _range(estimate: Estimate, factor: float, unit: str) -> str:
     """The size of a value with its interval, in the digits that the interval leaves."""
-    spread = max(factor * (found.high - found.low), 1e-9)
+    spread = max(factor * (estimate.high - estimate.low), 1e-9)
     places = int(np.clip(1 - np.floor(np.log10(spread)), 0, 6))
-    ends = (found.low, found.high) if found.value >= 0 else (-found.high, -found.low)
-    value, low, high = (f"{factor * x:.{places}f}" for x in (abs(found.value), *ends))
+    ends = (estimate.low, estimate.high) if estimate.value >= 0 else (-estimate.high, -estimate.low)
+    value, low, high = (f"{factor * x:.{places}f}" for x in (abs(estimate.value), *ends))
     return f"{value}{unit} ({low} to {high})"

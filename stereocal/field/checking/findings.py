@@ -57,13 +57,13 @@ class Recheck:
     """Those since the movement; all of them unless it was among them."""
     outlying: BoolArray
     """(f,): the groups of `after` that contradict the others."""
-    noise: fits.Noise
+    noise: fits.ImageNoise
     since: Since | None
     """Since when, if it was among these images."""
     pose: fits.Fit
-    """Of `after`: the pose has changed."""
+    """Fit of `after` if the pose has changed."""
     both: fits.Fit
-    """Of `after`: pose and focal lengths have changed."""
+    """Fit of `after` if pose and focal lengths have changed."""
     power: fits.Power
     smallest: fits.Smallest
     p_pose: float
@@ -114,7 +114,7 @@ class Recheck:
 
     @cached_property
     def same(self) -> fits.Fit:
-        """Of `after`: nothing has changed."""
+        """Fit of `after` if nothing has changed."""
         return self.fit(fits.NOTHING)
 
     def fit(self, change: fits.Change, start: Pose | None = None) -> fits.Fit:
@@ -185,7 +185,7 @@ class Recheck:
         return self.explanations[0].fit if self.refocused else self.pose
 
     @cached_property
-    def held_out(self) -> fits.HeldOut:
+    def held_out(self) -> fits.HeldOutErrors:
         """The errors of held-out groups with the old and with repaired parameters."""
         return fits.measured_held_out(self.prior, self.after, self.best)
 
@@ -242,7 +242,7 @@ class Recheck:
 
     @cached_property
     def focal_changes(self) -> Mapping[CameraName, Estimate]:
-        """Of each refocused camera the fraction by which its focal length has changed."""
+        """Fraction by which the focal length of each refocused camera has changed."""
         if not self.refocused:
             return {}
         fit, last = self.explanations[0].fit, slice(-len(self.refocused), None)

@@ -102,13 +102,13 @@ def turn_in_place(pose: Pose, camera: int) -> Change:
     """A turn of the primary (0) or the secondary (1) about its own centre, rotation vector in its
     own axes, in radians."""
     columns = [
-        pose_difference(turned(pose, camera, SMALL_TURN * axis), pose) / SMALL_TURN
+        pose_difference(pose_after_turn(pose, camera, SMALL_TURN * axis), pose) / SMALL_TURN
         for axis in np.eye(3)
     ]
     return Change(np.column_stack(columns), np.full(3, WIDE_ANGLE))
 
 
-def turned(pose: Pose, camera: int, vector: FloatArray) -> Pose:
+def pose_after_turn(pose: Pose, camera: int, vector: FloatArray) -> Pose:
     """The pose after a camera turned in place, x' = D x, by a rotation vector in its own axes."""
     D = Rotation.from_rotvec(vector).as_matrix()
     return Pose(pose.R @ D.T, pose.T) if camera == 0 else Pose(D @ pose.R, D @ pose.T)
@@ -180,7 +180,7 @@ class Fit(RobustFit):
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class ImageNoise:
     """The noise of new images, and the groups that contradict the others."""
 
     sigma_px: float
@@ -204,12 +204,12 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutErrors:
     """Mean errors of groups that were held out, before and after the repair."""
 
     px: tuple[float, float]
     length: tuple[float, float] | None
-    """Of lengths, |reconstructed - stated| / stated; None without bars."""
+    """Length errors, |reconstructed - stated| / stated; None without bars."""
 
     @property
     def better(self) -> bool:
@@ -221,7 +221,7 @@ class HeldOut:
         return now < was or (after < CLEARLY * before and now < NOT_WORSE * was)
 
 
-def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
+def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOutErrors:
     """The errors of each run of groups with the old parameters, and repaired by the other runs.
 
     Groups that are outlying in `best`, the fit of all of them, are not used. If fewer than two are
@@ -230,7 +230,7 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
     kept = np.flatnonzero(~best.outlying)
     errors = []
     if len(kept) < 2:
-        return HeldOut((0.0, 0.0), None)
+        return HeldOutErrors((0.0, 0.0), None)
     for held in np.array_split(kept, min(FOLDS, len(kept))):
         fit = Fit(prior, images, best.change, best.sigma_px)
         fit.p[:] = best.p
@@ -243,7 +243,7 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOut:
     whole = np.concatenate(errors, axis=2)
     known = np.isfinite(whole[1]).any(axis=1).all()
     (px, new_px), *lengths = np.nanmean(whole[: 2 if known else 1], axis=2).tolist()
-    return HeldOut((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
+    return HeldOutErrors((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
 
 
 @dataclass(frozen=True)
@@ -302,7 +302,9 @@ def power(fit: Fit, smallest: Smallest) -> Power:
     # One camera turned in place, about 13 axes each.
     axes = smallest.turn_rad * AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
     turns = [
-        pose_difference(turned(pose, camera, axis), pose)[:m] for camera in (0, 1) for axis in axes
+        pose_difference(pose_after_turn(pose, camera, axis), pose)[:m]
+        for camera in (0, 1)
+        for axis in axes
     ]
     powers = [power_of(information, turn) for turn in turns]
     longer = smallest.baseline * pose.baseline * np.eye(m)[-1]

@@ -58,12 +58,12 @@ class NewImages:
         length[at[rows.bars[:, 0]]] = own.length
         return np.bincount(at, own.reprojection_px) / np.bincount(at), length
 
-    def of_groups(self, kept: IntArray) -> "NewImages":
+    def of_groups(self, groups: IntArray) -> "NewImages":
         """Some of the groups, by their indices."""
-        frames = self.dataset.correspondences.frames[kept]
+        frames = self.dataset.correspondences.frames[groups]
         part = self.dataset.of_frames(frames)
         return replace(
-            self, dataset=part, numbers=self.numbers[kept], bars=len(part.correspondences.bars)
+            self, dataset=part, numbers=self.numbers[groups], bars=len(part.correspondences.bars)
         )
 
 

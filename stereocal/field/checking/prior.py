@@ -18,9 +18,9 @@ from stereocal.rig.parameters import RigParameters
 SPENT = 12.0
 """Degrees of freedom that a calibration spends on the pose and, in part, on the lenses."""
 DEGREES_GIVEN, DEGREES_ASSUMED = 1000.0, 4.0
-"""Of a noise that was stated, and of one that nothing was known about."""
+"""For a noise that was stated, and for one that nothing was known about."""
 SMALLEST_EIGENVALUE = 1e-12
-"""Of the correlation; directions below are taken as exact."""
+"""Least of the correlation; directions below are taken as exact."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from stereocal.field.checking.fits import (
     NOTHING,
     Change,
     Fit,
-    Noise,
+    ImageNoise,
     Smallest,
     focal_changes,
     pose_change,
@@ -112,7 +112,7 @@ class _Check:
             return [(index, self.moved)]
         return [(index[: since.at], NOTHING), (index[since.at :], self.moved)]
 
-    def noise(self, parts: list[Part]) -> Noise:
+    def noise(self, parts: list[Part]) -> ImageNoise:
         """The noise by fits with everything free that may have changed, part by part: a movement
         between parts then neither counts as noise nor makes groups outlying.
 
@@ -127,17 +127,17 @@ class _Check:
             total, degrees, outlying = self._robust(parts, sigma)
         as_before = sigma == self.prior.sigma_px
         if degrees < 1:
-            return Noise(sigma, known, as_before, outlying)
+            return ImageNoise(sigma, known, as_before, outlying)
         above = float(fdtrc(degrees, known, total / degrees))
         if as_before and HIGHER_NOISE < above < 1 - LOWER_NOISE:
             pooled = sigma * np.sqrt((known + total) / (known + degrees))
-            return Noise(float(pooled), known + degrees, True, outlying)
+            return ImageNoise(float(pooled), known + degrees, True, outlying)
         for _ in range(5):
             sigma *= float(np.sqrt(max(total / degrees, 1e-4)))
             total, degrees, outlying = self._robust(parts, sigma)
             if degrees < 1 or abs(total / degrees - 1.0) < 0.02:
                 break
-        return Noise(sigma, max(float(degrees), 1.0), False, outlying)
+        return ImageNoise(sigma, max(float(degrees), 1.0), False, outlying)
 
     def _robust(self, parts: list[Part], sigma_px: float) -> tuple[float, int, BoolArray]:
         """Sum of the costs, degrees of freedom, and outlying groups, of robust fits of all parts.
@@ -161,7 +161,7 @@ class _Check:
                 outlying[groups] = best.outlying
         return total, degrees, outlying
 
-    def with_design_effect(self, noise: Noise, parts: list[Part]) -> Noise:
+    def with_design_effect(self, noise: ImageNoise, parts: list[Part]) -> ImageNoise:
         """The noise with the design effect: the file's or, if larger, that of a part of the images.
         Errors of a lens or of a detector are alike in bars that lie close together."""
         of_file = self.prior.design_effect
@@ -177,7 +177,7 @@ class _Check:
             found = replace(found, degrees=min(found.degrees, EFFECT_DEGREES))
         return found
 
-    def settled(self, noise: Noise) -> tuple[Noise, Since | None]:
+    def settled(self, noise: ImageNoise) -> tuple[ImageNoise, Since | None]:
         """The change point among many groups, if there is one, with the noise that goes with it.
 
         A run of bad detections looks like a movement that is taken back. So the groups before and
@@ -194,7 +194,7 @@ class _Check:
                 break
         return noise, self._since(noise)
 
-    def _since(self, noise: Noise) -> Since | None:
+    def _since(self, noise: ImageNoise) -> Since | None:
         """The change point, if a lasting movement explains the images better than one before."""
         pose = self.pose_fit(noise.counted_px, noise.outlying)
         found = since_when(self.prior, self.images, pose, noise.outlying)
@@ -202,7 +202,7 @@ class _Check:
         among = found.lasts and found.low > self.images.numbers[0]
         return found if among and p_since < self.p_of_movement(noise) else None
 
-    def p_of_movement(self, noise: Noise) -> float:
+    def p_of_movement(self, noise: ImageNoise) -> float:
         """Probability that an unmoved rig prefers a movement by so much."""
         pose = self.pose_fit(noise.counted_px, noise.outlying)
         same = Fit(self.prior, self.images, NOTHING, noise.counted_px).minimise(noise.outlying)

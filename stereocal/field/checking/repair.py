@@ -83,7 +83,7 @@ def length_error(fit: Fit, sigma_px: float) -> float | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
+class FrameErrors:
     """Errors of one parameter set, each (n,); NaN behind a camera."""
 
     reprojection_px: FloatArray
@@ -98,17 +98,17 @@ class Residuals:
 
     frames: IntArray
     """(n,): the frame numbers."""
-    before: Errors
-    after: Errors | None
+    before: FrameErrors
+    after: FrameErrors | None
 
 
 def residuals_of(check: Recheck) -> Residuals:
     images = check.images
     numbers, at = np.unique(images.numbers, return_inverse=True)
 
-    def errors(rig: Rig) -> Errors:
+    def errors(rig: Rig) -> FrameErrors:
         px, length = images.errors_with(rig)  # bars are one group a frame
-        return Errors(np.bincount(at, px) / np.bincount(at), length if images.bars else None)
+        return FrameErrors(np.bincount(at, px) / np.bincount(at), length if images.bars else None)
 
     repaired = errors(check.repaired) if check.offers_repair else None
     return Residuals(numbers, errors(check.prior.rig), repaired)

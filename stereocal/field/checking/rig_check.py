@@ -12,7 +12,7 @@ from itertools import combinations
 from typing import Any
 
 from stereocal.errors import StereocalError
-from stereocal.field.checking.check_words import sentence, to_json, what_changed
+from stereocal.field.checking import check_words
 from stereocal.field.checking.findings import FOCAL_LEVEL, POSE_LEVEL, Recheck, Verdict
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
@@ -36,10 +36,10 @@ class RigCheck:
     """Pairs that could not be checked, and why."""
 
     def verdict_of(self, pair: Pair) -> Verdict:
-        """Of one pair; with many pairs a change must be surer, that no more are false alarms."""
-        own = self.pairs[pair]
-        surely = min(own.p_pose / POSE_LEVEL, own.p_focal / FOCAL_LEVEL) * len(self.pairs) < 1.0
-        return "cannot tell" if own.changed and not surely else own.verdict
+        """A pair's verdict; with many pairs a change must be surer: no more false alarms."""
+        check = self.pairs[pair]
+        surely = min(check.p_pose / POSE_LEVEL, check.p_focal / FOCAL_LEVEL) * len(self.pairs) < 1.0
+        return "cannot tell" if check.changed and not surely else check.verdict
 
     def _with(self, verdict: Verdict) -> list[Pair]:
         return [pair for pair in self.pairs if self.verdict_of(pair) == verdict]
@@ -75,6 +75,50 @@ class RigCheck:
         seen = {name for pair in self._with("same") for name in pair}
         return "same" if {*self.cameras} <= seen else "cannot tell"
 
+    @property
+    def sentence(self) -> str:
+        """The answer: which camera has moved."""
+        if self.verdict == "same":
+            return f"Same: no camera has moved, of {listed(self.cameras)}."
+        if self.verdict == "cannot tell":
+            return "Cannot tell: no movement is seen, but it would not be found in all cameras."
+        if self.moved:
+            several = "s" * (len(self.moved) > 1)
+            return f"Moved or refocused: the camera{several} {listed(self.moved)}."
+        which = "; or ".join(listed(some) for some in self.explanations) or listed(self.cameras)
+        return f"Moved or refocused, and it cannot be told which camera: {which}."
+
+    @property
+    def notes(self) -> list[str]:
+        """What each pair says, and which could not be checked."""
+        found = [
+            f"{pair_name(pair)}: "
+            + (check_words.what_changed(check) if check.changed else check_words.sentence(check))
+            for pair, check in self.pairs.items()
+        ]
+        if self.verdict == "moved":
+            found.append("Calibrate the rig again, with bars recorded since.")
+        unchecked = self.unchecked.items()
+        return found + [f"{pair_name(pair)} was not checked: {why}" for pair, why in unchecked]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `check.json`."""
+        return {
+            "format": RIG_CHECK_FORMAT,
+            "verdict": self.verdict,
+            "reason": self.sentence,
+            "cameras_moved": list(self.moved),
+            "explanations": [list(some) for some in self.explanations],
+            "pairs": {
+                pair_name(pair): {
+                    **check_words.to_json(check),
+                    "verdict_in_rig": self.verdict_of(pair),
+                }
+                for pair, check in self.pairs.items()
+            },
+            "not_checked": {pair_name(pair): why for pair, why in self.unchecked.items()},
+        }
+
 
 def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = None) -> RigCheck:
     """Check whether cameras have moved since a rig was calibrated, by new images of two or more."""
@@ -82,9 +126,9 @@ def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = No
     unchecked: dict[Pair, str] = {}
     for pair in combinations([name for name in rig.names if name in recording.cameras], 2):
         try:
-            own = rig.pair(*pair)
-            images = images_of_bars(recording.pair(*pair), own)
-            pairs[pair] = recheck(prior_of(own), images, smallest)
+            parameters = rig.pair(*pair)
+            images = images_of_bars(recording.pair(*pair), parameters)
+            pairs[pair] = recheck(prior_of(parameters), images, smallest)
         except StereocalError as error:
             unchecked[pair] = str(error)
     if not pairs:
@@ -95,43 +139,3 @@ def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = No
             f"{why}"
         )
     return RigCheck(tuple(dict.fromkeys(n for pair in pairs for n in pair)), pairs, unchecked)
-
-
-def rig_sentence(check: RigCheck) -> str:
-    """The answer: which camera has moved."""
-    if check.verdict == "same":
-        return f"Same: no camera has moved, of {listed(check.cameras)}."
-    if check.verdict == "cannot tell":
-        return "Cannot tell: no movement is seen, but it would not be found in all cameras."
-    if check.moved:
-        several = "s" * (len(check.moved) > 1)
-        return f"Moved or refocused: the camera{several} {listed(check.moved)}."
-    which = "; or ".join(listed(some) for some in check.explanations) or listed(check.cameras)
-    return f"Moved or refocused, and it cannot be told which camera: {which}."
-
-
-def rig_notes(check: RigCheck) -> list[str]:
-    """What each pair says, and which could not be checked."""
-    notes = [
-        f"{pair_name(pair)}: {what_changed(own) if own.changed else sentence(own)}"
-        for pair, own in check.pairs.items()
-    ]
-    if check.verdict == "moved":
-        notes.append("Calibrate the rig again, with bars recorded since.")
-    return notes + [f"{pair_name(p)} was not checked: {why}" for p, why in check.unchecked.items()]
-
-
-def rig_to_json(check: RigCheck) -> dict[str, Any]:
-    """The content of `check.json`."""
-    return {
-        "format": RIG_CHECK_FORMAT,
-        "verdict": check.verdict,
-        "reason": rig_sentence(check),
-        "cameras_moved": list(check.moved),
-        "explanations": [list(some) for some in check.explanations],
-        "pairs": {
-            pair_name(pair): {**to_json(own), "verdict_in_rig": check.verdict_of(pair)}
-            for pair, own in check.pairs.items()
-        },
-        "not_checked": {pair_name(pair): why for pair, why in check.unchecked.items()},
-    }

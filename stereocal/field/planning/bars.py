@@ -23,7 +23,7 @@ MARGIN_PX = 15.0
 SIGMAS = 3.0
 """Errors of the lenses for which the margin leaves room, in standard deviations."""
 MOST_MARGIN = 0.1
-"""Of the smaller side of an image."""
+"""The same as a fraction of the smaller side of an image."""
 ROUNDS = 200
 DISTANCES = ("near", "middle", "far")
 ACROSS, HEIGHTS = ("left", "centre", "right"), ("low", "middle", "high")
@@ -35,7 +35,7 @@ DIRECTIONS = {
     "rising right": (np.sqrt(0.5), -np.sqrt(0.5), 0.0),
     "rising left": (-np.sqrt(0.5), -np.sqrt(0.5), 0.0),
 }
-"""Of the bar, on the ground's axes: right, down, ahead. None points at the cameras, because one
+"""The bar's, on the ground's axes: right, down, ahead. None points at the cameras, because one
 target would hide the other."""
 OPPOSITE = 0.1
 """Cameras that look in nearly opposite directions have no mean: the primary's axes are taken."""

@@ -19,7 +19,7 @@ from stereocal.evaluation import compiled_run
 from stereocal.evaluation.evaluate import paper_angles
 from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
-from stereocal.field.planning.expected import planned_dataset, refine_settings
+from stereocal.field.planning.expected import plan_settings, planned_dataset
 from stereocal.field.planning.plan import Plan
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
@@ -144,7 +144,7 @@ def _one_rig(
         own[: len(found)] = found
     if refined:
         start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
-        sets.append(refine(dataset, refine_settings(plan), start).q.copy())
+        sets.append(refine(dataset, plan_settings(plan), start).q.copy())
     for own in sets:
         own[BAR] = 1.0
     return _judged(np.array(sets), truth, lenses, ends[tested], tests, partners)

@@ -155,7 +155,7 @@ def expect(plan: Plan, seed: int = 0) -> ExpectedFit:
     lenses = lenses_of_cameras(plan.primary, plan.secondary)
     photograph(shared_unknowns(plan.rig), lenses, ends.reshape(-1, 3), pixels)
     dataset = planned_dataset(plan, pixels)
-    found = refine(dataset, refine_settings(plan), plan.pose)
+    found = refine(dataset, plan_settings(plan), plan.pose)
     information = found.information * plan.frames / BARS
     return ExpectedFit(plan, replace(found, information=information), ends)
 
@@ -169,7 +169,7 @@ def planned_dataset(plan: Plan, pixels: FloatArray) -> Dataset:
     return Dataset(plan.name, plan.primary, plan.secondary, rows, plan.baseline_m, plan.bar_m)
 
 
-def refine_settings(plan: Plan) -> RefineSettings:
+def plan_settings(plan: Plan) -> RefineSettings:
     """Settings with the plan's uncertainties as priors."""
     own = plan.uncertainty
     lens = LensPrior(own.focal, own.centre_px)

@@ -82,8 +82,8 @@ class PlanForecast:
         """The file with the smallest length error."""
         return self._better("3d", "mean_length_error")
 
-    def _better(self, own: Method, figure: str) -> Method:
-        files: tuple[Method, ...] = ("refined", own)
+    def _better(self, other: Method, figure: str) -> Method:
+        files: tuple[Method, ...] = ("refined", other)
         return min(files, key=lambda method: self.estimate(method, figure).value)
 
     @cached_property
@@ -187,34 +187,34 @@ def _over_rigs(values: FloatArray) -> Estimate:
     return Estimate(value, min(low, value), max(high, value))
 
 
-def answer(found: PlanForecast) -> str:
+def plan_answer(forecast: PlanForecast) -> str:
     """What the plan will measure, how well, and what limits it."""
-    depths, length, position = found.fit.by_depth
+    depths, length, position = forecast.fit.by_depth
     known = np.flatnonzero(np.isfinite(length))
     middle, far = known[len(known) // 2], known[-1]
     return (
-        f"{_about_needed(found)}Lengths to {percent(length[middle])} % at "
+        f"{_about_needed(forecast)}Lengths to {percent(length[middle])} % at "
         f"{rounded(depths[middle], 3)} m and {percent(length[far])} % at "
         f"{rounded(depths[far], 3)} m, positions to "
         f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
-        f"the refined set). About {points_per_frame(found)} points of a frame can be matched. "
-        f"Limited by {LIMITS[found.advice.limited_by]}."
+        f"the refined set). About {points_per_frame(forecast)} points of a frame can be matched. "
+        f"Limited by {LIMITS[forecast.advice.limited_by]}."
     )
 
 
-def _about_needed(found: PlanForecast) -> str:
+def _about_needed(forecast: PlanForecast) -> str:
     """Whether the accuracy that is needed is reached; empty if none is stated."""
-    needed, days = found.plan.needed, found.field_days_that_reach
+    needed, days = forecast.plan.needed, forecast.field_days_that_reach
     if needed is None or days is None:
         return ""
-    within = percent(found.estimate(found.measure_with, "p95_error_3d").value)
+    within = percent(forecast.estimate(forecast.measure_with, "p95_error_3d").value)
     reached = {
         "yes": "Yes, it reaches what you need",
         "no": "No, it does not reach what you need",
         "not sure": f"It reaches what you need on {100 * days:.0f} % of field days",
     }
     return (
-        f"{reached[found.reached or 'no']}: 95 % of lengths within {within} % (needed: "
+        f"{reached[forecast.reached or 'no']}: 95 % of lengths within {within} % (needed: "
         f"{percent(needed)} %). "
     )
 

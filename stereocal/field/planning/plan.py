@@ -22,7 +22,7 @@ LARGEST_NOISE_PX = 20.0
 LARGEST_TOE_IN_DEG = 80.0
 SMALLEST_MM, LARGEST_MM = 0.01, 10_000.0
 COLUMNS, ROWS, DEPTHS = 25, 19, 13
-"""Of the grid in which a common view is looked for."""
+"""Grid in which a common view is looked for."""
 KEPT_CAMERAS = 64
 FOLD_MARGIN = 1.05
 """A ray farther from the axis than this many times the farthest ray of the image is not seen."""

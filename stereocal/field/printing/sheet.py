@@ -211,6 +211,6 @@ def _line(start: FloatArray, end: FloatArray, colour: Color, width: float) -> Li
     return Line(*start.tolist(), *end.tolist(), strokeColor=colour, strokeWidth=width)
 
 
-def _note_at(at: FloatArray, words: str, anchor: Literal["start", "middle"]) -> String:
-    x, y = at.tolist()
+def _note_at(place: FloatArray, words: str, anchor: Literal["start", "middle"]) -> String:
+    x, y = place.tolist()
     return String(x, y, words, fontName=FONT, fontSize=LABEL_MM, textAnchor=anchor, fillColor=black)

@@ -8,7 +8,7 @@ from stereocal.field.printing.print_target import planned_target
 from stereocal.system.numbers import rounded
 
 HAND_SPEED_M_S = 0.5
-"""Of a target on a bar that is carried."""
+"""Speed of a target on a bar that is carried."""
 BLUR_PX = 0.5
 """Motion during the exposure that does little harm."""
 BLANK = "_" * 11

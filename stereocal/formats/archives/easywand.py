@@ -29,8 +29,8 @@ from stereocal.formats.exchange.options import (
     PixelOrigin,
     Unit,
 )
-from stereocal.formats.exchange.reading import camera_matrix, camera_of
-from stereocal.formats.matlab_file import Fields, numbers_of, read_structs, required
+from stereocal.formats.exchange.reading import camera_from, camera_matrix
+from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs, required
 from stereocal.formats.point_files import BarPoints
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -122,7 +122,7 @@ class EasyWandFile:
         u, v = origin.to_ours(centre[None], size[1])[0]
         distortion = np.zeros(5)
         for name in ("nlin_est", "nlin"):
-            found = numbers_of(self.fields, name, self.source)
+            found = numbers_in_field(self.fields, name, self.source)
             if found is not None and found.size == 5 * count and np.nan_to_num(found).any():
                 table = found if found.shape == (count, 5) else found.T
                 distortion = np.nan_to_num(table.reshape(count, 5))[k]
@@ -130,11 +130,11 @@ class EasyWandFile:
         if origin.corner == "lower-left":
             distortion[2] *= -1.0
         K, where = camera_matrix(focal, focal, u, v), f"{self.source}, camera {k + 1}"
-        return camera_of(K, distortion, size, False, ExchangeOptions(), 0, where)
+        return camera_from(K, distortion, size, False, ExchangeOptions(), 0, where)
 
     def baseline(self, first: int, second: int) -> float | None:
         """Distance of two cameras by the DLT coefficients of its solution, in the file's unit."""
-        table = numbers_of(self.fields, "coefs", self.source)
+        table = numbers_in_field(self.fields, "coefs", self.source)
         if table is None or table.shape != (COEFFICIENTS, len(self.cameras)):
             return None
         centres = []
@@ -148,7 +148,7 @@ class EasyWandFile:
 
     def bar_length(self, unit: Unit | None) -> float | None:
         """In metres; None if the file states none."""
-        length = numbers_of(self.fields, "wandLen", self.source)
+        length = numbers_in_field(self.fields, "wandLen", self.source)
         if length is None or length.size != 1 or not length.item() > 0:
             return None
         metres = float(length.item()) * UNITS[unit or "m"]
@@ -163,7 +163,7 @@ class EasyWandFile:
     @property
     def frame_rate(self) -> float:
         """Frames a second of a thrown object; 0 if `axisPts` is none."""
-        rate = numbers_of(self.fields, "gravityFreq", self.source)
+        rate = numbers_in_field(self.fields, "gravityFreq", self.source)
         return 0.0 if rate is None else float(np.nan_to_num(rate.ravel()[0]))
 
     def _points(self, name: str) -> FloatArray | None:
@@ -177,7 +177,7 @@ class EasyWandFile:
         return pixels
 
     def _rows(self, name: str, columns: int | None) -> FloatArray | None:
-        table = numbers_of(self.fields, name, self.source)
+        table = numbers_in_field(self.fields, name, self.source)
         if table is None or np.isnan(table).all():
             return None
         table = np.atleast_2d(table)  # SciPy drops the axis of a single frame

@@ -13,8 +13,8 @@ from stereocal.formats.exchange.reading import (
     CameraFormat,
     CameraPair,
     Files,
+    camera_from,
     camera_matrix,
-    camera_of,
     only_file,
 )
 from stereocal.formats.file_storage import ForeignFile
@@ -23,7 +23,7 @@ from stereocal.formats.point_files import is_number
 ENDINGS = (".txt", ".csv", ".tsv")
 _SEPARATOR = re.compile(r"[,;\s]+")
 NUMBERS = 11
-"""Of a row, after the camera."""
+"""In a row, after the camera."""
 ASPECT = (0.5, 2.0)
 """Plausible fy / fx, which tells a profile from a table of points."""
 
@@ -64,7 +64,7 @@ def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraP
         focal, width, height, cx, cy, aspect, *lens = map(float, row[1 : 1 + NUMBERS])
         K = camera_matrix(focal, focal * aspect, cx, cy)
         where = f"{file.name}, {row[0]}"
-        cameras.append(camera_of(K, lens, (width, height), False, options, k, where))
+        cameras.append(camera_from(K, lens, (width, height), False, options, k, where))
     no_pose = f"{file.name}: a camera profile has no pose."
     words = chosen.words if chosen else ONE_LENS
     return CameraPair(cameras[0], cameras[1], None, no_pose, "Argus profile", words, chosen)

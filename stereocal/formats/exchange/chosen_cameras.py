@@ -11,7 +11,7 @@ _PREFIX = re.compile(r"(?i)(cam(era)?)?[\s_.-]*0*(?=.)")
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChosenPair:
     """The two cameras that are taken of those in a file."""
 
     cameras: tuple[str, ...]
@@ -46,7 +46,7 @@ def chosen_pair(
     wanted: tuple[str | int, str | int] | None,
     source: str,
     also: Sequence[str] = (),
-) -> Chosen:
+) -> ChosenPair:
     """The primary and the secondary among the cameras of a file.
 
     Args:
@@ -57,11 +57,11 @@ def chosen_pair(
     if len(names) < 2:
         raise StereocalError(f"two cameras are expected; the file has {len(names)}.", source)
     if wanted is None:
-        return Chosen(names, (0, 1), False)
+        return ChosenPair(names, (0, 1), False)
     first, second = camera_indices(wanted, names, source, also)
     if first == second:
         raise StereocalError("primary and secondary are the same camera: choose two.", source)
-    return Chosen(names, (first, second), True)
+    return ChosenPair(names, (first, second), True)
 
 
 def has_cameras(cameras: Sequence[str], wanted: Sequence[str | int]) -> bool:

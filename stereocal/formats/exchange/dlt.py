@@ -18,7 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
 from stereocal.formats.exchange.projection import decomposed
-from stereocal.formats.exchange.reading import CameraPair, Files, camera_of, only_file, size_of
+from stereocal.formats.exchange.reading import CameraPair, Files, camera_from, only_file, size_of
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, number
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
@@ -69,7 +69,7 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
         P = table[chosen.pair[k]].reshape(3, 4)
         P = np.linalg.inv(options.origin().matrix(size[1])) @ P
         K, pose = decomposed(P, where)
-        cameras.append(camera_of(K, (), size, False, options, k, where))
+        cameras.append(camera_from(K, (), size, False, options, k, where))
         poses.append(pose)
         behind.append(bool(np.linalg.det(P[:, :3]) < 0))
     # The file cannot state a unit; our files are recognised by their world origin.

@@ -17,14 +17,14 @@ from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
     array_of,
+    camera_from,
     camera_matrix,
-    camera_of,
     only_file,
-    pose_of,
+    pose_from,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number
 from stereocal.formats.file_storage import ForeignFile
-from stereocal.formats.matlab_file import Fields, numbers_of, read_structs
+from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -185,23 +185,23 @@ def _camera(fields: Fields, options: ExchangeOptions, k: int, source: str) -> Ca
     """The camera of a cameraParameters or cameraIntrinsics struct, or of a script."""
     inner = fields.get("Intrinsics")
     fields = {**fields, **inner} if isinstance(inner, Mapping) else fields
-    radial = numbers_of(fields, "RadialDistortion", source)
+    radial = numbers_in_field(fields, "RadialDistortion", source)
     radial = np.zeros(2) if radial is None else radial.ravel()
     if len(radial) not in (2, 3) or not np.isfinite(radial).all():
         raise StereocalError(f"{source}: RadialDistortion must have two or three numbers.")
     tangential = np.zeros(2)
     if "TangentialDistortion" in fields:
         tangential = _required(fields, "TangentialDistortion", (2,), source)
-    size = numbers_of(fields, "ImageSize", source)
+    size = numbers_in_field(fields, "ImageSize", source)
     size = None if size is None else size.ravel()[::-1]
     lens = np.concatenate([radial[:2], tangential, radial[2:]])
-    return camera_of(_matrix(fields, source), lens, size, False, options, k, source)
+    return camera_from(_matrix(fields, source), lens, size, False, options, k, source)
 
 
 def _matrix(fields: Fields, source: str) -> FloatArray:
     """K, whose first pixel is (1, 1) in MATLAB; older versions save its transpose."""
     for name, transposed in (("K", False), ("IntrinsicMatrix", True)):
-        found = numbers_of(fields, name, source)
+        found = numbers_in_field(fields, name, source)
         if found is not None:
             if found.shape != (3, 3):
                 raise StereocalError(f"{source}: {name} is not a 3x3 matrix.")
@@ -212,18 +212,18 @@ def _matrix(fields: Fields, source: str) -> FloatArray:
 
 def _pose(fields: Fields, source: str) -> Pose | None:
     """RotationOfCamera2 is R transposed; PoseCamera2 is the pose's inverse, its matrix in A."""
-    if numbers_of(fields, "RotationOfCamera2", source) is not None:
+    if numbers_in_field(fields, "RotationOfCamera2", source) is not None:
         R = _required(fields, "RotationOfCamera2", (3, 3), source).T
-        return pose_of(R, _required(fields, "TranslationOfCamera2", (3,), source), source)
+        return pose_from(R, _required(fields, "TranslationOfCamera2", (3,), source), source)
     pose: Any = fields.get("PoseCamera2")
     A = None
     if pose is not None:
-        A = numbers_of(pose if isinstance(pose, Mapping) else {"A": pose}, "A", source)
-    return None if A is None else pose_of(A, None, f"{source}, PoseCamera2").inverse()
+        A = numbers_in_field(pose if isinstance(pose, Mapping) else {"A": pose}, "A", source)
+    return None if A is None else pose_from(A, None, f"{source}, PoseCamera2").inverse()
 
 
 def _required(fields: Fields, name: str, shape: tuple[int, ...], source: str) -> FloatArray:
-    found = numbers_of(fields, name, source)
+    found = numbers_in_field(fields, name, source)
     if found is None:
         raise StereocalError(f"{source}: {name} is missing.")
     return array_of(found, shape, name, source)

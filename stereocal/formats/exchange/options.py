@@ -63,14 +63,14 @@ class ExchangeOptions:
     """What the user states about files of another program; None: as the file or program does."""
 
     image_sizes: tuple[ImageSize | None, ImageSize | None] = (None, None)
-    """Of primary and secondary."""
+    """Width and height, primary first."""
     cameras: tuple[str | int, str | int] | None = None
     """Primary and secondary, by name or number (from 1), or by index; None: the first two."""
     in_order: bool = True
     """Whether files of one camera each are given as primary and secondary; in a folder they are
     not."""
     unit: Unit | None = None
-    """Of the lengths in the files; reading only."""
+    """Unit of the lengths in the files; reading only."""
     lens_model: LensModel | None = None
     """Meaning of four coefficients if the file does not state it."""
     corner: Corner | None = None
@@ -148,7 +148,7 @@ ORIGIN = ("corner", "first_pixel", "flip")
 class UnitError(StereocalError):
     """Lengths of unknown unit, or implausible in the stated unit."""
 
-    def __init__(self, found: str, baseline: float) -> None:
+    def __init__(self, what: str, baseline: float) -> None:
         low, high = POSSIBLE_M
         fitting = {
             unit: f"{unit} ({baseline * scale:g} m)"
@@ -157,7 +157,7 @@ class UnitError(StereocalError):
         }
         none = f"{', '.join(UNITS)}; none of them is plausible"
         choice = " or ".join(fitting.values()) or none
-        self.question = f"{found}: state the unit of its lengths, {choice}."
+        self.question = f"{what}: state the unit of its lengths, {choice}."
         super().__init__(self.question, option=f"--unit {' or '.join(fitting or UNITS)}")
 
 

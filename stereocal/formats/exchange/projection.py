@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import rq
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.reading import pose_of
+from stereocal.formats.exchange.reading import pose_from
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.system.arrays import LARGEST
@@ -26,4 +26,4 @@ def decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
     K /= K[2, 2]
     K[[1, 2, 2], [0, 0, 1]] = 0.0
     K[2, 2] = 1.0
-    return K, pose_of(R, t, source)
+    return K, pose_from(R, t, source)

@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import agreed_size, lens_model_of, read_camera
-from stereocal.formats.exchange.chosen_cameras import Chosen
+from stereocal.formats.exchange.chosen_cameras import ChosenPair
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
@@ -36,8 +36,8 @@ class CameraPair:
     program: str = ""
     words: str = ""
     """Which cameras they are."""
-    chosen: Chosen | None = None
-    """Of a file that can have any number of cameras."""
+    chosen: ChosenPair | None = None
+    """The cameras taken, if a file can have any number of them."""
     stated: Unit | None = None
     """Unit of the file, if it states one."""
     usual: Unit | None = None
@@ -154,7 +154,7 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def camera_of(
+def camera_from(
     K: Any,
     distortion: Any,
     size: Any,
@@ -178,7 +178,7 @@ def camera_of(
         return Camera(matrix, coefficients, image_size, model=model)
 
 
-def pose_of(R: Any, T: Any, source: str) -> Pose:
+def pose_from(R: Any, T: Any, source: str) -> Pose:
     """The pose of what a file has: 3x3 and 3 numbers, or 4x4 numbers in `R` if there is no `T`.
 
     A rotation with few decimals is replaced by the nearest, as `Pose.nearest`.

@@ -23,7 +23,7 @@ from stereocal.formats.exchange.reading import (
     Files,
     array_of,
     lenses_of,
-    pose_of,
+    pose_from,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, numbers
 from stereocal.formats.exchange.yaml_formats import rectification
@@ -33,11 +33,11 @@ from stereocal.rig.geometry import Pose
 
 P_NAMES = ("projection_matrix", "P", "p")
 R_NAMES = ("rectification_matrix", "R", "r")
-"""Of files, of ROS 1 and of ROS 2."""
+"""In files, in ROS 1 and in ROS 2."""
 MESSAGE = re.compile(rb"^(K|k|camera_matrix):", re.MULTILINE)
 MOST_SKEW, MOST_DIFFERENT = 0.01, 0.5
-"""Of a projection matrix with a rotation: its skew by its focal length, and the difference of its
-camera matrix from the camera's own."""
+"""Limits of a projection matrix with a rotation: its skew by its focal length, and the difference
+of its camera matrix from the camera's own."""
 
 
 def write_ros(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
@@ -151,7 +151,7 @@ def _from_world(file: ForeignFile) -> tuple[Pose, bool]:
                 "the focal lengths of its projection matrix are not above 0.", file.name
             )
         shift = np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
-        still = pose_of(R.T, np.zeros(3), f"{file.name}, {R_NAMES[0]}")
+        still = pose_from(R.T, np.zeros(3), f"{file.name}, {R_NAMES[0]}")
         return still @ Pose(np.eye(3), shift), False
     found, pose = decomposed(P, f"{file.name}, {P_NAMES[0]}")
     if np.abs(R - np.eye(3)).max() > 0:

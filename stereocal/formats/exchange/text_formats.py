@@ -23,10 +23,10 @@ from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
     array_of,
+    camera_from,
     camera_matrix,
-    camera_of,
     only_file,
-    pose_of,
+    pose_from,
 )
 from stereocal.formats.exchange.writing import (
     COEFFICIENTS,
@@ -36,7 +36,7 @@ from stereocal.formats.exchange.writing import (
     number,
     numbers,
 )
-from stereocal.formats.file_storage import ForeignFile, check_length
+from stereocal.formats.file_storage import ForeignFile, check_text_length
 from stereocal.rig.camera import FISHEYE_UNKNOWNS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.system.json_text import check_depth
@@ -46,7 +46,7 @@ MOST_DOTS = 100
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}\n]")
 _NUMBERS = r"(?:[-+\d.,\seE]|nan|inf)"
 LONG_LIST = re.compile(rf"\[(?:{_NUMBERS}|\[{_NUMBERS}*\]){{4000,}}\]")
-"""Of numbers or points, as Caliscope writes all that it has adjusted: longer than any matrix."""
+"""Numbers or points, as Caliscope writes all that it has adjusted: longer than any matrix."""
 FIRST_PIXEL = 0.5
 RATIONAL, FISHEYE = COEFFICIENTS[:8], FISHEYE_UNKNOWNS[4:]
 MODELS: Mapping[str, tuple[str, ...]] = {
@@ -88,9 +88,9 @@ def _toml_header(cameras: Sequence[Posed]) -> str:
     )
 
 
-def _toml_values(own: Posed) -> str:
+def _toml_values(posed: Posed) -> str:
     """What both programs write of a camera."""
-    _, camera, pose = own
+    _, camera, pose = posed
     return (
         f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
         f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
@@ -116,7 +116,7 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
     for k, name in enumerate(chosen.names):
         own, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
         lens = own.get("matrix"), own.get("distortions"), own.get("size"), own.get("fisheye")
-        cameras.append(camera_of(*lens, options, k, where))
+        cameras.append(camera_from(*lens, options, k, where))
         if all(own.get(key) not in (None, "null") for key in ("rotation", "translation")):
             poses.append(_toml_pose(own, where))
     return CameraPair(
@@ -158,7 +158,7 @@ def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 def read_toml(text: str, name: str) -> dict[str, Any]:
     """The content of a TOML file."""
     text = LONG_LIST.sub("[]", text)
-    check_length(text, name)
+    check_text_length(text, name)
     check_depth(text, name)
     if any(piece.count(".") > MOST_DOTS for piece in BETWEEN_KEYS.split(text)):
         raise StereocalError(f"{name}: a key has more than {MOST_DOTS} parts; it is not read.")
@@ -174,7 +174,7 @@ def _toml_pose(data: Mapping[str, Any], source: str) -> Pose:
     if rotation.size != 9:
         turn = Rotation.from_rotvec(array_of(rotation, (3,), "rotation", source))
         rotation = turn.as_matrix()
-    return pose_of(rotation, data["translation"], source)
+    return pose_from(rotation, data["translation"], source)
 
 
 def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
@@ -236,7 +236,7 @@ def read_colmap(files: Files, options: ExchangeOptions, source: str) -> CameraPa
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
     R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
     first, second = (_colmap_camera(cameras[cells[at]], options, k) for k, at in enumerate((3, 5)))
-    return CameraPair(first, second, pose_of(R, values[4:], "rigs.txt"))
+    return CameraPair(first, second, pose_from(R, values[4:], "rigs.txt"))
 
 
 def _colmap_camera(cells: list[str], options: ExchangeOptions, k: int) -> Camera:
@@ -255,7 +255,7 @@ def _colmap_camera(cells: list[str], options: ExchangeOptions, k: int) -> Camera
     K = camera_matrix(fx, named.get("fy", fx), named["cx"] - FIRST_PIXEL, named["cy"] - FIRST_PIXEL)
     fisheye = model == "OPENCV_FISHEYE"
     lens = [named.get(name, 0.0) for name in (FISHEYE if fisheye else RATIONAL)]
-    return camera_of(K, lens, cells[2:4], fisheye, options, k, source)
+    return camera_from(K, lens, cells[2:4], fisheye, options, k, source)
 
 
 def _rows(file: ForeignFile) -> list[list[str]]:

@@ -44,13 +44,13 @@ class ExchangeFormat(CameraFormat):
     def program(self) -> str:
         return self.title.split(" (")[0]
 
-    def fitting(self, own: Posed) -> Posed:
+    def fitting(self, posed: Posed) -> Posed:
         """A camera with the number of coefficients that the format has, padded with zeros.
 
         If the lens has more, and the format 4 or 5, coefficients are refitted, provided that no
         pixel moves by more than `NEGLIGIBLE_PX`.
         """
-        which, camera, pose = own
+        which, camera, pose = posed
         count = self.coefficients
         if self.skew == "refused" and camera.K[0, 1] != 0:
             raise StereocalError(
@@ -63,7 +63,7 @@ class ExchangeFormat(CameraFormat):
                 "Choose OpenCV, Kalibr, ROS, aniposelib or COLMAP."
             )
         if camera.is_fisheye or count is None:
-            return own
+            return posed
         padded = np.zeros(14)
         padded[: len(camera.distortion)] = camera.distortion
         if not padded[count:].any():

@@ -22,10 +22,10 @@ from stereocal.formats.exchange.reading import (
     CameraPair,
     Files,
     array_of,
+    camera_from,
     camera_matrix,
-    camera_of,
     only_file,
-    pose_of,
+    pose_from,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number, numbers
 from stereocal.formats.file_storage import ForeignFile, find_node, matrix_of
@@ -154,7 +154,7 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
         raise StereocalError(lacks)
     model = models[0] if models else None
     first, second = (
-        camera_of(
+        camera_from(
             found[f"M{k + 1}"],
             found[f"D{k + 1}"],
             sizes.get(k),
@@ -165,7 +165,7 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
         )
         for k, which in enumerate(CAMERAS)
     )
-    pose = None if missing else pose_of(found["R"], found["T"], source)
+    pose = None if missing else pose_from(found["R"], found["T"], source)
     return CameraPair(first, second, pose, lacks)
 
 
@@ -223,7 +223,7 @@ def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     for key in names[first + 1 : last + 1]:
         step = data[key].get("T_cn_cnm1") if isinstance(data[key], dict) else None
         if pose is not None:
-            pose = None if step is None else pose_of(step, None, f"{file.name}, {key}") @ pose
+            pose = None if step is None else pose_from(step, None, f"{file.name}, {key}") @ pose
     if pose is not None and chosen.pair[0] == last:
         pose = pose.inverse()
     no_pose = f"{file.name}: T_cn_cnm1, the pose of a camera, is missing."
@@ -247,7 +247,7 @@ def _kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> 
     if distortion != "none":
         lens = array_of(data.get("distortion_coeffs"), (4,), "distortion_coeffs", source)
     size = data.get("resolution")
-    return camera_of(K, lens, size, distortion in FISHEYE, options, k, source)
+    return camera_from(K, lens, size, distortion in FISHEYE, options, k, source)
 
 
 OPENCV = ExchangeFormat(
