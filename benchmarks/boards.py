@@ -46,7 +46,6 @@ ENDS = np.array([(i, 53 - i) for i in range(27)])
 
 def boards_in(folder: Path) -> StereoBoards:
     found = find_stereo_boards({p.name: p for p in folder.glob("*.jpg")}, OPENCV, AtOnce())
-    assert found is not None
     print(found.sentence)
     return found
 
@@ -79,7 +78,6 @@ def uncertainties(boards: StereoBoards, subset: int) -> list[LensUncertainty | N
     for search in boards.searches:
         own = replace(SETTINGS, subset=subset)
         lens = calibrate_lens(search, own, AtOnce(), without_each=True)
-        assert lens is not None
         found.append(lens.camera.uncertainty)
     return found
 

@@ -64,7 +64,6 @@ def main() -> None:
             for _ in range(count):
                 search = series(camera, photographs, rng)
                 lens = calibrate_lens(search, LensSettings(subset), executor)
-                assert lens is not None
                 error, of_all = lens.values - true, lens.of_all - true
                 rows.setdefault("error / spread", []).append(error / lens.spread)
                 rows.setdefault("error / stated", []).append(error / lens.standard_errors)

@@ -73,7 +73,6 @@ def file_thresholds(solver: Solver) -> Mapping[str, float]:
     settings = EvaluationSettings(CalibrationSettings(essential=solver), 100, 20)
     with engine(None, None) as executor:
         runs = evaluate([simulate_nineteen(0)[9][1]], settings, executor)
-    assert runs is not None
     pooled, _ = summarise_all(["flock"], runs)
     return {method: summary.reprojection.threshold for method, summary in pooled.items()}
 

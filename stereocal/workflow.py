@@ -110,17 +110,11 @@ class Run:
         return run
 
     def validate(
-        self,
-        settings: EvaluationSettings,
-        executor: Executor,
-        progress: Progress | None = None,
-        cancelled: Callable[[], bool] | None = None,
-    ) -> "Run | None":
-        """The run with a validation of the frames that are not left out; None if cancelled."""
+        self, settings: EvaluationSettings, executor: Executor, progress: Progress | None = None
+    ) -> "Run":
+        """The run with a validation of the frames that are not left out."""
         kept = self.calibration.screening.dataset
-        found = evaluate([kept], settings, executor, progress, cancelled)
-        if found is None:
-            return None
+        found = evaluate([kept], settings, executor, progress)
         return self.validated(
             Evaluation(found, settings, [kept.name], [self.calibration.dataset.sha256])
         )

@@ -198,7 +198,6 @@ def _give_results(project: Project) -> None:
     settings = EvaluationSettings(runs=2, calibration_frames=5)
     with ThreadPoolExecutor(1) as executor:
         runs = evaluate([own], settings, executor)
-    assert runs is not None
     project.keep_evaluation(Evaluation(runs, settings, ["small"], [own.sha256]))
 
 
@@ -242,7 +241,6 @@ def _give_boards(project: Project) -> None:
     store.add(found)
     store.keep_search(search)
     lens = calibrate_lens(search, LensSettings(subset=5, repeats=2), AtOnce())
-    assert lens is not None
     store.keep_calibration(lens)
 
 

@@ -85,17 +85,15 @@ def report(
         print(line)
 
 
-def with_bar(what: str, work: Callable[[Show], T | None]) -> T:
+def with_bar(what: str, work: Callable[[Show], T]) -> T:
     """The result of long work, with a progress bar."""
     return in_stages(lambda _, show: work(show), what)
 
 
-def in_stages(work: Callable[[Callable[[str], None], Show], T | None], first: str = "") -> T:
+def in_stages(work: Callable[[Callable[[str], None], Show], T], first: str = "") -> T:
     """The same with a bar for each stage of the work, which names them."""
     with ProgressBar(first) as bar:
-        found = work(bar.begin, bar.show)
-    assert found is not None  # nobody cancels here
-    return found
+        return work(bar.begin, bar.show)
 
 
 class ProgressBar:

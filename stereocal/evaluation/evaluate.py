@@ -12,7 +12,7 @@ in the overflow bin, because they would not be matched. The numbers of both are 
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields, replace
@@ -39,7 +39,7 @@ from stereocal.system.described import check_described, described, descriptions
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.system.records import settings_of
-from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 
 MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
@@ -348,34 +348,29 @@ def evaluate(
     settings: EvaluationSettings,
     executor: Executor,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     chunk: int | None = None,
     earlier: Earlier[list[RunCounts]] | None = None,
-) -> list[list[RunCounts]] | None:
+) -> list[list[RunCounts]]:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
 
     Args:
-        progress: called with the runs done and the runs in all.
-        cancelled: asked while they are computed; if true, what is left is dropped.
+        progress: called with the runs done and the runs in all; what it raises ends the work.
         chunk: runs of one task; None: few of a long recording, for progress and so that others get
             a turn.
         earlier: chunks that were finished before, and where more are kept.
 
     Returns:
-        The runs by data set, in order; None if cancelled.
+        The runs by data set, in order.
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)
     tasks = _tasks(datasets, settings, chunk)
     total = settings.runs * len(datasets)
     by_dataset: list[list[RunCounts]] = [[] for _ in datasets]
-    try:
-        with closing(run_tasks(tasks, executor, total, progress, cancelled, earlier)) as finished:
-            for task, of_chunk in finished:
-                _, _, number, *_ = task.arguments
-                by_dataset[number] += of_chunk
-    except StoppedError:
-        return None
+    with closing(run_tasks(tasks, executor, total, progress, earlier)) as finished:
+        for task, of_chunk in finished:
+            _, _, number, *_ = task.arguments
+            by_dataset[number] += of_chunk
     return by_dataset
 
 

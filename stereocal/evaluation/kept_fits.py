@@ -44,7 +44,6 @@ def evaluate_with_kept_fits(
         progress: called after each chunk of fits; what it raises ends the work.
     """
     found = paper or evaluate(datasets, replace(settings, refined=None), executor)
-    assert found is not None  # nobody cancels
     if settings.refined is None:
         return found
     seed = settings.calibration.search.seed
@@ -53,7 +52,6 @@ def evaluate_with_kept_fits(
     fits = evaluate(
         datasets, replace(settings, calibration=usual), executor, progress, earlier=kept
     )
-    assert fits is not None
     return [
         [stacked(run, _refined_part(fit)) for run, fit in zip(*of_dataset, strict=True)]
         for of_dataset in zip(found, fits, strict=True)

@@ -135,17 +135,14 @@ def find_in_all_cameras(
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
-    cancelled: Callable[[], bool] = lambda: False,
     earlier: Earlier[Any] | None = None,
-) -> FoundRecording | None:
+) -> FoundRecording:
     """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
-    in all: the recording of a bar of 1 m; None if cancelled."""
+    in all: the recording of a bar of 1 m."""
     names = names_by_camera(moments, cameras)
     seen = search_photographs(
-        names, photographs, cameras, executor, begin, progress, cancelled, earlier, target
+        names, photographs, cameras, executor, begin, progress, earlier, target
     )
-    if seen is None:
-        return None
     found: dict[tuple[str, str], dict[int, tuple[FloatArray, FloatArray]]] = {}
     for one, other in combinations(cameras, 2):
         pairs = pairs_of(moments, one, other)

@@ -27,7 +27,7 @@ from stereocal.system.photograph import (
 )
 from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.records import of_plain, pack
-from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 
 STAGES = ("photographs checked", "photographs searched for targets")
 
@@ -53,10 +53,9 @@ def detect_frames(
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
-    cancelled: Callable[[], bool] = lambda: False,
     earlier: Earlier[Any] | None = None,
     target: Target = BAR,
-) -> list[Frame] | None:
+) -> list[Frame]:
     """Check the photographs, find the targets, and label A and B.
 
     Args:
@@ -67,15 +66,15 @@ def detect_frames(
         target: what is on the bar.
 
     Returns:
-        A frame for each pair, in order; None if cancelled. An unusable photograph affects its own
-        frame only. Doubtful frames are not used until the user decides.
+        A frame for each pair, in order. An unusable photograph affects its own frame only. Doubtful
+        frames are not used until the user decides.
     """
     names = {str(camera): [getattr(pair, camera) for pair in pairs] for camera in CAMERAS}
     lenses: dict[str, Camera] = dict(zip(CAMERAS, cameras, strict=True))
     seen = search_photographs(
-        names, photographs, lenses, executor, begin, progress, cancelled, earlier, target
+        names, photographs, lenses, executor, begin, progress, earlier, target
     )
-    return None if seen is None else label_frames(pairs, seen, cameras, target)
+    return label_frames(pairs, seen, cameras, target)
 
 
 def search_photographs(
@@ -85,10 +84,9 @@ def search_photographs(
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
-    cancelled: Callable[[], bool],
     earlier: Earlier[Any] | None,
     target: Target,
-) -> dict[str, Any] | None:
+) -> dict[str, Any]:
     """As `detect_frames`, in the photographs (`names`) of each camera, without the labels.
 
     Returns:
@@ -100,8 +98,6 @@ def search_photographs(
     problems = {name: f"{name}: there is no such photograph." for name in {*camera_of} - {*there}}
     # Not on workers: this takes 0.5 ms a photograph, the search 100 times as long.
     for done, (name, path) in enumerate(there.items()):
-        if cancelled():
-            return None
         try:
             size, camera = photograph_size(path, name), camera_of[name]
             if size != (expected := cameras[camera].image_size):
@@ -126,12 +122,9 @@ def search_photographs(
         )
         for name, path in searched.items()
     )
-    every = run_tasks(tasks, executor, len(searched), progress, cancelled, earlier)
-    try:
-        with closing(every) as finished:
-            found = dict(zip(searched, (found for _, found in finished), strict=True))
-    except StoppedError:
-        return None
+    every = run_tasks(tasks, executor, len(searched), progress, earlier)
+    with closing(every) as finished:
+        found = dict(zip(searched, (found for _, found in finished), strict=True))
     return found | {name: _unreadable(target, why) for name, why in problems.items()}
 
 

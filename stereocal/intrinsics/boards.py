@@ -6,7 +6,7 @@ search = find_boards(photographs, BoardPattern.parse("18x12", square_m=0.03), ex
 import hashlib
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
-from stereocal.system.tasks import Earlier, Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 
 MINIMUM_SPACING_PX = 5.0
 """Closer corners overlap: the board is seen edge-on or too far away."""
@@ -129,19 +129,17 @@ def find_boards(
     pattern: BoardPattern,
     executor: Executor,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     earlier: Earlier[BoardView | Refused] | None = None,
-) -> BoardSearch | None:
+) -> BoardSearch:
     """Find the boards in one camera's photographs; each worker holds one photograph at a time.
 
     Args:
         photographs: files by name.
         progress: called with the number of photographs done and the total.
-        cancelled: polled during the search.
         earlier: checkpoint of earlier results by file name, which must identify the content.
 
     Returns:
-        Boards and refused photographs, in order of name; None if cancelled.
+        Boards and refused photographs, in order of name.
     """
     if not photographs:
         raise StereocalError("There are no photographs of the board.")
@@ -155,15 +153,12 @@ def find_boards(
         for name, own in photographs.items()
     )
     found: dict[str, BoardView | Refused] = {}
-    every = run_tasks(tasks, executor, len(photographs), progress, cancelled, earlier)
-    try:
-        with closing(every) as finished:
-            for _, result in finished:
-                found[result.name] = result
-                if len(found) == SIZE_CHECK_AFTER:
-                    _check_size(photographs, found, pattern)
-    except StoppedError:
-        return None
+    every = run_tasks(tasks, executor, len(photographs), progress, earlier)
+    with closing(every) as finished:
+        for _, result in finished:
+            found[result.name] = result
+            if len(found) == SIZE_CHECK_AFTER:
+                _check_size(photographs, found, pattern)
     if len(found) < SIZE_CHECK_AFTER:
         _check_size(photographs, found, pattern)
     results = [found[name] for name in sorted(photographs)]

@@ -15,7 +15,7 @@ coefficients do not describe.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ from stereocal.rig.camera import (
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.described import check_described, described
-from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Progress, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 """For the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
@@ -219,18 +219,13 @@ def calibrate_lens(
     settings: LensSettings,
     executor: Executor,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     without_each: bool = False,
-) -> LensCalibration | None:
+) -> LensCalibration:
     """Calibrate all draws on any executor; the result depends on the settings only.
 
     Args:
         progress: called with the number of draws done and the total.
-        cancelled: polled during the computation.
         without_each: whether to calibrate without each of the photographs too.
-
-    Returns:
-        The calibration; None if cancelled.
     """
     views = search.views
     size = _draw_size(search, settings)
@@ -249,12 +244,8 @@ def calibrate_lens(
         Task(solve_draws, (*given, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
     )
-    every_draw = run_tasks(tasks, executor, total, progress, cancelled)
-    try:
-        with closing(every_draw) as finished:
-            found = np.vstack([part for _, part in finished])
-    except StoppedError:
-        return None
+    with closing(run_tasks(tasks, executor, total, progress)) as finished:
+        found = np.vstack([part for _, part in finished])
     used, without = np.split(found, [1 + settings.repeats])
     if not np.isfinite(used).all() or used[:, :2].min() <= 0:
         raise StereocalError(UNDETERMINED)

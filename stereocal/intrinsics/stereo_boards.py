@@ -123,19 +123,15 @@ def find_stereo_boards(
     executor: Executor,
     begin: Begin = lambda _: None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     earlier: Earlier[BoardView | Refused] | None = None,
     pairing: Pairing | None = None,
-) -> StereoBoards | None:
+) -> StereoBoards:
     """The boards in the photographs of two cameras, which are told apart by their names.
 
     Args:
         begin: called with the name of each stage.
-        progress, cancelled, earlier: as for `find_boards`.
+        progress, earlier: as for `find_boards`.
         pairing: which photographs belong together; None: by their names.
-
-    Returns:
-        None if cancelled.
     """
     if pairing is None and (pairing := pair_names(photographs)).ambiguous:
         raise StereocalError(pairing.sentence)
@@ -148,10 +144,7 @@ def find_stereo_boards(
     searches = []
     for own, stage in zip(files, STAGES, strict=False):
         begin(stage)
-        search = find_boards(own, pattern, executor, progress, cancelled, earlier)
-        if search is None:
-            return None
-        searches.append(search)
+        searches.append(find_boards(own, pattern, executor, progress, earlier))
     return stereo_boards(pairing, tuple(searches))
 
 
@@ -176,16 +169,13 @@ def lenses_of_boards(
     settings: LensSettings,
     executor: Executor,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
-) -> tuple[LensCalibration, LensCalibration] | None:
-    """The lenses from all boards of each camera; None if cancelled."""
-    found = []
-    for search in boards.searches:
-        lens = calibrate_lens(search, settings, executor, progress, cancelled, without_each=True)
-        if lens is None:
-            return None
-        found.append(lens)
-    return found[0], found[1]
+) -> tuple[LensCalibration, LensCalibration]:
+    """The lenses from all boards of each camera."""
+    first, second = (
+        calibrate_lens(search, settings, executor, progress, without_each=True)
+        for search in boards.searches
+    )
+    return first, second
 
 
 def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str) -> Recording:
@@ -216,18 +206,15 @@ def boards_in_all_cameras(
     executor: Executor,
     begin: Begin,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     earlier: Earlier[BoardView | Refused] | None = None,
-) -> all_cameras.FoundRecording | None:
+) -> all_cameras.FoundRecording:
     """The boards in the photographs of three cameras and more, as `find_in_all_cameras`."""
     searches: dict[str, BoardSearch] = {}
     for camera, names in all_cameras.names_by_camera(moments, cameras).items():
         if names:
             begin(BOARDS_STAGE)
             own = {name: photographs[name] for name in names}
-            search = find_boards(own, pattern, executor, progress, cancelled, earlier)
-            if search is None:
-                return None
+            search = find_boards(own, pattern, executor, progress, earlier)
             _check_size(camera, cameras[camera], search)
             searches[camera] = search
     found = {}

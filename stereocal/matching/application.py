@@ -208,10 +208,9 @@ def apply_sets(
     folder: Path,
     begin: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
-) -> Outcome | None:
-    """Write `pairs.csv`, of a rig `tracks.csv`, and `points.csv` into a folder; None if cancelled.
+) -> Outcome:
+    """Write `pairs.csv`, of a rig `tracks.csv`, and `points.csv` into a folder.
 
     Args:
         tables: the points by camera.
@@ -220,13 +219,11 @@ def apply_sets(
     rig, measuring, stated = work.matching, work.measuring, work.stated
     if isinstance(rig, RigParameters) and isinstance(measuring, RigParameters):
         refuse_different_rigs(rig, measuring)
-    how: dict[str, Any] = {"progress": progress, "cancelled": cancelled, "executor": executor}
+    how: dict[str, Any] = {"progress": progress, "executor": executor}
     begin(STAGES[0])
     rows: list[pd.DataFrame] = []
     out = folder / work.matched
     matched = match_tables(rig, tables, out, stated, passed_on=rows, **how)
-    if matched is None:
-        return None
     if not matched.found:
         raise StereocalError(_none_found(work, matched.threshold_px))
     begin(STAGES[1])
@@ -235,8 +232,6 @@ def apply_sets(
     together = PointTable(pd.concat(rows), columns, work.matched, may_be_empty=is_rig)
     sigma_px = stated.sigma_px if is_rig else None
     measured = measure_tables(measuring, together, folder / POINTS, work.world, sigma_px, **how)
-    if measured is None:
-        return None
     first, *others = measured.sentences
     if isinstance(measuring, RigParameters) and measuring.purpose == "reconstruction":
         first += LARGE_ERRORS

@@ -1,6 +1,6 @@
 """Match tables of points of two cameras or more, a block of frames at a time, and write them."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -18,7 +18,7 @@ from stereocal.matching.tables_by_camera import Frame, TablesByCamera
 from stereocal.matching.tracks import TrackMatching
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Progress, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
@@ -32,10 +32,9 @@ def match_tables(
     stated: Stated | None = None,
     unmatched: Path | None = None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
     passed_on: list[pd.DataFrame] | None = None,
-) -> Report | None:
+) -> Report:
     """Match tables (`frame,u,v` and further columns) and write pairs, or the tracks of a rig.
 
     Further columns are passed through; those of a rig with the name of their camera: `target_left`.
@@ -43,12 +42,10 @@ def match_tables(
     Args:
         tables: by camera, `primary` and `secondary` with `RigParameters`.
         unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
-        progress: called with the number of frames done and the total.
+        progress: called with the number of frames done and the total; what it raises ends the
+            work, and no file is written.
         executor: matches blocks of frames; None: the calling thread.
         passed_on: gets what is written, for those who measure it next.
-
-    Returns:
-        The report; None if cancelled, then no file is written.
     """
     unknown = [name for name in tables if name not in rig.placed]
     if unknown or len(tables) < 2:
@@ -68,22 +65,19 @@ def match_tables(
     tasks = (
         Task(_match_block, (matching, block), len(block)) for block in _blocks(given.side_by_side())
     )
-    matched = run_tasks(tasks, executor, len(given.frames), progress, cancelled, ahead=AHEAD)
+    matched = run_tasks(tasks, executor, len(given.frames), progress, ahead=AHEAD)
     tallies: list[Any] = []
-    try:
-        with ExitStack() as stack:
-            writer = stack.enter_context(open_table(out, matching.columns, passed_on))
-            lost = None
-            if unmatched is not None:
-                further = dict.fromkeys(name for each in tables.values() for name in each.further)
-                lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
-            for _, (found, lonely) in stack.enter_context(closing(matched)):
-                writer.add(found)
-                if lost is not None:
-                    lost.add(lonely)
-                tallies.append(matching.tally(found))
-    except StoppedError:
-        return None
+    with ExitStack() as stack:
+        writer = stack.enter_context(open_table(out, matching.columns, passed_on))
+        lost = None
+        if unmatched is not None:
+            further = dict.fromkeys(name for each in tables.values() for name in each.further)
+            lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
+        for _, (found, lonely) in stack.enter_context(closing(matched)):
+            writer.add(found)
+            if lost is not None:
+                lost.add(lonely)
+            tallies.append(matching.tally(found))
     report = matching.report(tallies, given)
     return replace(report, notes=[timing, *report.notes]) if timing else report
 

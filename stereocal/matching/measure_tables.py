@@ -1,6 +1,6 @@
 """Reconstruct whole tables of pairs, or of tracks, into tables of 3D points."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from pathlib import Path
@@ -34,7 +34,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.rig.volume import Volume
 from stereocal.system.numbers import count, rounded
-from stereocal.system.tasks import Progress, StoppedError, Task, run_tasks
+from stereocal.system.tasks import Progress, Task, run_tasks
 
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
@@ -117,20 +117,17 @@ def measure_tables(
     world: Pose | None = None,
     sigma_px: float | None = None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
-) -> Report | None:
+) -> Report:
     """Reconstruct the points of a table of pairs, or of the tracks of a rig, and write them.
 
     Args:
         table: of pairs, or of tracks; pairs are measured a block at a time.
         world: `world_from_primary`, of a rig `world_from_reference`.
         sigma_px: as of `reconstruct`; of a rig estimated from the errors in all cameras if None.
-        progress: called with the number of rows done and the total.
+        progress: called with the number of rows done and the total; what it raises ends the work,
+            and no file is written.
         executor: measures blocks; None: the calling thread.
-
-    Returns:
-        The report; None if cancelled, then no file is written.
     """
     check_sigma(sigma_px)
     timing, sample = "", list[pd.DataFrame]()
@@ -154,17 +151,14 @@ def measure_tables(
     else:
         noise = noise_of_pairs(rig, pd.concat(sample), sigma_px)
     tasks = (Task(_measured, (rig, block, world, noise), len(block)) for block in blocks)
-    measured = run_tasks(tasks, executor, rows, progress, cancelled, ahead=AHEAD)
+    measured = run_tasks(tasks, executor, rows, progress, ahead=AHEAD)
     errors, outside = list[FloatArray](), 0
-    try:
-        with open_table(out) as writer, closing(measured):
-            for _, points in measured:
-                writer.add(points)
-                errors.append(points["error_px"].to_numpy(dtype=np.float64))
-                if OUTSIDE_VOLUME in points:
-                    outside += int((points[OUTSIDE_VOLUME] & points["error_px"].notna()).sum())
-    except StoppedError:
-        return None
+    with open_table(out) as writer, closing(measured):
+        for _, points in measured:
+            writer.add(points)
+            errors.append(points["error_px"].to_numpy(dtype=np.float64))
+            if OUTSIDE_VOLUME in points:
+                outside += int((points[OUTSIDE_VOLUME] & points["error_px"].notna()).sum())
     pooled = np.concatenate(errors)
     lost = int(np.isnan(pooled).sum())
     median = float(np.nanmedian(pooled)) if lost < len(pooled) else float("nan")

@@ -281,8 +281,8 @@ class ProjectApplication(ProjectPart):
             self.database.forget_files(APPLIED)
             self.database.keep_result(APPLIED, None)
 
-    def run(self, work: Application, *how: Any) -> bool:
-        """Match and measure as `apply_sets`, and replace the last result; False if cancelled."""
+    def run(self, work: Application, *how: Any) -> None:
+        """Match and measure as `apply_sets`, and replace the last result."""
         names = [points.name for points in work.points.values()]
         with tempfile.TemporaryDirectory(prefix="stereocal-") as temporary:
             folder = Path(temporary)
@@ -291,8 +291,6 @@ class ProjectApplication(ProjectPart):
                 for camera, points in work.points.items()
             }
             outcome = apply_sets(work, tables, folder, *how)
-            if outcome is None:
-                return False
             made = outcome.matched, POINTS
             files = {name: self.database.keep_file(folder / name, name) for name in made}
         for name in self._own.keys() & {*names}:
@@ -301,7 +299,6 @@ class ProjectApplication(ProjectPart):
             files |= {name: self.table(name) for name in names}
             self.database.replace_files(APPLIED, files)
             self.database.keep_result(APPLIED, pack(outcome))
-        return True
 
 
 class ProjectCheck(ProjectPart):

@@ -28,7 +28,7 @@ SPARE = 1
 AHEAD = 64
 """Tasks whose results may wait for an earlier one."""
 POLL_S = 0.2
-"""Interval in which cancellation is polled."""
+"""Longest time between two calls of `Progress`, which may cancel the work."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Earlier(Protocol[T]):
 
 
 class StoppedError(Exception):
-    """The work was cancelled."""
+    """The work was cancelled: `Progress` raises it."""
 
 
 class EndingError(Exception):
@@ -66,7 +66,6 @@ def run_tasks(
     executor: Executor | None,
     total: int,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
     earlier: Earlier[T] | None = None,
     ahead: int = AHEAD,
 ) -> Generator[tuple[Task[T], T], None, None]:
@@ -77,13 +76,12 @@ def run_tasks(
     Args:
         tasks: consumed one by one, as workers become free.
         executor: None: the calling thread.
-        total: sum of the sizes of all tasks, for `progress`, which is called as each task ends.
-        cancelled: polled at least every `POLL_S`.
+        total: sum of the sizes of all tasks, for `progress`, which is called as tasks end, at least
+            every `POLL_S`; what it raises ends the work.
         earlier: tasks whose results it has are not computed; gets the results of all.
         ahead: largest number of tasks begun but not yielded, which limits memory.
 
     Raises:
-        StoppedError: `cancelled` returned True.
         EndingError: the program is shutting down.
         StereocalError: a worker process or the cluster was lost.
         Also any exception of a task, when its turn comes.
@@ -94,25 +92,21 @@ def run_tasks(
     at_work: dict[Future[T], Task[T]] = {}
     try:
         while True:
-            _stop_if(cancelled)
             while len(at_work) < most and len(begun) < ahead:
                 if (task := next(waiting, None)) is None:
                     break
-                known = None if earlier is None else earlier.get(task.key)
-                future = _begun(task, executor) if known is None else _ended(known)
+                future = _begun(task, executor, earlier)
                 begun.append((task, future))
                 at_work[future] = task
             if not begun:
                 return
             wait(at_work, POLL_S, FIRST_COMPLETED)
-            for future in [future for future in at_work if future.done()]:
-                task = at_work.pop(future)
-                if not future.cancelled() and future.exception() is None:
-                    if earlier is not None:
-                        earlier.keep(task.key, future.result())
-                    done += task.size
-                    report(done, total)
-                _stop_if(cancelled)  # several may have ended at once
+            ended = [future for future in at_work if future.done()]
+            for future in ended:
+                done += _kept(at_work.pop(future), future, earlier)
+                report(done, total)
+            if not ended:
+                report(done, total)
             while begun and begun[0][1].done():
                 task, future = begun.popleft()
                 yield task, _result(future)
@@ -121,12 +115,9 @@ def run_tasks(
             future.cancel()
 
 
-def _stop_if(cancelled: Callable[[], bool] | None) -> None:
-    if cancelled is not None and cancelled():
-        raise StoppedError
-
-
-def _begun(task: Task[T], executor: Executor | None) -> Future[T]:
+def _begun(task: Task[T], executor: Executor | None, earlier: Earlier[T] | None) -> Future[T]:
+    if earlier is not None and (known := earlier.get(task.key)) is not None:
+        return _ended(known)
     if executor is None:
         return _ended(task.function(*task.arguments))
     try:
@@ -135,6 +126,15 @@ def _begun(task: Task[T], executor: Executor | None) -> Future[T]:
         raise _lost(error) from error
     except RuntimeError as error:
         raise EndingError from error
+
+
+def _kept(task: Task[T], future: Future[T], earlier: Earlier[T] | None) -> int:
+    """Keep the result of a task that has ended: how much is done by it; 0 if it failed."""
+    if future.cancelled() or future.exception() is not None:
+        return 0
+    if earlier is not None:
+        earlier.keep(task.key, future.result())
+    return task.size
 
 
 def _ended(result: T) -> Future[T]:

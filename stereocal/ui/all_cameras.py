@@ -276,8 +276,8 @@ def moment_search(
         **more,
     }
 
-    def run(job: jobs.Job) -> bool:
-        control = job.executor, job.begin, job.progress, lambda: job.cancelled
+    def run(job: jobs.Job) -> None:
+        control = job.executor, job.begin, job.progress
         photographs = store.photographs
         if isinstance(held, BoardPattern):
             boards = job.found_before(pack_board, unpack_board)
@@ -288,10 +288,8 @@ def moment_search(
                 moments, photographs, cameras, held, *control, seen
             )
         else:
-            found = None
-        if found is not None:
-            keep(found, job.work.digest)
-        return found is not None
+            return
+        keep(found, job.work.digest)
 
     stages = (BOARDS_STAGE,) if isinstance(held, BoardPattern) else STAGES
     return jobs.Work(store.project, "photographs", stages, run, jobs.digest_of(about))

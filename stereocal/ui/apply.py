@@ -165,8 +165,8 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> Chosen | Non
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
     """Compute short work at once; for long work show a button and progress."""
 
-    def run(job: jobs.Job) -> bool:
-        return store.run(work, job.begin, job.progress, lambda: job.cancelled, job.executor)
+    def run(job: jobs.Job) -> None:
+        store.run(work, job.begin, job.progress, job.executor)
 
     result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
     current = result is not None and result[0].digest == work.digest

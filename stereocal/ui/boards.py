@@ -137,21 +137,16 @@ def _find(
     pattern: BoardPattern,
     given: tuple[Camera, Camera] | None,
     job: jobs.Job,
-) -> bool:
-    """Find the boards and the lenses, and store them; False if cancelled."""
-    control = job.progress, lambda: job.cancelled
+) -> None:
+    """Find the boards and the lenses, and store them."""
     earlier = job.found_before(pack_board, unpack_board)
     boards = stereo_boards.find_stereo_boards(
-        store.photographs, pattern, job.executor, job.begin, *control, earlier, pairing
+        store.photographs, pattern, job.executor, job.begin, job.progress, earlier, pairing
     )
-    if boards is None:
-        return False
     cameras, loose = given, dict[int, str]()
     if cameras is None:
         job.begin(stereo_boards.STAGES[2])
-        lenses = stereo_boards.lenses_of_boards(boards, LensSettings(), job.executor, *control)
-        if lenses is None:
-            return False
+        lenses = stereo_boards.lenses_of_boards(boards, LensSettings(), job.executor, job.progress)
         cameras = lenses[0].camera, lenses[1].camera
         outlying = {*lenses[0].outlying, *lenses[1].outlying}
         loose = {
@@ -164,4 +159,3 @@ def _find(
     label = None if given else OF_BOARDS
     store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.work.digest)
     settle(store.project)
-    return True

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, Literal, ParamSpec, TypeVar
@@ -25,7 +26,7 @@ from stereocal.projects.jobs import FoundBefore
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import engine, scheduler_of
-from stereocal.system.tasks import EndingError
+from stereocal.system.tasks import EndingError, StoppedError
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, callback, clear_refusal, show_stale
 from stereocal.ui.texts import escape_markdown
@@ -59,9 +60,9 @@ class Work:
     kind: Kind
     stages: tuple[str, ...]
     """What is counted, in words: "photographs read"."""
-    run: Callable[["Job"], bool]
-    """Does the work, calls `Job.progress`, checks `Job.cancelled`, and stores the result in the
-    project. False if cancelled."""
+    run: Callable[["Job"], bool | None]
+    """Does the work, calls `Job.progress`, which ends it if it was cancelled, and stores the result
+    in the project. False if there is none."""
     digest: str = ""
     """`digest_of` what the result depends on, for pages that compare it."""
 
@@ -97,12 +98,18 @@ class Job:
         self.started, self.begun_with = time.monotonic(), 0
 
     def progress(self, done: int, total: int) -> None:
-        """Report how much of the stage is done; a removed project cancels the job."""
-        if self.total == 0 and done > 1:
+        """Report how much of the stage is done; a removed project cancels the job.
+
+        Raises:
+            StoppedError: the job was cancelled.
+        """
+        if self.done == 0 and done > 1:
             # Found before, or a first chunk: no measure of the speed.
             self.started, self.begun_with = time.monotonic(), done
         self.done, self.total = done, total
         self.cancelled |= self.work.project.database.marker.exists()
+        if self.cancelled:
+            raise StoppedError
 
     def found_before(
         self, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
@@ -182,7 +189,9 @@ def _drive(job: Job) -> None:
                 ended = job.work.run(job)
         else:
             ended = job.work.run(job)
-        _end(job, "done" if ended else "cancelled")
+        _end(job, "cancelled" if ended is False else "done")
+    except StoppedError:
+        _end(job, "cancelled")
     except StereocalError as error:
         _end(job, "failed", str(error))
     except EndingError:
@@ -218,7 +227,7 @@ def bring_up_to_date(
         cancelled: message for a cancelled job.
     """
     if not current and short:
-        with ErrorsShown(), st.spinner(spinner):
+        with ErrorsShown(), st.spinner(spinner), suppress(StoppedError):
             work.run(Job(work, pool()))
             stale = ""
         show_stale(stale)

@@ -198,21 +198,15 @@ def _calibrate(
     settings: LensSettings,
     leave_out: Sequence[str],
     job: jobs.Job,
-) -> bool:
-    control = job.executor, job.progress, lambda: job.cancelled
+) -> None:
     search = store.search
     if search is None or search.pattern != pattern:
         boards = job.found_before(files.pack_board, files.unpack_board)
-        search = find_boards(store.photographs, pattern, *control, boards)
-        if search is None:
-            return False
+        search = find_boards(store.photographs, pattern, job.executor, job.progress, boards)
         store.keep_search(search)
     job.begin(STAGES[1])
-    lens = calibrate_lens(search.without(leave_out), settings, *control)
-    if lens is None:
-        return False
+    lens = calibrate_lens(search.without(leave_out), settings, job.executor, job.progress)
     store.keep_calibration(lens)
-    return True
 
 
 def _clear(store: ProjectLens) -> None:

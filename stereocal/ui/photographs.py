@@ -86,7 +86,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
 
 def _find(
     store: ProjectPhotographs, pairs: Sequence[Pair], target: Target, held: str, job: jobs.Job
-) -> bool:
+) -> None:
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file was removed from the project; give it again.")
@@ -98,13 +98,9 @@ def _find(
         job.executor,
         job.begin,
         job.progress,
-        lambda: job.cancelled,
         earlier=job.found_before(pack_detection, unpack_detection),
         target=target,
     )
-    if found is None:
-        return False
     store.project.keep_settings({holding.FOUND: held})
     holding.settle(store.project)
     store.keep_found(found, searched)
-    return True

@@ -5,6 +5,7 @@ that is stored when it starts; if another one is stored meanwhile, it begins aga
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -18,6 +19,7 @@ from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
+from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.forms import form_values, settings_of
 from stereocal.ui.menu import button_type
@@ -119,7 +121,7 @@ class Press:
             jobs.start(self.work)
         else:
             shown = ErrorsShown(lambda why: note(f"Not validated: {why}"))
-            with shown, st.spinner("Validating."):
+            with shown, suppress(StoppedError), st.spinner("Validating."):
                 self._validate(jobs.Job(self.work, jobs.pool()))
 
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> Calibration:
@@ -132,11 +134,13 @@ class Press:
         return found
 
     def _validate(self, job: jobs.Job) -> bool:
-        """Evaluate the stored calibration and store the result; False if cancelled."""
+        """Evaluate the stored calibration and store the result; False if there is none any more."""
         project = self.project
 
-        def is_over(digest: str | None) -> bool:
-            return job.cancelled or project.calibration_digest != digest
+        def progress(digest: str | None, done: int, total: int) -> None:
+            job.progress(done, total)
+            if project.calibration_digest != digest:
+                raise StoppedError
 
         while True:
             digest, calibration = project.calibration_digest, project.calibration
@@ -151,15 +155,16 @@ class Press:
                     calibration_frames=min(self.protocol.calibration_frames, most),
                     splits="runs",  # of which the tiles are, whatever Validate shows
                 )
-                over = partial(is_over, digest)
-                runs = evaluate([kept], settings, job.executor, job.progress, over)
-                if runs is not None:
-                    own = [calibration.dataset.sha256]
-                    found = Evaluation(runs, settings, [kept.name], own)
-                    project.keep_evaluation(found, of_calibration=True)
-                elif job.cancelled:
-                    self._conclude()
-                    return False
+                try:
+                    runs = evaluate([kept], settings, job.executor, partial(progress, digest))
+                except StoppedError:
+                    if job.cancelled:
+                        self._conclude()
+                        raise
+                    continue
+                own = [calibration.dataset.sha256]
+                found = Evaluation(runs, settings, [kept.name], own)
+                project.keep_evaluation(found, of_calibration=True)
             elif project.calibration_digest == digest:
                 self._conclude()
                 return True

@@ -218,7 +218,11 @@ def answer_when_ready(project: Project, calibration: Calibration) -> Answer | No
 
 
 def _when_made(
-    project: Project, kind: jobs.Kind, counted: str, key: str, run: Callable[[jobs.Job], bool]
+    project: Project,
+    kind: jobs.Kind,
+    counted: str,
+    key: str,
+    run: Callable[[jobs.Job], bool | None],
 ) -> Any:
     """What is made already; else its job is started, unless it has failed or was cancelled."""
     found = _made().get(key)
@@ -248,7 +252,7 @@ def curves_when_ready(
     key = key_of(dataset, settings)
     found: TradeOff | None
 
-    def trace(**how: Any) -> TradeOff | None:
+    def trace(**how: Any) -> TradeOff:
         return jobs.compute(trade_off, dataset, settings, **how)
 
     if not is_long(dataset):
@@ -256,11 +260,8 @@ def curves_when_ready(
             found = _made().once(key, trace)
         return found
 
-    def run(job: jobs.Job) -> bool:
-        traced = trace(progress=job.progress, cancelled=lambda: job.cancelled)
-        if traced is not None:
-            _made().keep(key, traced)
-        return traced is not None
+    def run(job: jobs.Job) -> None:
+        _made().keep(key, trace(progress=job.progress))
 
     found = _when_made(project, "trade_off", "fits", key, run)
     return found

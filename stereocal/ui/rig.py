@@ -32,32 +32,19 @@ GRAPH = "rig_graph"
 TIME_OFFSETS = "rig_time_offsets"
 
 
-class _CancelledError(Exception):
-    pass
-
-
 def work_of(project: Project, time_offsets: bool) -> jobs.Work:
     """The work of a press."""
     store = ProjectRecording(project)
 
-    def run(job: jobs.Job) -> bool:
-        def report(done: int, total: int) -> None:
-            job.progress(done, total)
-            if job.cancelled:
-                raise _CancelledError
-
+    def run(job: jobs.Job) -> None:
         job.begin("steps")
         recording = store.read()
         if recording is None:
             raise StereocalError("This project holds no recording of several cameras.")
-        try:
-            settings = RigSettings(time_offsets=time_offsets)
-            found = rig_file(calibrate_rig(recording, settings, report))
-        except _CancelledError:
-            return False
+        settings = RigSettings(time_offsets=time_offsets)
+        found = rig_file(calibrate_rig(recording, settings, job.progress))
         sets, _ = sets_of_pairs(recording, found)
         store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))
-        return True
 
     return jobs.Work(project, KIND, ("steps",), run)
 

@@ -180,8 +180,8 @@ def is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:
 
 def _validate(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
-) -> bool:
-    """Evaluate and store the result; False if cancelled."""
+) -> None:
+    """Evaluate and store the result."""
 
     def yield_to_clicks(_done: int, _total: int) -> None:
         """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
@@ -189,24 +189,22 @@ def _validate(
 
     calibration = readable(lambda: project.calibration, told=False)
     kept = [each.dataset for each in screenings_of(datasets, settings.calibration, calibration)]
-    runs: Runs | None
+    runs: Runs
     if is_short(datasets, settings):  # while the page is drawn
         last, own = _last(project), replace(settings, refined=None)
         paper = last.runs if last is not None and is_current(last, datasets, own) else None
         runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, yield_to_clicks, paper)
     else:
-        runs = evaluate(kept, settings, job.executor, job.progress, lambda: job.cancelled)
-    return _keep(project, datasets, settings, runs)
+        runs = evaluate(kept, settings, job.executor, job.progress)
+    _keep(project, datasets, settings, runs)
 
 
 def _keep(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, runs: Runs | None
-) -> bool:
-    """Store a validation; False if it was cancelled."""
-    if runs is not None:
-        digests = [dataset.sha256 for dataset in datasets]
-        project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
-    return runs is not None
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, runs: Runs
+) -> None:
+    """Store a validation."""
+    digests = [dataset.sha256 for dataset in datasets]
+    project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
 
 
 def _last(project: Project) -> Evaluation | None:

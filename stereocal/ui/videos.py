@@ -101,9 +101,9 @@ def take_videos(
         project.keep_settings({REPORT: None})
         first, second = paths
 
-        def run(job: jobs.Job) -> bool:
+        def run(job: jobs.Job) -> None:
             try:
-                return _take(project, (first, second), settings, job)
+                _take(project, (first, second), settings, job)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
@@ -115,18 +115,15 @@ def take_videos(
 
 def _take(
     project: Project, videos: tuple[Path, Path], settings: VideoSettings, job: jobs.Job
-) -> bool:
+) -> None:
     store = ProjectPhotographs(project)
     found: dict[str, StoredFile] = {}
 
     def keep(name: str, content: bytes) -> None:
         found[name] = store.keep(name, content)
 
-    report = extract(videos, settings, keep, job.begin, job.progress, lambda: job.cancelled)
-    if report is None:
-        return False
+    report = extract(videos, settings, keep, job.begin, job.progress)
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     store.add(found)
     project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})
-    return True

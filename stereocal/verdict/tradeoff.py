@@ -62,17 +62,16 @@ def trade_off(
     settings: RefineSettings | None = None,
     start: Pose | None = None,
     points: int = POINTS,
-    progress: Callable[[int, int], None] | None = None,
-    cancelled: Callable[[], bool] | None = None,
-) -> TradeOff | None:
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> TradeOff:
     """Compute both curves of a data set.
 
     Args:
         settings: the uncertainties within which lenses and baseline vary.
         start: initial pose, such as the essential or the 2D pose; computed if None.
         points: number of points of each curve.
-        progress: called with the number of finished solves and of all solves.
-        cancelled: checked after each solve; the answer then is None.
+        progress: called with the number of finished solves and of all solves; what it raises ends
+            the work.
     """
     settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False, rest=None)
     if not len(dataset.correspondences.bars):
@@ -82,18 +81,13 @@ def trade_off(
     as_stated = replace(settings, primary=FIXED_LENS, secondary=FIXED_LENS, baseline_sigma_m=0.0)
     steps = count(1)
 
-    def goes_on() -> bool:
-        if progress:
-            progress(next(steps), 4 * points)
-        return not (cancelled and cancelled())
+    def solved() -> None:
+        progress(next(steps), 4 * points)
 
     curves = []
     for lenses, own in (("fixed", as_stated), ("freed", settings)):
         unknowns = unknowns_of(dataset, start, replace(own, distance_sigma_m=0.0), distortion=False)
-        done = _Curve(dataset, unknowns, lenses).trace(points, goes_on)
-        if done is None:
-            return None
-        curves.append(done)
+        curves.append(_Curve(dataset, unknowns, lenses).trace(points, solved))
     return TradeOff(*curves)
 
 
@@ -125,8 +119,8 @@ class _Curve:
         self.mean_m = max(self._costs_at(end)[1] / m, 1e-12)
         self.ends = (p, end)
 
-    def trace(self, points: int, goes_on: Callable[[], bool]) -> tuple[TradeOffPoint, ...] | None:
-        """All points, each the better result of both directions; None if cancelled."""
+    def trace(self, points: int, solved: Callable[[], None]) -> tuple[TradeOffPoint, ...]:
+        """All points, each the better result of both directions; `solved` is called after each."""
         shares = 1.0 / (1.0 + 10.0 ** np.linspace(MAXIMUM_LOG_WEIGHT, -MAXIMUM_LOG_WEIGHT, points))
         best: dict[float, tuple[float, FloatArray]] = {}
         for p, order in zip(self.ends, (shares, shares[::-1]), strict=True):
@@ -135,8 +129,7 @@ class _Curve:
                 value = self._objective(p, share)
                 if share not in best or value < best[share][0]:
                     best[share] = (value, p)
-                if not goes_on():
-                    return None
+                solved()
         return tuple(self._point(share, best[share][1]) for share in shares.tolist())
 
     def _costs_at(self, p: FloatArray) -> tuple[float, float]:

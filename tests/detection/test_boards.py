@@ -14,6 +14,7 @@ from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boa
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.tasks import StoppedError
 from tests.files import encoded
 from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed
 from tools.photographs.rendering import Board, Photograph, chessboard
@@ -202,9 +203,15 @@ def photographs(folder: Path) -> dict[str, Path]:
 class TestManyPhotographs:
     def test_progress_and_cancel(self, folder: Path) -> None:
         seen: list[tuple[int, int]] = []
-        control = (lambda *at: seen.append(at)), (lambda: len(seen) >= 2)
-        found = find_boards(photographs(folder), CHARUCO, AtOnce(), *control)
-        assert found is None and seen[:2] == [(1, 5), (2, 5)]
+
+        def cancel(done: int, total: int) -> None:
+            seen.append((done, total))
+            if done == 2:
+                raise StoppedError
+
+        with pytest.raises(StoppedError):
+            find_boards(photographs(folder), CHARUCO, AtOnce(), cancel)
+        assert seen == [(1, 5), (2, 5)]
 
     @pytest.mark.parametrize("size", ["9x7", "7x6"])
     def test_size_wrong_by_one_is_told(self, half_size: Path, size: str) -> None:

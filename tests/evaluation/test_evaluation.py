@@ -40,6 +40,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.tasks import StoppedError
 from tests.calibration import reference
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
@@ -218,20 +219,18 @@ def test_processes_give_the_same(
         assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
 
 
-def test_cancelled_returns_none_and_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
+def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
     many = replace(FEW, runs=2000)
-    done: list[int] = []
-    with ThreadPoolExecutor(1) as threads:
-        found = evaluate(
-            pair_of_sets,
-            many,
-            threads,
-            progress=lambda at, _: done.append(at),
-            cancelled=lambda: len(done) >= 2,
-            chunk=2,
-        )
-    assert found is None
-    assert done == [2, 4]  # leaving `with` waits for what runs: it would wait 12 s for the rest
+    done: set[int] = set()
+
+    def cancel(at: int, _total: int) -> None:
+        done.add(at)
+        if at == 4:
+            raise StoppedError
+
+    with ThreadPoolExecutor(1) as threads, pytest.raises(StoppedError):
+        evaluate(pair_of_sets, many, threads, cancel, chunk=2)
+    assert max(done) == 4  # leaving `with` waits for what runs: it would wait 12 s for the rest
 
 
 def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Dataset) -> None:
@@ -249,7 +248,6 @@ def pooled(request: pytest.FixtureRequest) -> Iterator[tuple[Solver, list[list[R
     settings = EvaluationSettings(CalibrationSettings(essential=request.param), runs=6)
     with ThreadPoolExecutor(1) as threads:
         found = evaluate(datasets, settings, threads)
-    assert found is not None
     yield request.param, found
 
 
@@ -288,7 +286,6 @@ def test_the_ranking_holds_on_real_recordings(frames: int, fit: int, runs: int) 
     )
     with ThreadPoolExecutor(1) as threads:
         found = evaluate([whole.of_frames(chosen)], settings, threads)
-    assert found is not None
     of = summarise(found)
     assert of["2d"].reprojection.fcp.high < of["3d"].reprojection.fcp.low
     assert of["3d"].reconstruction.median.high < of["2d"].reconstruction.median.low

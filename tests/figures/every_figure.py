@@ -79,9 +79,7 @@ def refined_field() -> RefinedResult:
 @cache
 def curves_of_field() -> TradeOff:
     """Its trade-off curves, of few points."""
-    found = trade_off(read_dataset(FIELD), points=5)
-    assert found is not None
-    return found
+    return trade_off(read_dataset(FIELD), points=5)
 
 
 @cache

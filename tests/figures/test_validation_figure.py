@@ -32,9 +32,7 @@ def runs_twice() -> list[list[RunCounts]]:
     """The runs of the sample, and again as a second data set."""
     dataset = read_dataset(SAMPLE)
     with ThreadPoolExecutor(2) as executor:
-        runs = evaluate([dataset, dataset], SETTINGS, executor)
-    assert runs is not None
-    return runs
+        return evaluate([dataset, dataset], SETTINGS, executor)
 
 
 @pytest.fixture(scope="module")

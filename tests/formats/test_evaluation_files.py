@@ -29,9 +29,7 @@ SETTINGS = EvaluationSettings(runs=6, calibration_frames=20)
 @pytest.fixture(scope="module")
 def runs() -> list[list[RunCounts]]:
     with ThreadPoolExecutor(2) as executor:
-        found = evaluate([read_dataset(FIELD)], SETTINGS, executor)
-    assert found is not None
-    return found
+        return evaluate([read_dataset(FIELD)], SETTINGS, executor)
 
 
 def test_evaluation_comes_back_as_it_was(runs: list[list[RunCounts]]) -> None:

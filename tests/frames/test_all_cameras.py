@@ -36,7 +36,7 @@ FRAMES = {"bar2x2": 12, TAGS: 6}
 def search(files: Mapping[str, bytes], kind: str) -> FoundRecording:
     with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as executor:
         write(dict(files), Path(folder))
-        found = find_in_all_cameras(
+        return find_in_all_cameras(
             match_names(by_folder(files, CAMERAS)),
             photographs_in(Path(folder), Path(folder)),
             CAMERAS,
@@ -45,8 +45,6 @@ def search(files: Mapping[str, bytes], kind: str) -> FoundRecording:
             lambda _: None,
             lambda *_: None,
         )
-    assert found is not None
-    return found
 
 
 @lru_cache

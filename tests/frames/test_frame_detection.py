@@ -1,8 +1,7 @@
 """From files on disk to frames with targets, against the truth of rendered photographs."""
 
 import json
-import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.rig.camera import Camera
+from stereocal.system.tasks import Progress, StoppedError
 from tests.bar_photographs import bar_set, write
 from tests.files import encoded
 
@@ -31,9 +31,9 @@ def detect(
     folder: Path,
     cameras: tuple[Camera, Camera] = CAMERAS,
     target: Target = BAR,
-    cancelled: Callable[[], bool] = lambda: False,
+    progress: Progress = lambda *_: None,
     names: Iterable[str] = FILES,
-) -> list[Frame] | None:
+) -> list[Frame]:
     """The frames of photographs, which are looked for by their names."""
     write(files, folder)
     photographs = {name: folder / name for name in files}
@@ -44,8 +44,7 @@ def detect(
             cameras,
             pool,
             lambda _: None,
-            lambda *_: None,
-            cancelled,
+            progress,
             target=target,
         )
 
@@ -57,7 +56,6 @@ def away(frame: Frame, camera: int, truth: np.ndarray, swap: bool) -> float:
 
 def test_found_where_they_are_and_labelled_alike(tmp_path: Path) -> None:
     frames = detect(FILES, tmp_path)
-    assert frames is not None
     for frame, pair in zip(frames, BARS.pairs, strict=True):
         assert (frame.frame, frame.state, frame.use) == (pair.frame, "found", True)
         # A and B may be exchanged, but in both cameras. Measured: 0.012 px at most.
@@ -81,7 +79,6 @@ def test_what_is_bad_refuses_its_own_frame(tmp_path: Path) -> None:
     }
     del bad["primary/left6.png"]
     frames = detect(bad, tmp_path)
-    assert frames is not None
     assert [frame.state for frame in frames] == ["refused"] * 7
     assert not any(frame.use for frame in frames)
     reasons = [frame.reason for frame in frames]
@@ -96,14 +93,11 @@ def test_what_is_bad_refuses_its_own_frame(tmp_path: Path) -> None:
 
 
 def test_cancelled(tmp_path: Path) -> None:
-    asked = threading.Event()
+    def cancel(_done: int, _total: int) -> None:
+        raise StoppedError
 
-    def cancelled() -> bool:
-        asked.set()
-        return True
-
-    assert detect(FILES, tmp_path, cancelled=cancelled) is None
-    assert asked.is_set()
+    with pytest.raises(StoppedError):
+        detect(FILES, tmp_path, progress=cancel)
 
 
 def test_a_compiled_search_finds_the_drawn_boards() -> None:

@@ -27,9 +27,7 @@ TARGET = Tags("4X4_50", IDS)
 def found_frames(
     files: dict[str, bytes], folder: Path, target: Target = TARGET, camera: Camera = CAMERA
 ) -> list[Frame]:
-    frames = detect(files, folder, (camera, camera), target, names=files)
-    assert frames is not None
-    return frames
+    return detect(files, folder, (camera, camera), target, names=files)
 
 
 def test_tags_are_found_and_named(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
+from stereocal.system.tasks import StoppedError
 from tests.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
@@ -30,7 +31,6 @@ def taken(
         found[name] = read_photograph(content, name)
 
     report = extract(videos, settings, keep)
-    assert report is not None
     return report, found
 
 
@@ -81,7 +81,12 @@ def test_a_dropped_frame_is_reported_and_the_pairs_stay_right(tmp_path: Path) ->
 def test_cancelled(tmp_path: Path) -> None:
     path = write_video(tmp_path / "a.mp4", constant(30))
     settings = VideoSettings("still")
-    assert extract((path, path), settings, lambda *_: None, cancelled=lambda: True) is None
+
+    def cancel(_done: int, _total: int) -> None:
+        raise StoppedError
+
+    with pytest.raises(StoppedError):
+        extract((path, path), settings, lambda *_: None, progress=cancel)
 
 
 def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:

@@ -49,9 +49,7 @@ CASES = Path(__file__).parents[1] / "cases"
 
 
 def calibrated(found: BoardSearch, settings: LensSettings = FEW) -> LensCalibration:
-    lens = calibrate_lens(found, settings, AtOnce())
-    assert lens is not None
-    return lens
+    return calibrate_lens(found, settings, AtOnce())
 
 
 @cache
@@ -99,7 +97,6 @@ class TestAgainstTruth:
         with ThreadPoolExecutor(2) as threads:
             for seed in range(100, 100 + lenses):
                 lens = calibrate_lens(search(30, seed), settings, threads)
-                assert lens is not None
                 error = (lens.values - TRUE)[:8]
                 stated.append(error / lens.standard_errors[:8])
                 by_spread.append(error / lens.spread[:8])
@@ -141,7 +138,6 @@ class TestDraws:
     def test_same_seed_same_numbers_on_any_executor(self) -> None:
         with ThreadPoolExecutor(3) as threads:
             other = calibrate_lens(search(30, seed=3), FEW, threads)
-        assert other is not None
         np.testing.assert_array_equal(other.draws, usual().draws)
         again = calibrated(search(30, seed=3), dataclasses.replace(FEW, seed=1))
         assert not np.array_equal(again.drawn, usual().drawn)

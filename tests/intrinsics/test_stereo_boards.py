@@ -252,7 +252,6 @@ class TestOpencvsSample:
         """Narrow squares on one side."""
         pattern = BoardPattern(9, 6, 0.03)
         boards = find_stereo_boards(files, pattern, AtOnce())
-        assert boards is not None
         assert len(boards.common) == 13
         assert not boards.refused and not boards.repeated
         for search in boards.searches:

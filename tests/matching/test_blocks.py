@@ -15,11 +15,12 @@ from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
+from stereocal.system.tasks import StoppedError
 from tests import known_rig as rig
 
 
 class StopAt:
-    """Progress that asks for a stop once so much is done."""
+    """Progress that stops the work once so much is done."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -28,9 +29,8 @@ class StopAt:
     def progress(self, done: int, total: int) -> None:
         assert self.done <= done <= total
         self.done = done
-
-    def cancelled(self) -> bool:
-        return self.done >= self.limit
+        if done >= self.limit:
+            raise StoppedError
 
 
 def scattered(folder: Path) -> Application:
@@ -71,12 +71,10 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
     with ThreadPoolExecutor(2) as threads:
         whole = apply_sets(work, tables, folders[1], executor=threads)
-        stopped = apply_sets(
-            work, tables, folders[2], begin, stop.progress, stop.cancelled, threads
-        )
-    assert stopped is None
+        with pytest.raises(StoppedError):
+            apply_sets(work, tables, folders[2], begin, stop.progress, threads)
     assert list(folders[2].iterdir()) == [folders[2] / PAIRS]
-    assert plain is not None and plain == whole
+    assert plain == whole
     outside = pd.read_csv(folders[0] / POINTS)["outside_volume"]
     assert f"{outside.sum()} of 360 points lie outside the volume" in " ".join(plain.sentences)
     for name in (PAIRS, POINTS):

@@ -15,6 +15,7 @@ from stereocal.matching.pairs import PAIR_COLUMNS, PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.volume import Volume
+from stereocal.system.tasks import StoppedError
 from tests.known_rig import images
 from tests.matching.test_matching import RIG_2D
 from tests.matching.test_point_noise import seen
@@ -107,9 +108,12 @@ class TestMatch:
         tables: dict[str, PointTable] = {
             which: PointTable(folder / f"{which[0]}.csv") for which in CAMERAS
         }
-        calls = iter([False, True])
-        out = folder / "pairs.csv"
-        assert match_tables(RIG_2D, tables, out, cancelled=lambda: next(calls)) is None
+
+        def cancel(_done: int, _total: int) -> None:
+            raise StoppedError
+
+        with pytest.raises(StoppedError):
+            match_tables(RIG_2D, tables, folder / "pairs.csv", progress=cancel)
         assert sorted(path.suffix for path in folder.iterdir() if "pairs" in path.name) == []
 
 
@@ -146,7 +150,6 @@ class TestReconstruct:
         pairs.to_csv(folder / "pairs.csv", index=False)
         table = PointTable(folder / "pairs.csv", PIXELS)
         report = measure_tables(rig, table, folder / "points.csv")
-        assert report is not None
         assert (report.found, report.lost) == (3, 1)
         assert "1 of 2 points lies outside the volume" in report.sentences[0]
         points = pd.read_csv(folder / "points.csv")

@@ -40,7 +40,6 @@ def reported(folder: Path, tables: Tables, names: str = "auto") -> tuple[Report,
         which: PointTable(own) for which, own in zip(CAMERAS, tables, strict=True)
     }
     report = match_tables(FILE, given, folder / "pairs.csv", Stated(names=names))
-    assert report is not None
     return report, pd.read_csv(folder / "pairs.csv")
 
 

@@ -108,7 +108,6 @@ def matched(
             )
     given = {name: PointTable(pd.concat(parts)) for name, parts in tables.items()}
     report = match_tables(rig, given, folder / "tracks.csv", Stated(names=names))
-    assert report is not None
     return report, pd.read_csv(folder / "tracks.csv")
 
 

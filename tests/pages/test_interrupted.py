@@ -67,11 +67,10 @@ def test_a_job_of_another_server_is_shown(validating: AppTest, home: Path) -> No
 def test_a_removed_project_stops_its_job(validating: AppTest, home: Path) -> None:
     project, begun = project_of(validating, home), threading.Event()
 
-    def until_cancelled(job: jobs.Job) -> bool:
-        while not job.cancelled:
+    def until_cancelled(job: jobs.Job) -> None:
+        while True:
             job.progress(0, 1)
             begun.set()
-        return False
 
     jobs.start(jobs.Work(project, "evaluation", ("runs",), until_cancelled))
     assert begun.wait(SLOW)

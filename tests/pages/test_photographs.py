@@ -1,6 +1,7 @@
 """Photographs on the Data page, without a browser."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +60,9 @@ def give_cameras_and_lengths(app: AppTest) -> None:
 def wait_for_the_cancel(*given: object, earlier: object, target: object) -> None:
     """In place of the search."""
     assert earlier is not None and target is not None
-    cancelled = given[-1]
-    assert callable(cancelled)
-    wait_until(cancelled)
+    progress = given[-1]
+    assert callable(progress)
+    wait_until(partial(progress, 0, 1))
 
 
 def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves(

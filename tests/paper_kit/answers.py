@@ -34,7 +34,6 @@ def answer_of(
         protocol = EvaluationSettings(own, runs, 20, refined)
         with ThreadPoolExecutor(2) as executor:
             done = evaluate([kept], protocol, executor)
-        assert done is not None
         evaluation = Evaluation(done, protocol, [kept.name], [dataset.sha256])
     return answer(found, outlook_of(found), evaluation)
 

@@ -74,9 +74,7 @@ class Kept(dict[str, int]):
 def test_what_was_kept_is_not_computed_again() -> None:
     earlier, steps = Kept({"3": -3, "0": 0}), list[int]()
     with ThreadPoolExecutor(2) as threads:
-        found = list(
-            run_tasks(squares(6), threads, 6, lambda done, _: steps.append(done), None, earlier)
-        )
+        found = list(run_tasks(squares(6), threads, 6, lambda done, _: steps.append(done), earlier))
     assert [value for _, value in found] == [0, 1, 4, -3, 16, 25]
     assert earlier == {"0": 0, "1": 1, "2": 4, "3": -3, "4": 16, "5": 25}
     assert steps == [1, 2, 3, 4, 5, 6]
@@ -101,7 +99,11 @@ def test_a_job_that_begins_waits_for_few_tasks_of_another() -> None:
     def job(name: str, count: int) -> None:
         tasks = (Task(order.append, (name,)) for _ in range(count))
         with suppress(StoppedError):
-            list(run_tasks(tasks, pool, count, cancelled=stop.is_set))
+            list(run_tasks(tasks, pool, count, cancel))
+
+    def cancel(_done: int, _total: int) -> None:
+        if stop.is_set():
+            raise StoppedError
 
     with ThreadPoolExecutor(1) as pool:
         pool.submit(gate.wait)

@@ -48,7 +48,6 @@ def home_of_finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     own = EvaluationSettings(settings, 2, 20, refine_settings(project, dataset))
     with ThreadPoolExecutor(1) as executor:
         runs = evaluate([found.screening.dataset], own, executor)
-    assert runs is not None
     project.keep_settings({"validate_runs": 2})
     project.keep_evaluation(Evaluation(runs, own, [dataset.name], [dataset.sha256]))
     return home

@@ -24,9 +24,7 @@ def data() -> Dataset:
 
 @pytest.fixture(scope="module")
 def curves(data: Dataset) -> TradeOff:
-    found = trade_off(data, points=13)
-    assert found is not None
-    return found
+    return trade_off(data, points=13)
 
 
 def test_slopes_are_those_of_the_errors() -> None:

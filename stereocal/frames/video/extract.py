@@ -68,33 +68,25 @@ def extract(
     keep: Callable[[str, bytes], object],
     begin: Callable[[str], None] = lambda _stage: None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
-    cancelled: Callable[[], bool] = lambda: False,
-) -> VideoReport | None:
+) -> VideoReport:
     """Take frames out of the videos of the primary and the secondary.
 
     Args:
         keep: called with the name and the content of each photograph, `primary/000031.png` and
             `secondary/000031.png` for recorded frame 31 of the primary.
-        begin, progress: called with each stage of `STAGES`, and how much of it is done.
-        cancelled: asked often.
-
-    Returns:
-        None if cancelled.
+        begin, progress: called with each stage of `STAGES`, and how much of it is done; what they
+            raise ends the work.
     """
     guard = Guard([read_times, score_frames, encoded_frames], least_seconds=LEAST_SECONDS)
     try:
         times: list[VideoTimes] = [guard.read(read_times, path, path.name) for path in videos]
         pairs = pair_times(times[0].seconds, times[1].seconds, settings.later_s)
-        work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress, cancelled)
+        work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress)
         chosen = every(pairs, settings.n) if settings.choice == "every" else work.stillest()
-        if chosen is None:
-            return None
         Limits.from_environment().check_count(2 * len(chosen), "The frames of the videos")
         lost = work.take(chosen, keep)
     finally:
         guard.close()
-    if lost is None:
-        return None
     sentences = describe_times(times[0].seconds, times[1].seconds, pairs)
     sentences.append(f"{len(chosen) - lost:,} pairs of frames were taken.")
     if lost:
@@ -112,10 +104,9 @@ class _Work:
     coloured: bool
     begin: Callable[[str], None]
     progress: Callable[[int, int], None]
-    cancelled: Callable[[], bool]
 
-    def stillest(self) -> IntArray | None:
-        """Look at all frames that are paired; None if cancelled."""
+    def stillest(self) -> IntArray:
+        """Look at all frames that are paired."""
         self.begin(STAGES[0])
         total = sum(len(each.seconds) for each in self.times)
         segments = [
@@ -125,14 +116,14 @@ class _Work:
         ]
         scores: list[list[FloatArray]] = [[], []]
         done = 0
-        with ThreadPoolExecutor(2) as threads:
+        threads = ThreadPoolExecutor(2)
+        try:
             for which, found in threads.map(self._scores, segments):
-                if self.cancelled():
-                    threads.shutdown(cancel_futures=True)
-                    return None
                 scores[which].append(found)
                 done += len(found)
                 self.progress(min(done, total), total)
+        finally:
+            threads.shutdown(cancel_futures=True)
         sides = [
             _at(np.concatenate(own), each.seconds)[self.pairs.frames[:, k]]
             for k, (own, each) in enumerate(zip(scores, self.times, strict=True))
@@ -140,8 +131,8 @@ class _Work:
         sharpness, motion = (np.column_stack([side[:, k] for side in sides]) for k in (0, 1))
         return stillest(self.pairs, self.times[0].seconds, sharpness, motion)
 
-    def take(self, chosen: IntArray, keep: Callable[[str, bytes], object]) -> int | None:
-        """Decode and keep the chosen pairs: how many cannot be decoded; None if cancelled."""
+    def take(self, chosen: IntArray, keep: Callable[[str, bytes], object]) -> int:
+        """Decode and keep the chosen pairs: how many cannot be decoded."""
         self.begin(STAGES[1])
         pixels = sum(each.width * each.height for each in self.times) * len(chosen)
         pixels *= 3 if self.coloured else 1
@@ -149,8 +140,6 @@ class _Work:
         lost = 0
         with ThreadPoolExecutor(2) as threads:
             for first in range(0, len(chosen), BATCH):
-                if self.cancelled():
-                    return None
                 own = chosen[first : first + BATCH]
                 both = list(threads.map(self._encoded, (0, 1), (own, own), (lossless, lossless)))
                 for number, *sides in zip(self.pairs.numbers[own], *both, strict=True):
@@ -165,8 +154,6 @@ class _Work:
 
     def _scores(self, segment: tuple[int, FloatArray]) -> tuple[int, FloatArray]:
         which, seconds = segment
-        if self.cancelled():
-            return which, np.zeros((0, 3))
         path, ends = self.videos[which], (float(seconds[0]), float(seconds[-1]))
         return which, self.guard.read(score_frames, path, path.name, *ends)
 
