@@ -30,10 +30,7 @@ from stereocal.system.numbers import rounded
 
 EVERY = "all"
 OF_BARS = ("wand", "argus", "dltdv5", "dltdv8", "table")
-BAR_LAYOUTS = tuple(
-    name for name in LAYOUTS if name in ("wand", "argus", "dltdv5", "dltdv8", "table")
-)
-
+"""Layouts of tables of the ends of bars."""
 
 OPTIONS: Options = {
     "files FILE...": WANTED,
@@ -46,7 +43,7 @@ OPTIONS: Options = {
     "--image-size WxH": "of both cameras, if missing in the files, or wrong in easyWand's",
     "--layout": {
         "type": str.lower,
-        "choices": BAR_LAYOUTS,
+        "choices": [name for name in LAYOUTS if name in OF_BARS],
         "help": "which program wrote the table",
     },
     "--roles ROLES": {"type": str, "help": ROLES_HELP},

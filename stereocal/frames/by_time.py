@@ -56,8 +56,6 @@ class Alignment:
     """(k, 2): rows of the two cameras, in order of time."""
     clocks_s: float
     """By how much the clock of the second camera is ahead."""
-    scatter_s: float
-    """RMS distance of the pairs' times from that."""
     sure: bool
     """Whether every other difference of the clocks fits clearly worse."""
 
@@ -130,7 +128,7 @@ def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> 
     others = [one.cost for one in tried if not taken & {*map(tuple, one.pairs.tolist())}]
     enough = len(best.pairs) >= LEAST_SHARE * smaller
     alone = min(others, default=np.inf) - best.cost >= MARGIN
-    return Alignment(best.pairs, best.clocks, _rms(first, second, best), enough and alone)
+    return Alignment(best.pairs, best.clocks, enough and alone)
 
 
 def _candidates(first: FloatArray, second: FloatArray, reach: float) -> list[float]:

@@ -63,11 +63,6 @@ class Pairing:
         """Whether every photograph is in a pair, and in no other way."""
         return bool(self.pairs) and not (self.alone or self.unknown or self.ambiguous)
 
-    @cached_property
-    def twos(self) -> frozenset[tuple[str, str]]:
-        """The two names of each pair."""
-        return frozenset((pair.primary, pair.secondary) for pair in self.pairs)
-
 
 @dataclass(frozen=True)
 class _Read:

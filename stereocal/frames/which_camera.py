@@ -50,8 +50,6 @@ class WhichCamera:
     known: Mapping[str, CameraName]
     open: tuple[Series, ...]
     """Those whose camera is to be asked: two, of one camera each; or one, or many."""
-    odd: tuple[str, ...] = ()
-    """Files that are of no series."""
     folders: Mapping[str, str] = field(default_factory=dict)
     """New names, in folders `primary` and `secondary`, of those whose own words do not tell."""
 
@@ -76,12 +74,12 @@ def which_camera(
     rest = [name for name in ordered if name not in found]
     found |= _by_likeness(rest, {**known, **found})
     rest = [name for name in rest if name not in found]
-    series, odd = (tuple(Series((name,)) for name in rest), ()) if each else _series(rest, taken)
+    series = tuple(Series((name,)) for name in rest) if each else _series(rest, taken)[0]
     if (side := _other_side(series, {**known, **found})) is not None:
         found |= dict.fromkeys(series[0].names, side)
         series = ()
     folders = {name: f"{side}/{name}" for name, side in found.items() if name not in worded}
-    return WhichCamera(found, series, odd, folders)
+    return WhichCamera(found, series, folders)
 
 
 def _by_words(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[str, CameraName]:

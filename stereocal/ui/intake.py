@@ -249,13 +249,12 @@ def emptied_uploader(
     take: Callable[[list[Upload]], object],
     *,
     counter: str = "",
-    text: str | None = None,
     many: Literal[True, "directory"] = True,
 ) -> None:
     """An uploader of several files, or of a folder, that is emptied when they are taken."""
     counter = counter or key
     key = f"{key}_{st.session_state.setdefault(counter, 0)}"
-    uploads = st.file_uploader(label, kinds, accept_multiple_files=many, key=key, help=text)
+    uploads = st.file_uploader(label, kinds, accept_multiple_files=many, key=key)
     take_uploads(uploads, take, counter)
 
 

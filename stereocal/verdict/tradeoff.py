@@ -22,7 +22,6 @@ from stereocal.refined.two_views import rig_of, undistort_rays
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_of
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, weigh
 
@@ -60,7 +59,6 @@ class TradeOff:
 def trade_off(
     dataset: Dataset,
     settings: RefineSettings | None = None,
-    start: Pose | None = None,
     points: int = POINTS,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> TradeOff:
@@ -68,7 +66,6 @@ def trade_off(
 
     Args:
         settings: the uncertainties within which lenses and baseline vary.
-        start: initial pose, such as the essential or the 2D pose; computed if None.
         points: number of points of each curve.
         progress: called with the number of finished solves and of all solves; what it raises ends
             the work.
@@ -76,8 +73,7 @@ def trade_off(
     settings = replace(settings or RefineSettings(), time_offset=False, time_drift=False, rest=None)
     if not len(dataset.correspondences.bars):
         raise StereocalError("No frame has both targets A and B, so there is no 3D cost.")
-    if start is None:
-        start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
+    start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
     as_stated = replace(settings, primary=FIXED_LENS, secondary=FIXED_LENS, baseline_sigma_m=0.0)
     steps = count(1)
 

@@ -157,7 +157,7 @@ def test_photographs_are_paired_by_time_and_a_missing_one_is_named(
     second = shots("DSC_{n:04}.jpg", moments + clocks_s + late, 231, step=step)
     found = propose({**first, **second})
     assert found.way == "time" and found.pairing.complete
-    assert found.pairing.twos == straight(first, second)
+    assert twos(found.pairing) == straight(first, second)
     assert [pair.frame for pair in found.pairing.pairs] == list(range(1001, 1026))
     if step < 1 and clocks_s > 0:
         assert "25 pairs by the time taken; the clocks are 12.4 s apart" in found.pairing.sentence
@@ -167,7 +167,7 @@ def test_photographs_are_paired_by_time_and_a_missing_one_is_named(
     del rest[names[1][12]], rest[names[0][19]]
     slipped = propose(rest)
     assert slipped.way == "time"
-    assert slipped.pairing.twos == straight(first, second, (12, 19))
+    assert twos(slipped.pairing) == straight(first, second, (12, 19))
     assert [(one.name, one.camera) for one in slipped.slips] == [
         ("IMG_1013.JPG", 0),
         ("DSC_0250.jpg", 1),
@@ -177,7 +177,7 @@ def test_photographs_are_paired_by_time_and_a_missing_one_is_named(
     )
     # In order, they are mended by leaving these out.
     choice = Choice("order", tuple(one.name for one in slipped.slips))
-    assert propose(rest, choice).pairing.twos == slipped.pairing.twos
+    assert twos(propose(rest, choice).pairing) == twos(slipped.pairing)
 
 
 def test_times_at_equal_intervals_tell_only_what_they_can() -> None:
@@ -199,7 +199,7 @@ def test_bursts_within_one_step_of_the_clock_are_paired_in_order() -> None:
     first = shots("IMG_{n}.jpg", bursts, 1)
     second = shots("DSC_{n}.jpg", bursts + 50.0, 301, step=1.0)
     found = propose({**first, **second})
-    assert found.way == "time" and found.pairing.twos == straight(first, second)
+    assert found.way == "time" and twos(found.pairing) == straight(first, second)
     del second["DSC_305.jpg"]  # the middle one of the second burst
     fewer = propose({**first, **second})
     assert len(fewer.pairing.pairs) == 23 and fewer.pairing.alone[0].name in (
@@ -234,9 +234,9 @@ def test_clocks_contradict_names_whose_counters_differ() -> None:
     moments = walk(20)
     first, second = (shots(f"{c}/IMG_{{n:04}}.JPG", moments, n) for c, n in (("A", 1), ("B", 4)))
     found = propose({**first, **second})
-    assert found.way == "time" and found.pairing.twos == straight(first, second)
+    assert found.way == "time" and twos(found.pairing) == straight(first, second)
     renamed = {name.replace("B/IMG_", "B/"): one for name, one in second.items()}
-    assert propose({**first, **renamed}).pairing.twos == straight(first, renamed)
+    assert twos(propose({**first, **renamed}).pairing) == straight(first, renamed)
     # Even where the names pair all: one was lost on either side, and the files were renamed.
     lost = [*range(7), *range(8, 20)], [*range(13), *range(14, 20)]
     left, right = (
@@ -269,20 +269,20 @@ def test_photographs_are_paired_in_the_order_of_their_counters(style: str, mixed
         random.Random(4).shuffle(given)
     found = propose(without_times(given))
     assert found.way == "order" and found.pairing.complete
-    assert {frozenset(two) for two in found.pairing.twos} == {
+    assert {frozenset(two) for two in twos(found.pairing)} == {
         frozenset(two) for two in straight(first, second)
     }
     if not mixed or style == "words":
-        assert found.pairing.twos == straight(first, second)
+        assert twos(found.pairing) == straight(first, second)
         turned = propose(without_times(given), Choice(exchanged=True)).pairing
-        assert turned.twos == {(b, a) for a, b in straight(first, second)}
+        assert twos(turned) == {(b, a) for a, b in straight(first, second)}
     # One less: it is asked which.
     fewer = propose(without_times([name for name in given if name != second[7]]))
     assert fewer.way == "order" and fewer.pairing.ambiguous and len(fewer.pairing.alone) == 1
     mended = propose(
         without_times(name for name in given if name != second[7]), Choice("order", (first[7],))
     )
-    assert {frozenset(two) for two in mended.pairing.twos} == {
+    assert {frozenset(two) for two in twos(mended.pairing)} == {
         frozenset(two) for two in straight(first, second, (7,))
     }
 
@@ -300,7 +300,7 @@ def test_names_pair_by_any_two_beginnings_folders_or_numbers() -> None:
         found = propose(without_times([*first, *second]))
         assert found.way == "name" and found.pairing.complete, one
         own = (second, first) if one.startswith("secondary") else (first, second)
-        assert found.pairing.twos == straight(*own)
+        assert twos(found.pairing) == straight(*own)
         assert [pair.frame for pair in found.pairing.pairs] == [8, 9, 10, 12]
 
 
@@ -312,7 +312,7 @@ def test_the_camera_that_the_file_names_tells_whose_it_is() -> None:
         name: one for two in zip(first.items(), second.items(), strict=True) for name, one in two
     }
     found = propose(between)
-    assert found.way == "time" and found.pairing.twos == straight(first, second)
+    assert found.way == "time" and twos(found.pairing) == straight(first, second)
 
 
 def test_a_zone_that_changed_in_between_is_allowed_for() -> None:
@@ -325,4 +325,4 @@ def test_a_zone_that_changed_in_between_is_allowed_for() -> None:
     }
     other = shots("DSC_{n}.jpg", moments + 7.0, 10)
     found = propose({**phone, **other})
-    assert found.way == "time" and found.pairing.twos == straight(phone, other)
+    assert found.way == "time" and twos(found.pairing) == straight(phone, other)
