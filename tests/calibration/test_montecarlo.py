@@ -2,7 +2,6 @@
 step, and SciPy's minimisers beside it."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from stereocal.calibration.montecarlo import (
     STEP_TOO_SMALL,
     Problem,
     SearchSettings,
-    Trace,
     minimise,
     reconstruction_problem,
     reprojection_problem,
@@ -39,39 +37,15 @@ START = calibrate_essential(NOISY.rays, BASELINE_M).pose
 SETTINGS = SearchSettings(seed=5)
 
 
-def traced(problem: Problem, settings: SearchSettings = SETTINGS) -> tuple[float, Trace]:
-    found = minimise(problem, START, settings, trace=True)
-    assert found.trace is not None
-    return problem.cost(START), found.trace
-
-
-def replay(initial_cost: float, trace: Trace, settings: SearchSettings) -> tuple[Any, Any]:
-    """Steps and ratios that the paper's Step 6 gives for the moves that lowered the cost."""
-    accepted_moves = np.diff(trace.cost, prepend=trace.cost[0]) < 0
-    # The sum inside the search may be ordered another way than outside: one rounding.
-    accepted_moves[0] = trace.cost[0] < initial_cost * (1 - 1e-12)
-    delta, tried, accepted = settings.delta, 0, 0
-    deltas, ratios = [], []
-    for took in accepted_moves:
-        tried += 1
-        accepted += int(took)
-        deltas.append(delta)
-        ratios.append(accepted / tried)
-        if tried >= settings.minimum_moves and accepted / tried < settings.acceptance:
-            delta *= settings.shrink
-            tried = accepted = 0
-    assert delta < settings.delta_min
-    return np.array(deltas), np.array(ratios)
-
-
 def search_in_python(
     problem: Problem, start: Pose, settings: SearchSettings
-) -> tuple[list[float], list[float]]:
-    """The paper's Steps 1 to 6 in plain Python: costs and accepted angles move by move."""
+) -> tuple[FloatArray, list[float]]:
+    """The paper's Steps 1 to 6 in plain Python: (3, moves) cost, step and ratio of each move, and
+    the angles at the end."""
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(settings.seed)))
     angles = list(start.angles)
     best, delta, tried, accepted = problem.cost(start), settings.delta, 0, 0
-    path = []
+    moves = []
     while delta >= settings.delta_min:
         draw = int(rng.integers(0, 10))
         proposal = list(angles)
@@ -81,11 +55,11 @@ def search_in_python(
         if cost < best:
             best, angles = cost, proposal
             accepted += 1
-        path.append(best)
+        moves.append((best, delta, accepted / tried))
         if tried >= settings.minimum_moves and accepted / tried < settings.acceptance:
             delta *= settings.shrink
             tried = accepted = 0
-    return path, angles
+    return np.array(moves).T, angles
 
 
 def test_a_given_sequence_goes_before_the_seed() -> None:
@@ -95,29 +69,20 @@ def test_a_given_sequence_goes_before_the_seed() -> None:
     assert own.cost != minimise(PROBLEMS["3d"], START, SETTINGS).cost
 
 
-class TestRule:
-    @pytest.mark.parametrize("name", PROBLEMS)
-    @pytest.mark.parametrize("minimum_moves", [1, 20])
-    def test_the_trace_is_the_papers_rule(self, name: str, minimum_moves: int) -> None:
-        """For 1 the rule is the paper's to the letter."""
-        chosen = replace(SETTINGS, minimum_moves=minimum_moves)
-        initial, trace = traced(PROBLEMS[name], chosen)
-        deltas, ratios = replay(initial, trace, chosen)
-        np.testing.assert_array_equal(trace.delta, deltas)
-        # The same quotient; the compiler may multiply by 1 / tried: one rounding.
-        np.testing.assert_allclose(trace.ratio, ratios, rtol=1e-14)
-
-    @pytest.mark.parametrize("minimum_moves", [1, 20])
-    def test_the_path_is_that_of_plain_python(self, minimum_moves: int) -> None:
-        chosen = replace(SETTINGS, minimum_moves=minimum_moves)
-        path, angles = search_in_python(PROBLEMS["2d"], START, chosen)
-        found = minimise(PROBLEMS["2d"], START, chosen, trace=True)
-        assert found.trace is not None
-        assert len(found.trace.cost) == len(path)
-        # The same draws and decisions; the sums may differ in the order of their terms;
-        # measured: 2e-15.
-        np.testing.assert_allclose(found.trace.cost, path, rtol=1e-12)
-        np.testing.assert_allclose(found.pose.angles, angles, rtol=0, atol=1e-12)
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("minimum_moves", [1, 20])
+def test_the_path_is_that_of_plain_python(name: str, minimum_moves: int) -> None:
+    """For 1 the rule is the paper's to the letter."""
+    chosen = replace(SETTINGS, minimum_moves=minimum_moves)
+    moves, angles = search_in_python(PROBLEMS[name], START, chosen)
+    found = minimise(PROBLEMS[name], START, chosen, trace=True)
+    assert found.trace is not None
+    # The same draws and decisions; the sums may differ in the order of their terms, and the
+    # compiler may multiply by 1 / tried; measured: 2e-15.
+    np.testing.assert_allclose(found.trace.cost, moves[0], rtol=1e-12)
+    np.testing.assert_array_equal(found.trace.delta, moves[1])
+    np.testing.assert_allclose(found.trace.ratio, moves[2], rtol=1e-14)
+    np.testing.assert_allclose(found.pose.angles, angles, rtol=0, atol=1e-12)
 
 
 class TestResult:

@@ -33,11 +33,11 @@ def easywand(options: ExchangeOptions = USUAL, **changed: Any) -> Archive:
     return gather({"calib.mat": mat({"easyWandData": fields})}, options)
 
 
-def same_camera(found: Camera | None, wanted: Camera, tolerance: float = 1e-9) -> None:
+def same_camera(found: Camera | None, wanted: Camera) -> None:
     assert found is not None
     corners = np.array([[0.0, 0.0], [wanted.image_size[0] - 1.0, 50.0], [300.0, 700.0]])
     assert found.image_size == wanted.image_size
-    assert np.abs(found.undistort(corners) - wanted.undistort(corners)).max() < tolerance
+    assert np.abs(found.undistort(corners) - wanted.undistort(corners)).max() < 1e-9
 
 
 def test_easywand_gives_the_same_data_set_as_our_csv() -> None:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.exchange.exchange import (
     FORMATS,
     export,
@@ -335,10 +334,3 @@ class TestFisheye:
         with pytest.raises(StereocalError, match="one lens model for both"):
             export_files(mixed, "opencv")
         assert import_files(export_files(mixed, "ros"), "ros").primary.model == "brown"
-
-    def test_a_camera_file(self) -> None:
-        camera = self.rig.primary
-        for content in (write_camera(camera), write_opencv_camera(camera)):
-            read = read_camera(content, "c")
-            assert read.model == "fisheye"
-            np.testing.assert_allclose(read.distortion, camera.distortion, rtol=1e-12)

@@ -14,15 +14,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.formats.camera_file import read_camera, write_camera
+from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, read_survey
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.zip_files import unzip
 from tests.files import zipped
+from tests.fisheye_rig import fisheye
 from tests.known_rig import PRIMARY, SECONDARY, dataset
 
 HEADER = "frame,target,u_primary,v_primary,u_secondary,v_secondary"
@@ -271,8 +272,23 @@ def equal(first: Camera, second: Camera) -> bool:
 
 class TestCameraFile:
     def test_ours_there_and_back(self) -> None:
-        for camera in (PRIMARY, SECONDARY):
-            assert equal(read_camera(write_camera(camera), "c.json"), camera)
+        known = LensUncertainty(0.5, 0.6, 0.7, 0.8, np.array([1e-3, 2e-3, 3e-5, 4e-5, 5e-3]))
+        for camera in (fisheye(120.0), SECONDARY, replace(PRIMARY, uncertainty=known)):
+            back = read_camera(write_camera(camera, {"method": "test"}), "c.json")
+            assert equal(back, camera)
+        assert back.uncertainty is not None and back.uncertainty.to_json() == known.to_json()
+
+    def test_opencv_reads_what_is_written_for_it(self, tmp_path: Path) -> None:
+        path = tmp_path / "camera.yml"
+        path.write_bytes(write_opencv_camera(PRIMARY))
+        assert path.read_bytes().startswith(b"%YAML:1.0")
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+        np.testing.assert_array_equal(storage.getNode("camera_matrix").mat(), PRIMARY.K)
+        distortion = np.ravel(storage.getNode("distortion_coefficients").mat())
+        np.testing.assert_array_equal(distortion, PRIMARY.distortion)
+        storage.release()
+        for camera in (PRIMARY, fisheye(120.0)):
+            assert equal(read_camera(write_opencv_camera(camera), "camera.yml"), camera)
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     @pytest.mark.parametrize(
