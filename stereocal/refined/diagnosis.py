@@ -32,7 +32,6 @@ EXPLAINED = 0.05
 SMALLEST_CLAIM = 0.01
 """In frames. A smaller offset is not offered: with frames that do not follow each other, other
 errors gave offsets of 0.001 frames with far smaller standard errors."""
-COUNTED = "The frames of the two cameras seem to be counted"
 OUT_OF_STEP = "The cameras seem to be out of step"
 WHOLE = 0.02
 """Offsets this near to a whole number of frames are errors of counting."""
@@ -61,9 +60,10 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     """
     if not screening.fit:
         screening = screen(dataset)
-    offer, frames = offer_time_offset(screening), dataset.correspondences.frames
+    offset, frames = _claimed_offset(screening), dataset.correspondences.frames
+    offer = "" if offset is None else _offer(offset, screening)
     fit, dataset = screening.fit, frames_to_judge(dataset, screening)
-    if offer and fit is None and not offer.startswith(COUNTED):
+    if offset is not None and fit is None and not _frames_apart(offset):
         return offer
     if fit is not None:
         bad = fit.frames[fit.outlying & np.isin(fit.frames, frames)]
@@ -113,34 +113,47 @@ def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:
 
 
 def offer_time_offset(screening: Screening) -> str:
-    """A message if the cameras seem to be out of step; empty if not, or if the offset was fitted.
+    """A message if the cameras seem to be out of step; empty if not, or if that was fitted."""
+    offset = _claimed_offset(screening)
+    return "" if offset is None else _offer(offset, screening)
+
+
+def _claimed_offset(screening: Screening) -> MeasuredOffset | None:
+    """The offset by which the cameras seem to be out of step; None if not, or if it was fitted.
 
     The residuals of the screening's fit follow the velocities then. Where no pose fits at all, as
     with a large offset, one is tried with the offset.
     """
     if screening.time_note:
-        return ""
+        return None
     fit = screening.fit
     found = _seen_offset(screening.full_dataset) if fit is None else apparent_offset(fit)
     if found is None or not found.is_claimed(CLAIMED) or found.sigma > MAXIMUM_SIGMA:
-        return ""
+        return None
     if fit is not None:
         degrees = float(fit.degrees_of_freedom[~fit.outlying].sum())
         if (found.frames / found.sigma) ** 2 < EXPLAINED * degrees:
-            return ""
-    if abs(found.frames) < SMALLEST_CLAIM:
-        return ""
-    whole = round(found.frames)
-    if whole and abs(found.frames - whole) < WHOLE + CLAIMED * found.sigma:
+            return None
+    return found if abs(found.frames) >= SMALLEST_CLAIM else None
+
+
+def _frames_apart(offset: MeasuredOffset) -> int:
+    """By how many frames the cameras seem to be counted apart; 0 if they are out of step."""
+    whole = round(offset.frames)
+    return whole if abs(offset.frames - whole) < WHOLE + CLAIMED * offset.sigma else 0
+
+
+def _offer(offset: MeasuredOffset, screening: Screening) -> str:
+    if whole := _frames_apart(offset):
         frame = int(screening.full_dataset.correspondences.frames[max(whole, 0)])
         return (
-            f"{COUNTED} {abs(whole)} apart: the secondary's frame {frame - whole} is of the same "
-            f"moment as the primary's frame {frame}. Correct the numbers: one camera has an image "
-            "less, or one more, at its start."
+            f"The frames of the two cameras seem to be counted {abs(whole)} apart: the secondary's "
+            f"frame {frame - whole} is of the same moment as the primary's frame {frame}. Correct "
+            "the numbers: one camera has an image less, or one more, at its start."
         )
     return (
         f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "
-        f"the secondary took its frames {found.frames:+.2f} ± {found.sigma:.2f} frame intervals "
+        f"the secondary took its frames {offset.frames:+.2f} ± {offset.sigma:.2f} frame intervals "
         "late. Calibrate with the time offset as an unknown (in the settings of the page "
         "Calibrate; on the command line --time-offset)."
     )

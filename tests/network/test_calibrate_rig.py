@@ -50,10 +50,6 @@ def pose_errors(rig: RigCalibration, truth: SimulatedRig) -> FloatArray:
     return np.concatenate(found)
 
 
-def without(recording: Recording, rows: FloatArray) -> Recording:
-    return recording.where(~np.asarray(rows, dtype=np.bool_))
-
-
 @pytest.mark.parametrize("cameras", [3, 4])
 def test_errors_are_as_stated(cameras: int) -> None:
     # rms of errors over stated ones: 0.98 of 12 rigs of three, 0.90 of 8 rigs of four

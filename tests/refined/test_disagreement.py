@@ -11,21 +11,12 @@ from stereocal.refined.stated_inputs import advice_on, moved_lengths, undetectab
 from stereocal.refined.two_views import DISTORTION
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
-from stereocal.rig.dataset import Dataset
 from tests import known_rig as rig
 from tests.fisheye_rig import fisheye
 from tests.rigs.accuracy import accusations
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 KNOWN = Misjudged()
-
-
-def wrong(baseline: float = 1.0, focal: float = 0.0) -> tuple[Dataset, float]:
-    """A rig whose stated values are wrong, and its true baseline."""
-    rng = np.random.default_rng([2, 7])
-    scene = random_scene(rng)
-    data = stated(scene, rng, KNOWN, baseline=baseline, focal=focal)
-    return data, scene.rig.pose.baseline
 
 
 @pytest.mark.parametrize(("what", "least"), [("baseline", 13), ("primary focal", 13)])

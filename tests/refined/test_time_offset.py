@@ -1,7 +1,6 @@
 """The time offset between the cameras, on simulated bars that move."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from stereocal.workflow import answer, calibrate
 from tests import known_rig as rig
 from tests.rigs.moving_bar import move_bar, record
 
-FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 FRAMES = 120
 TIMED = CalibrationSettings(time_offset=True)
 TIMED_REFINED = RefineSettings(time_offset=True)
