@@ -64,7 +64,7 @@ def run(parsed: argparse.Namespace) -> None:
         pairs = files_of_sets(sets)
         for pair, own in sets.items():
             predicted = own["refined"].predicted or {}
-            figures = {name: value for name, value in predicted.items() if name in FIGURES}
+            figures = {name: predicted[name] for name in FIGURES if name in predicted}
             rig.about["pairs"][pair].update(figures)
     files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, name).encode(), **pairs}
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
