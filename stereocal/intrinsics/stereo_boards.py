@@ -1,14 +1,13 @@
 """A board in front of two cameras: a recording of its corners, and the lenses if not known.
 
-The finder orders the corners by the colours of the squares (`board_corners.in_order`). Where a
+The finder orders the corners by the colours of the squares (`in_board_order`). Where a
 board looks the same turned, the two cameras may disagree. Then the geometry decides: with the right
 order all boards give one pose of the cameras. The direction of a row in the images does not tell:
 one camera may hang upside down.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
@@ -18,7 +17,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames import all_cameras
-from stereocal.frames.pairing import Pairing, pair_names
+from stereocal.frames.pairing import Pair, Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import (
     LensCalibration,
@@ -70,12 +69,7 @@ class StereoBoards:
     @property
     def common(self) -> list[SeenBoard]:
         """The boards that both cameras see, by frame."""
-        first, second = ({view.name: view for view in each.views} for each in self.searches)
-        return [
-            SeenBoard(pair.frame, (first[pair.primary], second[pair.secondary]))
-            for pair in self.pairing.pairs
-            if pair.primary in first and pair.secondary in second
-        ]
+        return _seen_by_both(self.pairing.pairs, self.searches)
 
     @property
     def refused(self) -> tuple[Refused, ...]:
@@ -140,11 +134,11 @@ def find_stereo_boards(
     names = {str(camera): [getattr(pair, camera) for pair in pairing.pairs] for camera in CAMERAS}
     for alone in pairing.alone:
         names[CAMERAS[alone.camera]].append(alone.name)
-    files = [{name: photographs[name] for name in own} for own in names.values()]
     searches = []
-    for own, stage in zip(files, STAGES, strict=False):
+    for own, stage in zip(names.values(), STAGES, strict=False):
         begin(stage)
-        searches.append(find_boards(own, pattern, executor, progress, earlier))
+        files = {name: photographs[name] for name in own}
+        searches.append(find_boards(files, pattern, executor, progress, earlier))
     return stereo_boards(pairing, tuple(searches))
 
 
@@ -194,7 +188,7 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
         pair.frame: {CAMERAS[0]: pair.primary, CAMERAS[1]: pair.secondary}
         for pair in boards.pairing.pairs
     }
-    found = _put_together(moments, {CAMERAS: boards}, named, boards.pattern, {})
+    found = _put_together(moments, {CAMERAS: boards.common}, named, boards.pattern, {})
     return replace(found.recording, name=name)
 
 
@@ -217,19 +211,20 @@ def boards_in_all_cameras(
             search = find_boards(own, pattern, executor, progress, earlier)
             _check_size(camera, cameras[camera], search)
             searches[camera] = search
-    found = {}
+    by_pair = {}
     for one, other in combinations(searches, 2):
-        pairs = all_cameras.pairs_of(moments, one, other)
-        pairing = Pairing(tuple(pairs), (), (), "", ambiguous=False)
-        with suppress(StereocalError):  # the two see no board in one frame
-            found[one, other] = stereo_boards(pairing, (searches[one], searches[other]))
+        both = searches[one], searches[other]
+        seen = _seen_by_both(all_cameras.pairs_of(moments, one, other), both)
+        repeated = _repeated(seen)
+        if once := [each for each in seen if each.frame not in repeated]:
+            by_pair[one, other] = once
     why = {item.name: item.reason for each in searches.values() for item in each.refused}
-    return _put_together(moments, found, cameras, pattern, why)
+    return _put_together(moments, by_pair, cameras, pattern, why)
 
 
 def _put_together(
     moments: all_cameras.Moments,
-    by_pair: Mapping[tuple[str, str], StereoBoards],
+    by_pair: Mapping[tuple[str, str], Sequence[SeenBoard]],
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,
     why: Mapping[str, str],
@@ -244,7 +239,7 @@ def _put_together(
 
     points = {}
     for (one, other), boards in by_pair.items():
-        both = boards_in_one_order(boards.common, (cameras[one], cameras[other]), pattern)
+        both = boards_in_one_order(boards, (cameras[one], cameras[other]), pattern)
         points[one, other] = {
             seen.frame: (whole(seen.views[0]), whole(seen.views[1])) for seen in both
         }
@@ -258,6 +253,16 @@ def _check_size(which: str, camera: Camera, search: BoardSearch) -> None:
             f"The {which}'s photographs have {search.image_size[0]}x{search.image_size[1]} px, "
             f"its camera file {camera.image_size[0]}x{camera.image_size[1]}."
         )
+
+
+def _seen_by_both(pairs: Iterable[Pair], both: Sequence[BoardSearch]) -> list[SeenBoard]:
+    """The boards in both photographs of a pair, by frame."""
+    first, second = ({view.name: view for view in search.views} for search in both)
+    return [
+        SeenBoard(pair.frame, (first[pair.primary], second[pair.secondary]))
+        for pair in pairs
+        if pair.primary in first and pair.secondary in second
+    ]
 
 
 def _repeated(common: Sequence[SeenBoard]) -> dict[int, int]:
