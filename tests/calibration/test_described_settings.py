@@ -10,6 +10,7 @@ from stereocal.commands.console import take
 from stereocal.commands.options import SEARCH, settings_from
 from stereocal.errors import StereocalError
 from stereocal.system.described import descriptions
+from stereocal.system.records import of_plain, plain
 
 OPTIONS = {
     "delta": "--delta",
@@ -70,3 +71,10 @@ def test_the_bounds_hold_where_they_are_described(name: str) -> None:
     for outside in (about.low - (about.low or 1), about.high * 2 + 1):
         with pytest.raises(StereocalError, match=f"^{name} is "):
             SearchSettings(**{name: kind(outside)})
+
+
+def test_settings_that_were_not_stated_are_written_with_their_defaults() -> None:
+    """msgspec alone leaves them out: files then did not state `maximum_moves`."""
+    read = of_plain({"search": {"seed": 3}}, CalibrationSettings)
+    assert plain(read)["search"]["maximum_moves"] == CalibrationSettings().search.maximum_moves
+    assert plain(read).keys() == plain(CalibrationSettings()).keys()

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from stereocal.detection.ball_colours import colour_at
-from stereocal.detection.balls import find_balls
+from stereocal.detection.balls import find_balls, proposed_colours
 from stereocal.detection.target import Balls, Sighting, parse_target
 from stereocal.errors import StereocalError
 from stereocal.frames.review import centre_at
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from tests.ball_bars import CAMERA, COLOURS, plain
+from stereocal.system.photograph import read_colours
+from tests.ball_bars import CAMERA, COLOURS, ball_bars, plain
+from tests.bar_photographs import bar_set
 from tools.photographs.balls import RED, YELLOW, BallSettings, clutter, photograph_balls, side_light
 
 
@@ -133,3 +135,30 @@ def test_clicks_give_the_colour_and_the_centre() -> None:
         centre_at(image, (20.0, 20.0), False, target, CAMERA)
     with pytest.raises(StereocalError, match="outside"):
         colour_at(image, (9999.0, 20.0))
+
+
+def test_moving_balls_before_clutter() -> None:
+    """Of 7 renderings before clutter of all hues, 7 were proposed right."""
+    files, _ = ball_bars(6, 7)
+    found = proposed_colours(
+        [
+            [read_colours(files[name], name) for name in sorted(files) if which in name][::2]
+            for which in ("primary", "secondary")
+        ]
+    )
+    assert found is not None
+    for own, true in zip(found.colours, COLOURS.partition(":")[2].split(","), strict=True):
+        # The lit side differs in brightness, not in hue.
+        channels = [[int(text[at : at + 2], 16) for at in (1, 3, 5)] for text in (own, true)]
+        a, b = ([value / max(each) for value in each] for each in channels)
+        assert a == pytest.approx(b, abs=0.08)
+
+
+def test_no_balls_are_proposed_for_other_bars() -> None:
+    files = bar_set(7).files()
+    names = sorted(files)
+    images = [
+        [read_colours(files[name], name) for name in names if which in name][:3]
+        for which in ("left", "right")
+    ]
+    assert proposed_colours(images) is None

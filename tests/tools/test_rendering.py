@@ -1,6 +1,5 @@
 """Rendered photographs: is everything where and as bright as it is said to be?"""
 
-import cv2
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
@@ -13,21 +12,13 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import field_rig
 from tests.known_rig import PRIMARY
-from tools.photographs.board_series import (
-    LENS_SQUARE_M,
-    LENS_SQUARES,
-    draw_board_poses,
-    true_corners,
-)
 from tools.photographs.rendering import (
     Board,
     PhotographSettings,
     Picture,
     Placed,
-    chessboard,
     expose,
     paint,
-    photograph,
     turned,
     x_corner_board,
 )
@@ -177,33 +168,3 @@ def test_noise_has_the_stated_variance() -> None:
         # 200,000 pixels: the variance is known to 0.3 %.
         assert levels.var() == pytest.approx(photons + settings.read_noise**2 + rounding, rel=0.015)
         assert levels.mean() == pytest.approx(grey, abs=0.05)
-
-
-def test_chessboards_of_the_series_are_found_where_they_are() -> None:
-    """OpenCV's finder as the peer, on two photographs with noise through the long lens."""
-    camera, rng = field_rig().primary, np.random.default_rng(3)
-    poses = draw_board_poses(camera, rng, 2)
-    board = chessboard(LENS_SQUARES, LENS_SQUARE_M)
-    images = [
-        photograph(camera, 110.0, [Placed(board, pose)], PhotographSettings(), rng)
-        for pose in poses
-    ]
-    size = (LENS_SQUARES[0] - 1, LENS_SQUARES[1] - 1)
-    errors = []
-    for image, pose in zip(images, poses, strict=True):
-        # Half the size is enough to find the corners; their places come from the full one.
-        small = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        found, corners = cv2.findChessboardCornersSB(small, size)
-        assert found
-        start = (2.0 * corners.reshape(-1, 2) + 0.5).astype(np.float32)
-        criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
-        corners = cv2.cornerSubPix(image, start, (7, 7), (-1, -1), criteria).reshape(-1, 2)
-        truth = true_corners(camera, pose)
-        # The board looks the same upside down: its corners may come in the reverse order.
-        both = corners - truth, corners[::-1] - truth
-        errors.append(min(both, key=lambda error: float(np.abs(error).max())))
-    errors_px = np.array(errors)
-    # OpenCV's own errors: measured 0.062 px at most, 0.021 px RMS, mean 0.0014 px.
-    assert np.abs(errors_px).max() < 0.1
-    assert np.sqrt((errors_px**2).mean()) < 0.03
-    assert np.abs(errors_px.mean(axis=(0, 1))).max() < 0.01
