@@ -11,7 +11,6 @@ Five kinds of series of small photographs, each frame judged without and with th
 - hidden: as the second, and in some frames the secondary does not show target B at all.
 """
 
-import argparse
 from collections import Counter
 from dataclasses import replace
 
@@ -19,6 +18,7 @@ import cv2
 import numpy as np
 
 from benchmarks.clutter import Found, Truth, labelled
+from benchmarks.studies import numbers_asked
 from benchmarks.third_boards import small_rig, taken
 from stereocal.detection.detect import Detection, detect_targets
 from stereocal.frames.frame import Frame
@@ -63,11 +63,7 @@ def without_the_others(found: Found) -> Found:
 def main() -> None:
     """Measure and print."""
     cv2.setNumThreads(1)
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--series", type=int, default=8)
-    parser.add_argument("--frames", type=int, default=18)
-    parser.add_argument("--seed", type=int, default=5)
-    asked = parser.parse_args()
+    asked = numbers_asked(__doc__, series=8, frames=18, seed=5)
     rig = small_rig()
     cameras = (rig.primary, rig.secondary)
     for at, kind in enumerate(KINDS):

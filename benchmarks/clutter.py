@@ -3,7 +3,6 @@
 python -m benchmarks.clutter [--pairs 200] [--seed 4]
 """
 
-import argparse
 import os
 import time
 from collections import Counter
@@ -12,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.studies import numbers_asked
 from stereocal.detection.detect import Detection, detect_targets
 from stereocal.detection.target import BAR
 from stereocal.frames.frame import Frame
@@ -148,10 +148,7 @@ def summary(results: list[dict[str, Any]]) -> None:
 def main() -> None:
     """Measure and print."""
     cv2.setNumThreads(1)
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=4)
-    asked = parser.parse_args()
+    asked = numbers_asked(__doc__, pairs=200, seed=4)
     detect_targets(np.zeros((64, 64), np.uint8))  # compiled before anything is timed
     results = []
     for number in range(asked.pairs // PER_SCENE):

@@ -4,13 +4,13 @@ Simulated series of a chessboard (18x12 inner corners, 2336x1728 px, 0.1 px of n
 corner) are calibrated as in the paper; each parameter's error is divided by what was stated.
 """
 
-import argparse
 import time
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
 
+from benchmarks.studies import numbers_asked
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensSettings, calibrate_lens
 from stereocal.rig.camera import Camera
@@ -50,9 +50,7 @@ def opencv_errors(search: BoardSearch) -> FloatArray:
 
 def main() -> None:
     """Print a table for each case."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--lenses", type=int, default=40)
-    count = parser.parse_args().lenses
+    count = numbers_asked(__doc__, lenses=40).lenses
     camera = field_rig().primary
     K = camera.K
     true = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *camera.distortion])

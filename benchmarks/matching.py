@@ -4,7 +4,6 @@ Prints two Markdown tables: recall and precision of the three sets against thres
 points, and CPU time and memory of 200 frames.
 """
 
-import argparse
 import os
 import resource
 import tempfile
@@ -16,6 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.flock import FlockFrame, flock, parameter_sets
+from benchmarks.studies import numbers_asked
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
@@ -154,9 +154,7 @@ def speed(frames: int) -> None:
 
 def main() -> None:
     """Print all tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=200)
-    frames = parser.parse_args().frames
+    frames = numbers_asked(__doc__, frames=200).frames
     speed(frames)
     flags_and_depth(frames)
     quality("linear", frames)

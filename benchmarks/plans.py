@@ -13,7 +13,6 @@ length error of the frames that were held out; even frames fitted and odd held o
 The held-out bars are the same bar, whose own error does not show, so it counts as exact.
 """
 
-import argparse
 import time
 from collections import defaultdict
 from dataclasses import replace
@@ -21,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.studies import numbers_asked
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
@@ -174,19 +174,20 @@ def real_recording(path: Path, uncertainty: Uncertainty) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rigs", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--plans", type=int, nargs="+", default=list(range(len(PLANS))))
-    parser.add_argument("--recording", type=Path)
-    parser.add_argument("--focal", type=float, default=DEFAULT_FOCAL)
-    parser.add_argument("--centre", type=float, default=DEFAULT_CENTRE_PX)
-    parser.add_argument("--baseline", type=float, default=0.005)
-    parser.add_argument("--bar", type=float, default=0.0)
-    parsed = parser.parse_args()
+    parsed = numbers_asked(
+        __doc__,
+        rigs=20,
+        first=0,
+        plans=list(range(len(PLANS))),
+        recording="",
+        focal=DEFAULT_FOCAL,
+        centre=DEFAULT_CENTRE_PX,
+        baseline=0.005,
+        bar=0.0,
+    )
     if parsed.recording:
         known = Uncertainty(parsed.focal, parsed.centre, parsed.baseline, parsed.bar)
-        real_recording(parsed.recording, known)
+        real_recording(Path(parsed.recording), known)
     else:
         all_plans(parsed.rigs, parsed.first, parsed.plans)
 

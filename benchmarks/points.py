@@ -8,13 +8,13 @@ estimated and the threshold chosen as `match` does; z is the error of a reconstr
 over its stated standard error, by coordinate.
 """
 
-import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.flock import FlockFrame
+from benchmarks.studies import numbers_asked
 from stereocal.matching.matching import match_points
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold
@@ -104,11 +104,7 @@ def outcome(
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rigs", type=int, default=8)
-    parser.add_argument("--noise", type=float, nargs="+", default=[0.05, 0.2, 0.5, 2.0])
-    parser.add_argument("--points", type=int, nargs="+", default=[4, 40])
-    asked = parser.parse_args()
+    asked = numbers_asked(__doc__, rigs=8, noise=[0.05, 0.2, 0.5, 2.0], points=[4, 40])
     rigs = [calibrated(seed) for seed in range(asked.rigs)]
     print(
         "| points | noise, px | match, measure | estimated | threshold | found | wrong | "

@@ -3,7 +3,9 @@
 import argparse
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
+import numpy as np
 from scipy.stats import beta
 
 
@@ -16,8 +18,7 @@ def run_studies(
         studies: by name, what runs a number of trials, and the usual number.
         about: what the studies are.
     """
-    formatter = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=about, formatter_class=formatter)
+    parser = _parser(about)
     parser.add_argument("studies", nargs="*", choices=[*studies, []], default=[], metavar="STUDY")
     parser.add_argument("--trials", "--rigs", type=int, help="rigs, or other trials, of each")
     parsed = parser.parse_args()
@@ -27,6 +28,20 @@ def run_studies(
         print(f"{name}, {trials} trials:")
         study(trials)
         print(f"  {name}: {time.process_time() - begun:.0f} s of CPU time", flush=True)
+
+
+def numbers_asked(about: str | None, **usual: Any) -> argparse.Namespace:
+    """What `--NAME` says on the command line, one value or several as the usual ones are."""
+    parser = _parser(about)
+    for name, value in usual.items():
+        several, kind = isinstance(value, list), type(np.ravel(value)[0].item())
+        parser.add_argument(f"--{name}", type=kind, nargs="+" if several else None, default=value)
+    return parser.parse_args()
+
+
+def _parser(about: str | None) -> argparse.ArgumentParser:
+    formatter = argparse.RawDescriptionHelpFormatter
+    return argparse.ArgumentParser(description=about, formatter_class=formatter)
 
 
 def exact_interval(found: int, of: int) -> str:

@@ -7,11 +7,11 @@ population figure of the written file, the median of true over forecast value, a
 of the intervals over the value.
 """
 
-import argparse
 from collections import defaultdict
 
 import numpy as np
 
+from benchmarks.studies import numbers_asked
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from tests.rigs.population import CASES, one_rig
@@ -39,11 +39,7 @@ def report(found: list[dict[Method, dict[str, tuple[float, ...]]]]) -> None:
 
 def main() -> None:
     """All cells."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rigs", type=int, default=20)
-    parser.add_argument("--frames", type=int, nargs="+", default=[25, 50, 200])
-    parser.add_argument("--first", type=int, default=0)
-    parsed = parser.parse_args()
+    parsed = numbers_asked(__doc__, rigs=20, frames=[25, 50, 200], first=0)
     everything = []
     for case, off in CASES.items():
         for frames in parsed.frames:

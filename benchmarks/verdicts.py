@@ -3,12 +3,12 @@
 python -m benchmarks.verdicts --rigs 40 --frames 25
 """
 
-import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.studies import numbers_asked
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.refined.unknowns import LensPrior, RefineSettings
@@ -73,11 +73,7 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
 
 def main() -> None:
     """All cases."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rigs", type=int, default=40)
-    parser.add_argument("--frames", type=int, default=25)
-    parser.add_argument("--cases", type=int, nargs="+", default=list(range(len(CASES))))
-    parsed = parser.parse_args()
+    parsed = numbers_asked(__doc__, rigs=40, frames=25, cases=list(range(len(CASES))))
     for name, case in [list(CASES.items())[at] for at in parsed.cases]:
         found = []
         for seed in range(parsed.rigs):

@@ -6,11 +6,10 @@ The bar is at another place every 10, 20 or 40 of 200 frames; both lenses have a
 0.2 px rms that no model contains. How many of the stated 95 % intervals hold on 100 further frames.
 """
 
-import argparse
-
 import numpy as np
 
 from benchmarks.quarters import FIGURES, METHODS
+from benchmarks.studies import numbers_asked
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import forecast_files
@@ -51,9 +50,7 @@ def held(length: int, seed: int) -> list[tuple[bool, float]]:
 
 def main() -> None:
     """All lengths of runs."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rigs", type=int, default=4)
-    rigs = parser.parse_args().rigs
+    rigs = numbers_asked(__doc__, rigs=4).rigs
     for length in (10, 20, 40):
         found = np.array([each for seed in range(rigs) for each in held(length, seed)])
         of_figures = found[:, 0].reshape(-1, len(FIGURES)).mean(axis=0)
