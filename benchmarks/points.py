@@ -22,8 +22,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
-from stereocal.verdict.forecast import outlook_of
-from stereocal.workflow import answer, calibrate
+from stereocal.workflow import Run
 from tests.rigs.refined_rigs import DEPTHS_M, Misjudged, random_scene, stated
 
 TARGETS_PX = 0.02
@@ -57,8 +56,8 @@ def calibrated(seed: int) -> tuple[Rig, Mapping[str, RigParameters]]:
     """A random rig, and the files of its calibration."""
     rng, off = np.random.default_rng([seed, 99]), Misjudged(noise_px=TARGETS_PX)
     scene = random_scene(rng)
-    found = calibrate(stated(scene, rng, off), refined=off.settings())
-    return scene.rig, {str(k): v for k, v in answer(found, outlook_of(found)).sets.items()}
+    found = Run(stated(scene, rng, off), refined=off.settings())
+    return scene.rig, {str(k): v for k, v in found.sets.items()}
 
 
 def seen_frames(

@@ -6,12 +6,13 @@ page_head("Calibrate", "What is the pose of the cameras, and which set serves wh
 
 import streamlit as st
 
+from stereocal.ui.answer import answer_when_ready
 from stereocal.ui.forms import settings_form, settings_of
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.press import Press
-from stereocal.ui.refined import answer_when_ready, refine_form
+from stereocal.ui.refined import refine_form
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import show_exchanged
 
@@ -23,8 +24,8 @@ with st.expander("Settings"):
 show_exchanged(project)
 with top:
     Press(project, inputs, dataset, settings_of(values)).show()
-result = readable(lambda: project.calibration)
-if result is None:
+run = readable(lambda: project.run)
+if run is None:
     end_here()
 show_planned(project)
-show_result(project, result, answer_when_ready(project, result))
+show_result(project, run, answer_when_ready(project))

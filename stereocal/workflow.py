@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -34,27 +34,37 @@ from stereocal.refined.diagnosis import (
 )
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
+from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.misplaced_target import misplaced_target
 from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.refined.stated_inputs import Input, moved_lengths
+from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast, RigParameters
 from stereocal.rig.rig import Rig
-from stereocal.system.latest import step
+from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import Outlook, forecast_files, verdict
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.predictive import predict
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
+from stereocal.verdict.tradeoff import TradeOff, trade_off
 
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
+BEFORE = (
+    *("screening", "calibration", "outlook", "inputs", "advice"),
+    *("note_on_seeds", "maps", "misfit", "curves"),
+)
+"""Steps that do not depend on a validation."""
+MAP_SIZE = 45
+"""Points of an accuracy map along each side; both maps take 0.1 s."""
 OTHER_SEEDS = (1, 2, 3, 4)
 """Added to the seed of the searches."""
 DEFAULT_REFINED = RefineSettings()
@@ -105,8 +115,7 @@ class Run:
     def validated(self, evaluation: Evaluation) -> "Run":
         """This run with a validation of its data; what does not depend on it is not made again."""
         run = replace(self, evaluation=evaluation)
-        kept = ("screening", "calibration", "outlook", "inputs")
-        vars(run).update({name: vars(self)[name] for name in kept if name in vars(self)})
+        vars(run).update({name: vars(self)[name] for name in BEFORE if is_made(self, name)})
         return run
 
     def validate(
@@ -236,6 +245,40 @@ class Run:
         return {method: rig.matching_threshold_px for method, rig in self.sets.items()}
 
     @step
+    def advice(self) -> str:
+        """What would lower the errors of the refined set: 9 s for 20,000 frames; empty without a
+        forecast."""
+        return "" if self.outlook is None else self.outlook.advice
+
+    @step
+    def maps(self) -> list[AccuracyMap]:
+        """Predicted errors of the refined set by position, from above and from the side."""
+        return [accuracy_map(self._refined_set, MAP_SIZE, plane) for plane in get_args(Plane)]
+
+    @step
+    def misfit(self) -> Misfit:
+        """Residuals of the refined set over the images."""
+        return misfit_of(self._refined_set)
+
+    @step
+    def curves(self) -> TradeOff:
+        """All that lies between matching and measuring."""
+        return self.trace_curves()
+
+    def trace_curves(self, progress: Progress = lambda _done, _total: None) -> TradeOff:
+        """Compute `curves`, with progress."""
+        dataset, settings = self.calibration.screening.dataset, self._refined_set.settings
+        found = trade_off(dataset, settings, progress=progress)
+        vars(self)["curves"] = found
+        return found
+
+    @property
+    def _refined_set(self) -> RefinedResult:
+        if self.calibration.refined is None:
+            raise StereocalError("There is no refined set of these data.")
+        return self.calibration.refined
+
+    @step
     def note_on_seeds(self) -> str:
         """A sentence if the files to use depend on the seed of the searches; else empty."""
         outlook = self.outlook
@@ -363,19 +406,3 @@ def _files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
         pose = minimise(problem, start, settings.search, stream).pose
         found[method] = Rig(dataset.primary, dataset.secondary, pose)
     return found
-
-
-Answer = Run
-
-
-def answer(
-    calibration: Calibration,
-    outlook: Outlook | None,
-    evaluation: Evaluation | None = None,
-    validation: Mapping[Any, Validated] | None = None,
-) -> Run:
-    """The run of a calibration whose forecast is known."""
-    run = Run.of(calibration, evaluation)
-    run.figures = validation
-    vars(run)["outlook"] = outlook
-    return run

@@ -134,6 +134,10 @@ class Evaluation:
         """SHA-256 of the content: equal for an evaluation that was read again."""
         return hashlib.sha256(pack_evaluation(self)).hexdigest()
 
+    def is_of(self, datasets: Sequence[Dataset]) -> bool:
+        """Whether it is of these data sets, in this order."""
+        return list(self.sha256) == [dataset.sha256 for dataset in datasets]
+
     @cached_property
     def summaries(self) -> dict[Method, MethodSummary]:
         """The figures by method, all data sets pooled."""

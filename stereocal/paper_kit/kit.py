@@ -38,7 +38,7 @@ def paper_kit(run: Run, applied: Outcome | None = None) -> bytes:
             "references.bib": references_bib(),
             **drawn,
             "table.csv": table_csv(run),
-            ARCHIVE: pack_zip(archive_files(run, run.sets)),
+            ARCHIVE: pack_zip(archive_files(run)),
         }
     )
 

@@ -83,13 +83,9 @@ def processor_kind() -> dict[str, str]:
     return {"system": platform.system(), "machine": platform.machine(), "family": family}
 
 
-def archive_files(run: Run, sets: Mapping[Method, RigParameters]) -> dict[str, bytes]:
-    """The files of an archive by name: data set, parameter files, and `reproduce.json`.
-
-    Args:
-        sets: the parameter files by the method of their names; "2d" may hold the refined set.
-    """
-    texts = {NAMES[name]: rig.dumps() for name, rig in sets.items()}
+def archive_files(run: Run) -> dict[str, bytes]:
+    """The files of an archive by name: data set, parameter files, and `reproduce.json`."""
+    texts = {NAMES[name]: rig.dumps() for name, rig in run.sets.items()}
     contents = {name: json.loads(text) for name, text in texts.items()}
     refined, evaluation = run.calibration.refined, run.evaluation
     statement = {

@@ -9,6 +9,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,15 +25,19 @@ from stereocal.projects.database import NOT_THERE, DamagedError
 from stereocal.projects.files import PAIR, Store, StoredFile, new_database, store_of
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences, Dataset, check_length, refuse_points_outside
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, unpack
+from stereocal.workflow import Run
 
 T = TypeVar("T")
 INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
 """Parts of a project: inputs, form values, further data sets, the inputs of the last result."""
+VALIDATION = "calibration_evaluation"
+"""The kind of the validation that was made with the last result."""
 VALUES = tuple(
     each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
 )
@@ -48,7 +53,7 @@ KEPT: dict[type, Latest[Any]] = {
     kind: Latest(most)
     for kind, most in (
         *((Camera, 64), (Table, 8), (Dataset, 32), (Recording, 8)),
-        *((Calibration, 8), (Evaluation, 8)),
+        *((Run, 64), (Evaluation, 8)),
     )
 }
 """In memory, by the digests of the contents."""
@@ -269,20 +274,45 @@ class Project:
             self.database.replace_files(CALIBRATED, files)
             digest = self.database.keep_result("calibration", content)
             self.database.keep_result("recommended", None)
-        KEPT[Calibration].keep(digest, calibration)
+        KEPT[Run].keep(digest, Run.of(calibration))
 
     @property
-    def calibration(self) -> Calibration | None:
-        """The last finished result, with the data it was computed from; None before the first."""
+    def run(self) -> Run | None:
+        """The last finished result, with its validation if it has one; None before the first."""
+        with self.database.reading():
+            run, evaluation = self._not_validated, None
+            with suppress(StereocalError):  # a damaged one costs itself only
+                evaluation = self.calibration_evaluation
+            if run is None or evaluation is None:
+                return run
+            key = f"{self.calibration_digest} {self.database.result_digest(VALIDATION)}"
+            return once(Run, key, lambda: run.validated(evaluation))
 
+    @property
+    def _not_validated(self) -> Run | None:
         def made_from(stated: Mapping[str, Any]) -> Dataset:
             inputs = of_plain(stated, Inputs)
             if (dataset := self.dataset_of(inputs)) is None:
                 raise ValueError(inputs)
             return dataset
 
-        unpacked = partial(unpack_calibration, dataset_of=made_from)
-        return self._result(Calibration, "calibration", unpacked)
+        def unpacked(content: bytes) -> Run:
+            found = unpack_calibration(content, made_from)
+            own = RefineSettings(
+                baseline_sigma_m=found.dataset.baseline_sigma_m,
+                distance_sigma_m=found.dataset.target_distance_sigma_m,
+                time_offset=found.settings.time_offset,
+                time_drift=found.settings.time_drift,
+            )
+            return Run.of(found, refined=own)  # version 1.0 did not store the refined set
+
+        return self._result(Run, "calibration", unpacked)
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The sets of the last finished result, with the data they were computed from."""
+        run = self._not_validated
+        return None if run is None else run.calibration
 
     def _result(self, kind: type[T], name: str, unpacked: Callable[[bytes], T]) -> T | None:
         with self.database.reading():
@@ -320,7 +350,7 @@ class Project:
         with self.database.transaction():
             digest = self.database.keep_result("evaluation", content)
             if of_calibration:
-                self.database.keep_result("calibration_evaluation", content)
+                self.database.keep_result(VALIDATION, content)
         KEPT[Evaluation].keep(digest, evaluation)
 
     @property
@@ -330,13 +360,13 @@ class Project:
     @property
     def calibration_evaluation(self) -> Evaluation | None:
         """The evaluation made with the last result; None if it has none yet."""
-        found = self._result(Evaluation, "calibration_evaluation", unpack_evaluation)
+        found = self._result(Evaluation, VALIDATION, unpack_evaluation)
         calibration = self.calibration
         if found is None or calibration is None:
             return None
         settings = dataclasses.replace(calibration.settings, calibration_frames=None)
         same = found.settings.calibration == settings
-        return found if same and list(found.sha256) == [calibration.dataset.sha256] else None
+        return found if same and found.is_of([calibration.dataset]) else None
 
     # Further data sets, to validate on together
 

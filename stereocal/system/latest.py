@@ -39,6 +39,11 @@ class step(Generic[Value]):  # noqa: N801 - as `property`
             return cast(Value, kept[self._name])
 
 
+def is_made(instance: object, name: str) -> bool:
+    """Whether a `step` of an instance has been computed."""
+    return name in vars(instance)
+
+
 class Latest(Generic[Value]):
     """The values used last, by key; any thread may use it."""
 
@@ -52,6 +57,11 @@ class Latest(Generic[Value]):
             if key in self._values:
                 self._values.move_to_end(key)
             return self._values.get(key)
+
+    def clear(self) -> None:
+        """Keep nothing."""
+        with self._lock:
+            self._values.clear()
 
     def once(self, key: str, make: Callable[[], Value]) -> Value:
         """The value of a key; made, and kept, if it is not kept yet."""

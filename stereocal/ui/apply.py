@@ -18,6 +18,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.ui import jobs
+from stereocal.ui.answer import set_in_use
 from stereocal.ui.apply_points import FEWEST, PointsForm
 from stereocal.ui.apply_threshold import (
     ThresholdForm,
@@ -28,7 +29,6 @@ from stereocal.ui.apply_threshold import (
 )
 from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
-from stereocal.ui.refined import set_in_use
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import choose_world
 from stereocal.verdict.in_words import listed

@@ -40,13 +40,13 @@ from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
+from stereocal.ui.answer import PAPERS_SET
 from stereocal.ui.apply import Chosen
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import ErrorsShown, callback, fragment, readable, show_stale
-from stereocal.ui.refined import PAPERS
 from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
@@ -210,7 +210,7 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
         match_with, measure_with = (
-            f"--parameters parameters_{outcome.used.get(use, [PAPERS[use]])[0]}.json"
+            f"--parameters parameters_{outcome.used.get(use, [PAPERS_SET[use]])[0]}.json"
             for use in USES
         )
         threshold = f"--threshold {outcome.threshold_px!r}"

@@ -118,9 +118,9 @@ def _validate(project: Project, dataset: Dataset) -> PageState:
     found = [each for each in (project.evaluation, project.calibration_evaluation) if each]
     if not found:
         return PageState("missing", "Not validated yet")
-    digests = [each.sha256 for each in chosen_data(project, dataset)]
+    datasets = chosen_data(project, dataset)
     for evaluation in found:
-        if list(evaluation.sha256) == digests and _is_as_asked(project, dataset, evaluation):
+        if evaluation.is_of(datasets) and _is_as_asked(project, dataset, evaluation):
             return PageState("done", f"Validated, {count(evaluation.settings.runs, 'run')}")
     return PageState("stale", "The data or the settings have changed since")
 

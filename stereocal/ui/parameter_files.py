@@ -29,15 +29,15 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.latest import read_once
 from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import pack_zip, unzip
+from stereocal.ui.answer import PAPERS_SET, answer_when_ready, wait_for_answer
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.intake import take_new
 from stereocal.ui.messages import ErrorsShown, readable
 from stereocal.ui.press import offer_again
-from stereocal.ui.refined import PAPERS, answer_when_ready, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import STATED, Questions, ask_about, ask_size
-from stereocal.workflow import Answer
+from stereocal.workflow import Run
 
 FILES: dict[Method, tuple[str, str]] = {
     "2d": ("parameters_2d.json", "to match"),
@@ -78,15 +78,14 @@ class Source:
         """Choose files."""
         self._field.set(GIVEN)
 
-    def answer(self) -> Answer | None:
+    def answer(self) -> Run | None:
         """The project's results; None if files are chosen, or while the results are computed."""
         project, dataset = self.project, self.project.dataset
         if not self.is_project:
             return None
         if dataset is not None:
             offer_again(project, project.inputs, dataset)
-        calibration = project.calibration
-        return None if calibration is None else answer_when_ready(project, calibration)
+        return answer_when_ready(project)
 
     def asks_for_files(self) -> bool:
         """Draw the choice; whether the uploaders are to be drawn."""
@@ -103,7 +102,7 @@ class Source:
         st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
 
 
-def parameter_downloads(answer: Answer | None) -> None:
+def parameter_downloads(answer: Run | None) -> None:
     """A download button for each file; those to use stand out. None: buttons without files yet."""
     with st.container(horizontal=True):
         for method, (name, purpose) in FILES.items():
@@ -115,7 +114,7 @@ def parameter_downloads(answer: Answer | None) -> None:
                 offer(label, answer.sets[method].dumps, name, key, primary=to_use)
 
 
-def other_formats(project: Project, answer: Answer) -> None:
+def other_formats(project: Project, answer: Run) -> None:
     """A file in the format of another program."""
     left, right = st.columns(2)
     sets, usual = answer.sets, answer.recommendation.match.method
@@ -154,7 +153,7 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
 def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
     """Uploader of a parameter file, and the questions about one of another program."""
     uploads = st.file_uploader(
-        f"{PURPOSES[use]}: {FILES[PAPERS[use]][0]}",
+        f"{PURPOSES[use]}: {FILES[PAPERS_SET[use]][0]}",
         type=KINDS,
         key=f"upload_set_{use}",
         accept_multiple_files=True,

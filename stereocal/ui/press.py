@@ -8,31 +8,26 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.evaluation_files import Evaluation
+from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
+from stereocal.ui.answer import KIND, compute_all, make
 from stereocal.ui.forms import form_values, settings_of
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
-from stereocal.ui.refined import ANSWER_STEPS, answer_for, refined_for
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.stale import since_calibration
 from stereocal.ui.validation import is_short, kept_protocol
-from stereocal.workflow import calibrate
+from stereocal.workflow import STEPS, Run
 
-KIND: jobs.Kind = "calibration"
 STAGES = ("steps", "runs")
-STEPS = ("screening", "essential", "2d", "3d", *ANSWER_STEPS)
 FEWEST_TO_VALIDATE = 5
 
 
@@ -61,9 +56,10 @@ class Press:
 
             if large:
                 job.begin("steps")
-                found = self._calibrate(step)
-                if self.protocol.refined is not None:
-                    answer_for(found, self.protocol.refined, None, step)
+                self._calibrate(step)
+                if (found := self.project.run) is not None:
+                    step("forecast")
+                    make(found, "outlook")
             job.begin("runs")
             return self._validate(job)
 
@@ -124,14 +120,10 @@ class Press:
             with shown, suppress(StoppedError), st.spinner("Validating."):
                 self._validate(jobs.Job(self.work, jobs.pool()))
 
-    def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> Calibration:
-        how: dict[str, Any] = {"trace": True, "progress": step, "refined": None}
-        found = jobs.compute(calibrate, self.dataset, self.settings, **how)
-        if self.protocol.refined is not None:
-            step("refined")
-            found = replace(found, refined=refined_for(found, self.protocol.refined))
-        self.project.keep_calibration(found, self.inputs)
-        return found
+    def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> None:
+        own = self.protocol.refined
+        run = Run(self.dataset, self.settings, own, trace=True, progress=step)
+        self.project.keep_calibration(jobs.compute(lambda: run.calibration), self.inputs)
 
     def _validate(self, job: jobs.Job) -> bool:
         """Evaluate the stored calibration and store the result; False if there is none any more."""
@@ -143,37 +135,36 @@ class Press:
                 raise StoppedError
 
         while True:
-            digest, calibration = project.calibration_digest, project.calibration
-            if calibration is None:
+            digest, run = project.calibration_digest, project.run
+            if run is None:
                 return False
-            if project.calibration_evaluation is None:
-                kept = calibration.screening.dataset
-                most = max(len(kept.correspondences.frames) - 2, 1)
+            if run.evaluation is None:
+                most = max(len(run.calibration.screening.dataset.correspondences.frames) - 2, 1)
                 settings = replace(
                     self.protocol,
-                    calibration=replace(calibration.settings, calibration_frames=None),
+                    calibration=replace(run.settings, calibration_frames=None),
                     calibration_frames=min(self.protocol.calibration_frames, most),
                     splits="runs",  # of which the tiles are, whatever Validate shows
                 )
                 try:
-                    runs = evaluate([kept], settings, job.executor, partial(progress, digest))
+                    found = run.validate(settings, job.executor, partial(progress, digest))
                 except StoppedError:
                     if job.cancelled:
                         self._conclude()
                         raise
                     continue
-                own = [calibration.dataset.sha256]
-                found = Evaluation(runs, settings, [kept.name], own)
-                project.keep_evaluation(found, of_calibration=True)
+                assert found.evaluation is not None
+                project.keep_evaluation(found.evaluation, of_calibration=True)
             elif project.calibration_digest == digest:
                 self._conclude()
                 return True
 
     def _conclude(self) -> None:
         """Make the answer, so that the page has it at once, and store what it recommends."""
-        calibration, refined = self.project.calibration, self.protocol.refined
-        assert calibration is not None and refined is not None
-        use = answer_for(calibration, refined, self.project.calibration_evaluation).recommendation
+        run = self.project.run
+        assert run is not None
+        compute_all(run)
+        use = run.recommendation
         self.project.keep_recommended(use.match.method, use.measure.method)
 
 

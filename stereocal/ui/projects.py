@@ -20,10 +20,12 @@ from stereocal.projects.home import Card, card_of, title_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.limits import MB
+from stereocal.ui import jobs
+from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, is_new, taking
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.messages import ErrorsShown, callback
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
@@ -32,7 +34,6 @@ from stereocal.ui.project import (
     offer_removed,
     open_project,
 )
-from stereocal.ui.refined import answer_of
 from stereocal.ui.texts import escape_markdown
 
 ON_A_PAGE = 9
@@ -270,9 +271,9 @@ def _offer_packed(project: Project, name: str) -> None:
         )
         return
     # The last result, with the parameter files as *Calibrate* offers them.
-    calibration = readable(lambda: project.calibration)
-    answer = None if calibration is None else answer_of(project, calibration)
-    result = {} if answer is None else archive_files(answer, answer.sets)
+    run = final_run(project)
+    with st.spinner("Forecasting."):
+        result = {} if run is None else jobs.compute(archive_files, run)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "project.zip"
         with st.spinner("Packing."):

@@ -2,7 +2,7 @@
 
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import get_args
+from weakref import WeakKeyDictionary
 
 import streamlit as st
 
@@ -11,26 +11,19 @@ from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.figures import accuracy, lens, one_set
 from stereocal.projects.project import Project
-from stereocal.refined.misfit import Misfit, misfit_of
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import Input, undetectable_errors
-from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.rig.rig import Rig
-from stereocal.system.latest import Latest
 from stereocal.ui import jobs
+from stereocal.ui.answer import curves_are_ready, make
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.refined import BY_CONTENT, curves_when_ready, key_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.tradeoff import costs_of
-from stereocal.workflow import Answer, conclusions_of_seeds
+from stereocal.workflow import Run
 
-_SEEDS: Latest[Future[str]] = Latest(500)
-"""What other seeds give, by all that it depends on: a sentence each."""
-MAP_SIZE = 45
-"""Points of an accuracy map along each side; both maps take 0.1 s."""
+_TRIED: WeakKeyDictionary[Run, Future[str]] = WeakKeyDictionary()
+"""What other seeds give: a sentence each."""
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -44,7 +37,7 @@ def show_disagreement(inputs: list[Input]) -> None:
         show_figure(one_set.plot_disagreement(inputs), words, "disagreement")
 
 
-def show_inputs(_project: Project, _found: Calibration, answer: Answer | None) -> None:
+def show_inputs(_project: Project, _run: Run, answer: Run | None) -> None:
     """What was stated, what comes out, and which errors would go unnoticed."""
     inputs = answer.inputs if answer else []
     if not inputs:
@@ -62,38 +55,42 @@ def show_inputs(_project: Project, _found: Calibration, answer: Answer | None) -
     )
 
 
-def show_accuracy(project: Project, found: Calibration, _answer: Answer | None) -> None:
+def show_accuracy(project: Project, run: Run, _answer: Run | None) -> None:
     """Predicted errors by position."""
-    if (result := _refined(found)) is None:
+    if not _has_refined(run):
         return
     kinds: dict[str, accuracy.Quantity] = {"a distance": "distance", "a point": "point"}
     quantity = kinds[choose(project, "accuracy_of", "Predicted error of", kinds)]
-    maps = _maps_of(found, result)
-    words = accuracy.describe_accuracy(maps, quantity)
-    show_figure(accuracy.plot_accuracy(maps, result, quantity), words, "accuracy")
+    with st.spinner("Predicting errors by position."):
+        make(run, "maps")
+    words, result = accuracy.describe_accuracy(run.maps, quantity), run.calibration.refined
+    assert result is not None
+    show_figure(accuracy.plot_accuracy(run.maps, result, quantity), words, "accuracy")
 
 
-def show_misfit(_project: Project, found: Calibration, _answer: Answer | None) -> None:
+def show_misfit(_project: Project, run: Run, _answer: Run | None) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
-    if (result := _refined(found)) is None:
+    if not _has_refined(run):
         return
-    misfit = _misfit_of(found, result)
-    wide, narrow = (lens.plot_misfit(misfit, small) for small in (False, True))
-    show_figure(wide, lens.describe_misfit(misfit), "misfit", narrow=narrow)
+    with st.spinner("Looking at the residuals."):
+        make(run, "misfit")
+    wide, narrow = (lens.plot_misfit(run.misfit, small) for small in (False, True))
+    show_figure(wide, lens.describe_misfit(run.misfit), "misfit", narrow=narrow)
 
 
-def show_trade_off(project: Project, found: Calibration, answer: Answer | None) -> None:
+def show_trade_off(project: Project, run: Run, answer: Run | None) -> None:
     """The sets in matching and in measuring, and the curves of all that lies between."""
-    if (result := _refined(found)) is None:
+    found, result = run.calibration, run.calibration.refined
+    if not _has_refined(run) or result is None:
         return
     if answer is not None and (outlook := answer.outlook) is not None:
         check = outlook.check.text if outlook.check and outlook.check.holds else ""
-        lines = filter(None, [outlook.verdict.figures, check, outlook.advice])
+        lines = filter(None, [outlook.verdict.figures, check, answer.advice])
         st.caption(escape_markdown("\n\n".join(lines)))
     dataset = found.screening.dataset
-    curves = curves_when_ready(project, dataset, result.settings)
-    if curves is None:
+    if not curves_are_ready(project, run):
         return
+    curves = run.curves
     sets: dict[Method, Rig] = {"refined": result.rig}
     for method, of_method in found.methods.items():
         sets[method] = Rig(dataset.primary, dataset.secondary, of_method.pose)
@@ -117,14 +114,11 @@ def show_trade_off(project: Project, found: Calibration, answer: Answer | None) 
     )
 
 
-def show_seeds(answer: Answer) -> None:
+def show_seeds(answer: Run) -> None:
     """Whether another seed would change which files to use, tried beside the page."""
-    found, outlook = answer.calibration, answer.outlook
-    if outlook is None:
-        return
-    tried = _SEEDS.once(
-        key_of(found), lambda: jobs.pool().submit(conclusions_of_seeds, found, outlook)
-    )
+    if answer not in _TRIED:
+        _TRIED[answer] = jobs.pool().submit(lambda: answer.note_on_seeds)
+    tried = _TRIED[answer]
     if not tried.done():
         _wait_for_seeds(tried)
     elif sentence := tried.result():
@@ -138,22 +132,7 @@ def _wait_for_seeds(tried: Future[str]) -> None:
     st.caption("Trying other seeds of the search.")
 
 
-def _refined(found: Calibration) -> RefinedResult | None:
-    if found.refined is None:
+def _has_refined(run: Run) -> bool:
+    if run.calibration.refined is None:
         st.info("There is no refined set of these data.")
-    return found.refined
-
-
-@st.cache_resource(
-    show_spinner="Predicting errors by position.", max_entries=16, hash_funcs=BY_CONTENT
-)
-def _maps_of(found: Calibration, _result: RefinedResult) -> list[AccuracyMap]:
-    """From above and from the side."""
-    assert found.refined is _result
-    return [jobs.compute(accuracy_map, _result, MAP_SIZE, plane) for plane in get_args(Plane)]
-
-
-@st.cache_resource(show_spinner="Looking at the residuals.", max_entries=16, hash_funcs=BY_CONTENT)
-def _misfit_of(found: Calibration, _result: RefinedResult) -> Misfit:
-    assert found.refined is _result
-    return jobs.compute(misfit_of, _result)
+    return run.calibration.refined is not None

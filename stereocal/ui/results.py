@@ -37,7 +37,7 @@ from stereocal.ui.review import look_closely
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, frames_to_come
-from stereocal.workflow import Answer
+from stereocal.workflow import Run
 
 TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
 FRAMES = "Errors by frame"
@@ -46,13 +46,13 @@ COVERAGE = "coverage"
 """Key of the figure of the Data page."""
 
 
-def show_result(project: Project, result: Calibration, answer: Answer | None) -> None:
+def show_result(project: Project, run: Run, answer: Run | None) -> None:
     """Recommendation, tiles, downloads, the rig, and one closer look at a time.
 
     Args:
-        answer: None while it is being computed.
+        answer: the run with its files; None while they are computed.
     """
-    found = answer.calibration if answer else result
+    found = run.calibration
     if timing := found.screening.time_note:
         st.info(escape_markdown(timing))
     for warning in found.warnings:
@@ -73,10 +73,10 @@ def show_result(project: Project, result: Calibration, answer: Answer | None) ->
     parameter_downloads(answer)
     _offer_kit(project, answer)
     _show_rig(project, found, answer)
-    _show_closer_looks(project, found, answer)
+    _show_closer_looks(project, run, answer)
 
 
-def show_recommendation(answer: Answer) -> None:
+def show_recommendation(answer: Run) -> None:
     """What to use; green if it may be relied on, and no input contradicts the images."""
     recommendation = answer.recommendation
     if recommendation.caution:
@@ -88,7 +88,7 @@ def show_recommendation(answer: Answer) -> None:
     (st.success if sound else st.info)("\n\n".join([f"**{first}**", *others]))
 
 
-def _tile(title: str, answer: Answer) -> tuple[str, str]:
+def _tile(title: str, answer: Run) -> tuple[str, str]:
     calibration, match = answer.calibration, answer.recommendation.match
     if title == TILES[0]:
         return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
@@ -101,7 +101,7 @@ def _tile(title: str, answer: Answer) -> tuple[str, str]:
     return "unknown" if value is None else f"{digits(value, 2)} px", of
 
 
-def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, str]:
+def _expected(figure: Figure, answer: Run, counted: str = "") -> tuple[str, str]:
     """A figure and its words: the forecast first if it holds, and beneath it the other."""
     ahead, held_out = figure.forecast, figure.held_out
     tested = "not yet" if held_out is None else f"{percent(held_out)} %{counted}"
@@ -116,7 +116,7 @@ def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, s
     return f"{percent(held_out)} %", f"held out here{doubted}"
 
 
-def _offer_kit(project: Project, answer: Answer | None) -> None:
+def _offer_kit(project: Project, answer: Run | None) -> None:
     applied = readable(lambda: ProjectApplication(project).result)
 
     def make() -> bytes:
@@ -136,7 +136,7 @@ def dataset_download(dataset: Dataset) -> None:
 
 
 @fragment
-def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> None:
+def _show_rig(project: Project, found: Calibration, answer: Run | None) -> None:
     methods = ["2d", "3d", *(["refined"] if found.refined else [])]
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
@@ -184,15 +184,16 @@ def _clicked_frame(*charts: str) -> int | None:
 
 
 @fragment
-def _show_closer_looks(project: Project, found: Calibration, answer: Answer | None) -> None:
+def _show_closer_looks(project: Project, run: Run, answer: Run | None) -> None:
     """A choice of views; only the chosen one is computed."""
     screening.rerun_if_changed()
     shown = _view(project)
     view = st.segmented_control("Look at", list(LOOKS), required=True, **shown.widget())
-    LOOKS[view](project, found, answer)
+    LOOKS[view](project, run, answer)
 
 
-def _show_frames(project: Project, found: Calibration, answer: Answer | None) -> None:
+def _show_frames(project: Project, run: Run, answer: Run | None) -> None:
+    found = run.calibration
     chosen = screening.frame_field(project, found)
 
     @callback
@@ -232,7 +233,8 @@ def _show_images(
             show_figure(figure, words, f"image_{side}", caption=True)
 
 
-def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None) -> None:
+def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
+    found = run.calibration
     frame = screening.choose_frame(project, found)
     views = views_of(found, frame)
     named = METHOD_NAMES.__getitem__
@@ -246,7 +248,8 @@ def _show_two_sets(project: Project, found: Calibration, _answer: Answer | None)
         show_figure(two_sets.plot_gap(views, method), words, "gap", caption=True)
 
 
-def _show_parameters(project: Project, found: Calibration, answer: Answer | None) -> None:
+def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
+    found = run.calibration
     if answer is not None and answer.outlook is not None:
         st.table(forecast_table(answer.outlook.predictive, answer.thresholds_px))
     else:
@@ -266,7 +269,8 @@ def _show_parameters(project: Project, found: Calibration, answer: Answer | None
         other_formats(project, answer)
 
 
-def _show_searches(_project: Project, found: Calibration, answer: Answer | None) -> None:
+def _show_searches(_project: Project, run: Run, answer: Run | None) -> None:
+    found = run.calibration
     show_figure(plot_traces(found), describe_traces(found), "traces")
     if answer is not None:
         refined_looks.show_seeds(answer)

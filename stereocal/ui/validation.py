@@ -17,11 +17,12 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.described import descriptions
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
+from stereocal.ui.answer import wait_for_answer
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.forms import changed_settings, search_form, search_values, settings_of
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback, readable, show_refusal
-from stereocal.ui.refined import refine_settings, wait_for_answer
+from stereocal.ui.refined import refine_settings
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import usual_frames
@@ -167,7 +168,7 @@ def _since(
 ) -> str:
     """What has changed since a validation."""
     found = changed_settings(evaluation.settings.to_json(), settings.to_json())
-    if list(evaluation.sha256) != [dataset.sha256 for dataset in datasets]:
+    if not evaluation.is_of(datasets):
         found.insert(0, "data")
     return ", ".join(found)
 
@@ -216,8 +217,4 @@ def is_current(
     evaluation: Evaluation | None, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> bool:
     """Whether an evaluation is of these data and settings."""
-    return (
-        evaluation is not None
-        and evaluation.settings == settings
-        and list(evaluation.sha256) == [dataset.sha256 for dataset in datasets]
-    )
+    return evaluation is not None and evaluation.settings == settings and evaluation.is_of(datasets)

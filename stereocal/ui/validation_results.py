@@ -18,12 +18,12 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.ui import jobs
+from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import readable
-from stereocal.ui.refined import answer_maker
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.further_recording import note_on_splits
@@ -181,13 +181,12 @@ def _downloads(
     pooled, by_dataset = summaries
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
     # With the answer of Calibrate, if that is of the same data and final.
-    calibration, make = readable(lambda: project.calibration), None
-    if calibration and list(evaluation.sha256) == [calibration.dataset.sha256]:
-        make = answer_maker(project, calibration)
+    run = final_run(project)
 
     def report() -> str:
-        found = make() if make else None
-        recommended = (found.calibration, found.recommendation) if found else None
+        recommended = None
+        if run is not None and evaluation.is_of([run.dataset]):
+            recommended = run.calibration, run.recommendation
         return report_html(pooled, by_dataset, *about, recommended)
 
     offer("Download report.html", report, "report.html", "download_report", place=left)

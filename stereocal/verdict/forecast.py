@@ -218,14 +218,6 @@ def forecast_files(calibration: Calibration) -> Outlook:
     return Outlook(files, refined, comparison, predictive, check)
 
 
-def outlook_of(calibration: Calibration) -> Outlook | None:
-    """The forecast, or None if there cannot be one."""
-    try:
-        return forecast_files(calibration)
-    except StereocalError:
-        return None
-
-
 def improvements(model: RefinedResult) -> dict[str, float]:
     """The mean length errors of the refined set, a fraction, as they are (key ""), and with each
     improvement, on the same simulated bars.

@@ -17,7 +17,7 @@ from stereocal.figures.journal import (
     draw_validation,
     rendered,
 )
-from stereocal.workflow import Answer
+from stereocal.workflow import Run
 from tests.paper_kit.answers import of_field, of_recording
 
 POINTS_PER_MM = 72 / 25.4
@@ -30,11 +30,11 @@ def validation() -> Drawn:
     return partial(draw_validation, found.summaries), "Refined set"
 
 
-def errors(answer: Callable[[], Answer], word: str) -> Drawn:
+def errors(answer: Callable[[], Run], word: str) -> Drawn:
     return partial(draw_frame_errors, answer().calibration), word
 
 
-def rig(answer: Callable[[], Answer], method: Method, word: str) -> Drawn:
+def rig(answer: Callable[[], Run], method: Method, word: str) -> Drawn:
     return partial(draw_rig, answer().calibration, method), word
 
 

@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal import workflow
 from stereocal.cli import main
 from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
-from stereocal.ui import press, validation
-from stereocal.ui.refined import answer_of
+from stereocal.ui import validation
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import calibrate
 from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told
@@ -52,14 +52,14 @@ def test_a_projects_zip_gives_the_same_files_again(
     """What the page computes in parts, and `reproduce` at once."""
     project = project_of(pressed, home)
     assert project.calibration is not None
-    found = answer_of(project, project.calibration)
+    found = project.run
     assert found is not None
     target = tmp_path / "project.zip"
-    pack_project(project, target, archive_files(found, found.sets))
+    pack_project(project, target, archive_files(found))
     assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 0
     assert capsys.readouterr().out.count(": identical") == 3
     project.exchange_targets(3)  # the result is of other data now
-    pack_project(project, target, archive_files(found, found.sets))
+    pack_project(project, target, archive_files(found))
     assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 2
     assert "there is no reproduce.json" in capsys.readouterr().err
 
@@ -139,7 +139,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
         return evaluate(*given, **named)
 
     monkeypatch.setattr(validation, "INSTANT", 0)
-    monkeypatch.setattr(press, "evaluate", waiting)
+    monkeypatch.setattr(workflow, "evaluate", waiting)
     open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     project = project_of(app, home)
@@ -155,7 +155,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     assert ended(project, "calibration").state == "done"
     go(app, "calibrate")
     assert project.calibration is not None
-    found = answer_of(project, project.calibration)
+    found = project.run
     assert found is not None
     (tile,) = [metric.value for metric in app.metric if metric.label == "Threshold"]
     in_file = found.sets["refined"].matching_threshold_px

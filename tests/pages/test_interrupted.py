@@ -8,10 +8,13 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal import workflow
 from stereocal.evaluation.evaluate import evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
-from stereocal.ui import jobs, refined, refined_looks, results, screening, validation
+from stereocal.projects.project import KEPT
+from stereocal.ui import jobs, results, screening, validation
+from stereocal.workflow import Run
 from tests.pages.stored_projects import SLOW, ended, messages, project_of
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
@@ -101,11 +104,8 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
 
 COMPUTING = (
     (screening, "screened"),
-    (refined, "refine"),
-    (refined, "trade_off"),
-    (refined_looks, "misfit_of"),
-    (refined, "outlook_of"),
-    (refined, "answer"),
+    *((workflow, name) for name in ("screened", "refine", "minimise", "forecast_files")),
+    *((workflow, name) for name in ("recommend", "trade_off", "misfit_of", "accuracy_map")),
     (results, "pack_dataset"),
 )
 
@@ -121,8 +121,8 @@ def long(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
 
 def forget() -> None:
     """What a server that starts has not in memory."""
-    for cache in (screening._screened, refined.refined_of, refined.outlook_for, refined._made):
-        cache.clear()
+    screening._screened.clear()
+    KEPT[Run].clear()
     jobs.JOBS.clear()
 
 

@@ -22,7 +22,6 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Correspondences
-from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped
@@ -51,17 +50,17 @@ def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
     return calls
 
 
-def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+def forget() -> None:
     """As after a restart of the server."""
-    for kind in project_module.KEPT:
-        monkeypatch.setitem(project_module.KEPT, kind, Latest(8))
+    for kept in project_module.KEPT.values():
+        kept.clear()
     st.cache_resource.clear()
 
 
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """The tables of points that were parsed."""
-    forget(monkeypatch)
+    forget()
     return counted(monkeypatch, f"{correspondences_csv.__name__}.read_rows")
 
 
@@ -93,7 +92,7 @@ def test_a_data_set_is_parsed_once(
 def test_a_recording_of_more_cameras_is_parsed_once(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    forget(monkeypatch)
+    forget()
     tables = counted(monkeypatch, "stereocal.formats.recording_files.read_points")
     files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
     give_zip(app, files)
@@ -141,13 +140,13 @@ def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_agai
 ) -> None:
     unpacked = counted(monkeypatch, "stereocal.projects.project.unpack_calibration")
     read = counted(monkeypatch, "stereocal.projects.project.unpack_evaluation")
-    fitted = counted(monkeypatch, "stereocal.ui.refined.refine")
-    forget(monkeypatch)  # what other tests of this process have calibrated
+    fitted = counted(monkeypatch, "stereocal.workflow.refine")
+    forget()  # what other tests of this process have calibrated
     project_of(open_sample(app), home).keep_settings({"validate_runs": 10})
     go(app, "calibrate").button(key="run").click().run()
     shown = [button.proto.id for button in app.get("download_button")]
     assert shown and not unpacked and not read and len(fitted) == 1
-    forget(monkeypatch)
+    forget()
     app.run()
     assert (len(unpacked), len(read), len(fitted)) == (1, 1, 1)
     calibration = project_of(app, home).calibration

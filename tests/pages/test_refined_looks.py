@@ -5,13 +5,12 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal import workflow
 from stereocal.figures.one_set import FIXED
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
-from stereocal.system.latest import Latest
-from stereocal.ui import refined_looks
 from stereocal.ui.refined import refine_settings
 from stereocal.verdict.forecast import Outlook
 from stereocal.workflow import conclusions_of_seeds
@@ -91,8 +90,7 @@ def test_other_seeds_are_tried_beside_the_page_and_once(
         tried.append(outlook)
         return conclusions_of_seeds(calibration, outlook, seeds=(1,)) or "Another seed, the same."
 
-    monkeypatch.setattr(refined_looks, "conclusions_of_seeds", conclusions)
-    monkeypatch.setattr(refined_looks, "_SEEDS", Latest(500))
+    monkeypatch.setattr(workflow, "conclusions_of_seeds", conclusions)
     look(pressed, "Searches")
     wait_until(lambda: "Trying other seeds" not in told(pressed.run()))
     assert "Another seed" in messages(pressed) and len(tried) == 1

@@ -24,8 +24,8 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.workflow import Answer
-from tests.paper_kit.answers import answer_of, of_field, of_recording
+from stereocal.workflow import Run
+from tests.paper_kit.answers import of_field, of_recording, run_of
 from tests.terminal import ROOT
 
 
@@ -102,7 +102,7 @@ IDENTICAL = [f"parameters_{method}.json: identical" for method in ("2d", "3d", "
 
 def archive(tmp_path: Path, edit: Callable[[dict[str, bytes]], None] = lambda _: None) -> str:
     """The archive of the field sample, with other files in it."""
-    files = archive_files(of_field(), of_field().sets)
+    files = archive_files(of_field())
     edit(files)
     path = tmp_path / "archive.zip"
     path.write_bytes(pack_zip(files))
@@ -120,10 +120,8 @@ def reproduce(path: str, tmp_path: Path) -> int:
 
 
 @pytest.mark.parametrize("answer", [of_field, pytest.param(of_recording, marks=pytest.mark.soak)])
-def test_another_process_gives_the_same_digests(
-    answer: Callable[[], Answer], tmp_path: Path
-) -> None:
-    files = archive_files(answer(), answer().sets)
+def test_another_process_gives_the_same_digests(answer: Callable[[], Run], tmp_path: Path) -> None:
+    files = archive_files(answer())
     path, again = tmp_path / "archive.zip", tmp_path / "again"
     path.write_bytes(pack_zip(files))
     command = [sys.executable, "-m", "stereocal", "reproduce", str(path), "--out", str(again)]
@@ -140,10 +138,11 @@ def test_settings_and_a_replaced_file_come_along(
 ) -> None:
     settings = CalibrationSettings(SearchSettings(seed=5), "linear", frames_left_out=(2,))
     dataset = of_field().calibration.dataset
-    found = answer_of(dataset, settings, runs=2, refined=RefineSettings())
+    found = run_of(dataset, settings, runs=2, refined=RefineSettings())
     sets: dict[Method, RigParameters] = {"2d": found.sets["refined"], "3d": found.sets["3d"]}
     path = tmp_path / "archive.zip"
-    path.write_bytes(pack_zip(archive_files(found, sets)))
+    vars(found)["sets"] = sets
+    path.write_bytes(pack_zip(archive_files(found)))
     assert reproduce(str(path), tmp_path) == 0
     printed = capsys.readouterr().out
     assert all(line in printed for line in IDENTICAL[:2])

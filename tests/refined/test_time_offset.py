@@ -12,7 +12,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.workflow import answer, calibrate
+from stereocal.workflow import Run, calibrate
 from tests import known_rig as rig
 from tests.rigs.moving_bar import move_bar, record
 
@@ -52,8 +52,7 @@ def test_cameras_in_step_are_left_alone() -> None:
 
 
 def test_all_files_carry_it() -> None:
-    found = calibrate(moving(0.7), TIMED)
-    for own in answer(found, None).sets.values():
+    for own in Run(moving(0.7), TIMED).sets.values():
         entry = own.to_json()["time_offset_frames"]
         assert entry["value"] == pytest.approx(0.7, abs=0.02)
         assert 0 < entry["standard_error"] < 0.01
@@ -78,12 +77,11 @@ def test_without_moving_neighbours_it_stays_out() -> None:
 
 
 def test_bars_placed_anew_for_each_photograph_are_in_step() -> None:
-    found = calibrate(rig.dataset(25, 0.2), TIMED, refined=TIMED_REFINED)
-    assert "in step" in found.screening.time_note
-    assert len(found.frames) == 25
-    sets = answer(found, None).sets
-    assert sets["2d"].time_offset is None
-    assert sets["refined"].time_offset is not None
+    run = Run(rig.dataset(25, 0.2), TIMED, TIMED_REFINED)
+    assert "in step" in run.screening.time_note
+    assert len(run.calibration.frames) == 25
+    assert run.sets["2d"].time_offset is None
+    assert run.sets["refined"].time_offset is not None
 
 
 def test_exchanged_targets_are_recognised_between_frames() -> None:

@@ -18,7 +18,7 @@ from stereocal.verdict.in_words import percent
 from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
-from stereocal.workflow import answer, calibrate
+from stereocal.workflow import Run, calibrate
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
@@ -32,6 +32,12 @@ def calibration() -> Calibration:
 @pytest.fixture(scope="module")
 def outlook(calibration: Calibration) -> Outlook:
     return forecast_files(calibration)
+
+
+def run_of(calibration: Calibration, outlook: Outlook) -> Run:
+    run = Run.of(calibration)
+    vars(run)["outlook"] = outlook
+    return run
 
 
 def told(
@@ -94,7 +100,9 @@ def test_figures_and_threshold_are_those_of_the_file(
     calibration: Calibration, outlook: Outlook
 ) -> None:
     found = recommend(calibration, outlook, VALIDATION)
-    sets = answer(calibration, outlook, validation=VALIDATION).sets
+    run = run_of(calibration, outlook)
+    run.figures = VALIDATION
+    sets = run.sets
     file = sets[found.match.method]
     assert found.match.threshold_px == file.matching_threshold_px
     assert file.predicted is not None
@@ -140,7 +148,7 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
 
 
 def test_files_carry_it(calibration: Calibration, outlook: Outlook) -> None:
-    found = answer(calibration, outlook)
+    found = run_of(calibration, outlook)
     for rig_file in found.sets.values():
         read = RigParameters.loads(rig_file.dumps())
         assert read.recommendation == json.loads(json.dumps(found.recommendation.to_json()))
