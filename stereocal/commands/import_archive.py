@@ -86,9 +86,9 @@ def _show(lines: Sequence[Taken]) -> None:
     report(*(f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c}" for a, b, c in rows))
 
 
-def _notes_on(found: Archive, dataset: Dataset) -> list[str]:
-    notes = list(found.remarks)
-    if found.baseline_m is not None and dataset.baseline_m == found.baseline_m:
+def _notes_on(archive: Archive, dataset: Dataset) -> list[str]:
+    notes = list(archive.remarks)
+    if archive.baseline_m is not None and dataset.baseline_m == archive.baseline_m:
         notes.append(
             f"The baseline of {rounded(dataset.baseline_m, 4)} m is the other program's result, "
             "not a measurement. If you have measured it, give --baseline B; else --baseline free "
@@ -101,7 +101,7 @@ def _notes_on(found: Archive, dataset: Dataset) -> list[str]:
     return notes
 
 
-def _not_replaced(found: Archive, baseline: float | None, distance: float | None) -> list[Taken]:
+def _not_replaced(archive: Archive, baseline: float | None, distance: float | None) -> list[Taken]:
     """The report without what the options replace, and with the options."""
     stated = []
     if distance is not None:
@@ -111,4 +111,4 @@ def _not_replaced(found: Archive, baseline: float | None, distance: float | None
         words = "free: the lengths of the bars give the scale" if free else f"{baseline:g} m"
         stated.append(Taken("baseline", words, "--baseline"))
     replaced = {line.what for line in stated}
-    return [*(line for line in found.taken if line.what not in replaced), *stated]
+    return [*(line for line in archive.taken if line.what not in replaced), *stated]

@@ -224,14 +224,14 @@ def _baselines(description: Description, cameras: Iterable[str]) -> dict[Pair, f
 
 
 def read_points(
-    content: bytes, cameras: Mapping[str, Camera], own: RigidObject, source: str
+    content: bytes, cameras: Mapping[str, Camera], rigid_object: RigidObject, source: str
 ) -> Recording:
     """The recording of a table of points, without name and baselines."""
     lines = max(content.count(b"\n"), content.count(b"\r"))
     Limits.from_environment().check_pairs(lines - 1, source)
     rows = read_rows(content, source, REQUIRED, NUMBERS, (), EMPTY)
     codes: dict[str, IntArray] = {}
-    for column, names in (("camera", list(cameras)), ("target", list(own.names))):
+    for column, names in (("camera", list(cameras)), ("target", list(rigid_object.names))):
         words = rows.raw[column].str.strip()
         allowed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
         known = {name: i for i, name in enumerate(names)}
@@ -251,7 +251,7 @@ def read_points(
     return Recording(
         name="",
         cameras=dict(cameras),
-        object=own,
+        object=rigid_object,
         frame=rows.values["frame"].astype(np.int64),
         camera=codes["camera"],
         target=codes["target"],

@@ -164,28 +164,28 @@ def names_by_camera(moments: Moments, cameras: Iterable[str]) -> dict[str, list[
     }
 
 
-def pairs_of(moments: Moments, one: str, other: str) -> list[Pair]:
+def pairs_of(moments: Moments, first: str, second: str) -> list[Pair]:
     """The photographs of two cameras."""
     return [
-        Pair(frame, files[one], files[other])
+        Pair(frame, files[first], files[second])
         for frame, files in moments.items()
-        if one in files and other in files
+        if first in files and second in files
     ]
 
 
 def put_together(
     moments: Moments,
-    found: PairPoints,
+    points_of_pairs: PairPoints,
     ways: Sequence[IntArray],
     cameras: Mapping[str, Camera],
-    own: RigidObject,
+    rigid_object: RigidObject,
     why: Mapping[str, str],
 ) -> FoundRecording:
     """The recording of what was found pair by pair.
 
     Args:
         ways: orders of the targets, each (n,), in which the object looks the same.
-        own: the object, whose targets these are.
+        rigid_object: the object, whose targets these are.
         why: by photograph, what was wrong with it; empty if nothing.
 
     Raises:
@@ -195,7 +195,7 @@ def put_together(
     unused = []
     for frame, files in moments.items():
         points, agree = in_one_order(
-            {k: its[frame] for k, its in found.items() if frame in its}, ways
+            {k: its[frame] for k, its in points_of_pairs.items() if frame in its}, ways
         )
         for number, (camera, name) in enumerate((each, files.get(each)) for each in cameras):
             if name is None:
@@ -213,7 +213,7 @@ def put_together(
     frame_of, camera_of, target_of = np.array([row[:3] for row in rows], dtype=np.int64).T
     values = np.array([row[3] for row in rows])
     recording = Recording(
-        "", dict(cameras), own, frame_of, camera_of, target_of, values[:, :2], values[:, 2]
+        "", dict(cameras), rigid_object, frame_of, camera_of, target_of, values[:, :2], values[:, 2]
     )
     return FoundRecording(recording, tuple(unused))
 

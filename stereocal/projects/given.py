@@ -108,14 +108,14 @@ class ProjectGiven(ProjectPart):
         names = labels["primary"], labels["secondary"]
         return read_once(nominal_baseline, first, second, names)
 
-    def add_photographs(self, found: Mapping[str, StoredFile]) -> None:
+    def add_photographs(self, stored: Mapping[str, StoredFile]) -> None:
         """Add stored photographs. Those that are there already stay as they are; others with the
         same names are the second camera's."""
         before = self.photographs.photographs
         # A folder may have been put before the name.
         there = {(name.partition("/")[2], file) for name, file in before.items()}
         there |= {*before.items()}
-        new = {name: file for name, file in found.items() if (name, file) not in there}
+        new = {name: file for name, file in stored.items() if (name, file) not in there}
         again = [name for name in new if name in before]
         if 2 * len(again) > len(new) and {*again} <= {n for s in self.sides.open for n in s.names}:
             self.photographs.rename({name: f"primary/{name}" for name in before})

@@ -38,13 +38,13 @@ def taken_of(file: StoredFile) -> Taken:
     return Taken()
 
 
-def dated(found: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
+def dated(stored: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
     """Photographs with what their files say, to be stored with their names."""
     return {
         name: file
         if isinstance(file.about, dict)
         else replace(file, about=plain(read_taken(_head(file), name)))
-        for name, file in found.items()
+        for name, file in stored.items()
     }
 
 

@@ -111,7 +111,7 @@ class ProjectPhotographs(ProjectPart):
             check_rows(rows or (), self.photographs)
             self.database.keep_values(BAR, {"pairs": plain(rows)})
 
-    def add(self, found: Mapping[str, StoredFile]) -> None:
+    def add(self, stored: Mapping[str, StoredFile]) -> None:
         """Add stored photographs; a repeated name is replaced.
 
         Edited pairs stay, and pairs of the other photographs are proposed. Targets found in
@@ -119,10 +119,10 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             before = self.photographs
-            self.database.name_files(BAR, dated(found))
+            self.database.name_files(BAR, dated(stored))
             if self._edited is not None:
                 self.keep_rows(with_new(self.rows, self.taken))
-            replaced = {name for name in found if before.get(name, found[name]) != found[name]}
+            replaced = {name for name in stored if before.get(name, stored[name]) != stored[name]}
             frames = self.frames or []
             left = [frame for frame in frames if not replaced.intersection(frame.files)]
             if self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
@@ -139,10 +139,10 @@ class ProjectPhotographs(ProjectPart):
             self.database.forget_files(BAR, [old for old in names if old not in moved])
             self._decide([renamed(one, names) for one in self._decisions])
 
-    def clear(self, found: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
-        """Delete all photographs but `found`, and the targets found in them."""
+    def clear(self, stored: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
+        """Delete all photographs but `stored`, and the targets found in them."""
         with self.database.freeing() as db:
-            self.database.replace_files(BAR, dated(found))
+            self.database.replace_files(BAR, dated(stored))
             self.database.keep_values(BAR, {"pairs": None, "pairing": [], "found_by": ""})
             self.database.keep_result("frames", None)
             if not self.database.scope:  # others have no edits
@@ -151,7 +151,7 @@ class ProjectPhotographs(ProjectPart):
     def give(
         self,
         files: Mapping[Slot, tuple[str, bytes]],
-        found: Mapping[str, StoredFile],
+        stored: Mapping[str, StoredFile],
         **values: Any,
     ) -> bool:
         """Replace the project's data by a whole data set, in one transaction.
@@ -161,13 +161,13 @@ class ProjectPhotographs(ProjectPart):
 
         Args:
             files, values: as for `Project.give`.
-            found: its stored photographs.
+            stored: its stored photographs.
 
         Returns:
             Whether the targets found stay.
         """
         with self.database.transaction():
-            again = bool(found) and self.photographs == found and "correspondences" not in files
+            again = bool(stored) and self.photographs == stored and "correspondences" not in files
             own: dict[Slot, tuple[str, bytes]] = {}
             if again:
                 with suppress(StereocalError):  # no target was found, or none is used
@@ -181,7 +181,7 @@ class ProjectPhotographs(ProjectPart):
                 # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error
             if not again:
-                self.clear(found)
+                self.clear(stored)
         return again
 
     # What was found
@@ -197,7 +197,7 @@ class ProjectPhotographs(ProjectPart):
         """The `search` of the last `keep_boards`; empty if none."""
         return str(self._value("found_by"))
 
-    def keep_found(self, found: Sequence[Frame], searched: Mapping[str, StoredFile]) -> None:
+    def keep_found(self, frames: Sequence[Frame], searched: Mapping[str, StoredFile]) -> None:
         """Store the result of a search; decisions of the user made meanwhile stay.
 
         Args:
@@ -209,17 +209,17 @@ class ProjectPhotographs(ProjectPart):
                 the frames are stored, without a table.
         """
         with self.database.transaction():
-            now, names = self.photographs, {name for frame in found for name in frame.files}
+            now, names = self.photographs, {name for frame in frames for name in frame.files}
             if any(now.get(name) != searched.get(name) for name in names):
                 raise StereocalError(
                     "The photographs were changed while the targets were looked for: find them "
                     "again."
                 )
             with suppress(StereocalError):  # damaged frames are replaced
-                found = keep_corrections(found, self.frames or ())
-            refused = self._keep_frames(found)
+                frames = keep_corrections(frames, self.frames or ())
+            refused = self._keep_frames(frames)
         # Frames without a target to use are shown as such.
-        if refused is not None and any(frame.use and frame.targets_in_both for frame in found):
+        if refused is not None and any(frame.use and frame.targets_in_both for frame in frames):
             raise refused
 
     def keep_corrected(self, frames: Sequence[Frame]) -> StereocalError | None:
@@ -249,7 +249,7 @@ class ProjectPhotographs(ProjectPart):
 
     def keep_boards(
         self,
-        found: Dataset,
+        dataset: Dataset,
         sentence: str,
         doubtful: Mapping[int, str],
         lenses: str | None,
@@ -270,9 +270,9 @@ class ProjectPhotographs(ProjectPart):
         if lenses is not None:
             labels |= dict.fromkeys(CAMERAS, lenses)
         files = {
-            slot: (labels[slot], each) for slot, each in packed(found).items() if slot in labels
+            slot: (labels[slot], each) for slot, each in packed(dataset).items() if slot in labels
         }
-        values: dict[str, Any] = {"target_distance_m": found.target_distance_m}
+        values: dict[str, Any] = {"target_distance_m": dataset.target_distance_m}
         why = {str(frame): why for frame, why in doubtful.items()}
         about = {"boards_found": sentence, "boards_doubtful": why, "found_by": search}
         with self.database.transaction():

@@ -94,7 +94,7 @@ class ProjectRecording(ProjectPart):
             self.database.name_files(PARTS, {name: self.database.files(REPLACED)[name]})
             self.database.forget_files(REPLACED, [name])
 
-    def give(self, found: Recording, files: Mapping[str, bytes]) -> None:
+    def give(self, recording: Recording, files: Mapping[str, bytes]) -> None:
         """Store a recording and its files instead of what was there; its rig goes."""
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
         if kept == self.database.files(RECORDING):
@@ -103,8 +103,8 @@ class ProjectRecording(ProjectPart):
             self.database.replace_files(RECORDING, kept)
             self.database.forget_files(RIG_FILES)
             self.database.forget_pairs()
-            self.database.keep_values(INPUT, {"name": found.name})
-        KEPT[Recording].keep(" ".join(self.digest), found)
+            self.database.keep_values(INPUT, {"name": recording.name})
+        KEPT[Recording].keep(" ".join(self.digest), recording)
 
     def read(self) -> Recording | None:
         """The recording; None if the project holds none."""

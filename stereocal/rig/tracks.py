@@ -131,9 +131,9 @@ class Interpolated:
 
 
 def interpolate(
-    track: IntArray, time_frame: IntArray, positions: FloatArray, late: FloatArray
+    track: IntArray, time_frame: IntArray, positions: FloatArray, offset: FloatArray
 ) -> Interpolated:
-    """The positions of the points at the instants `time_frame` - `late`.
+    """The positions of the points at the instants `time_frame` - `offset`.
 
     The velocity is one whose noise is independent of that of the position: otherwise the noise
     alone would pull a fitted offset towards half a frame, where an interpolated position has least
@@ -145,9 +145,9 @@ def interpolate(
             neighbours.
         time_frame: (n,): frame numbers as recorded.
         positions: (n, 2).
-        late: (n,): frames by which the camera of these points is late.
+        offset: (n,): frames by which the camera of these points is late.
     """
-    at = time_frame - late
+    at = time_frame - offset
     near = np.round(at)
     at = np.where(np.abs(at - near) < NO_SHIFT, near, at)
     found = Interpolated(

@@ -155,9 +155,9 @@ def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
     return {target: value for target, value in found.items() if value}
 
 
-def _show(found: Gathered) -> None:
+def _show(gathered: Gathered) -> None:
     """What was read, camera by camera."""
-    recording = found.recording
+    recording = gathered.recording
     rows = []
     for number_of, (name, camera) in enumerate(recording.cameras.items()):
         own = recording.frame[recording.camera == number_of]
@@ -166,20 +166,20 @@ def _show(found: Gathered) -> None:
     table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
     st.table(escaped_table(table).set_index("Camera"))
     st.caption(escape_markdown(recording.describe_pairs()))
-    for remark in found.remarks:
+    for remark in gathered.remarks:
         st.warning(escape_markdown(remark))
 
 
 @callback
-def _calibrate(store: ProjectRecording, found: Gathered) -> None:
+def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
-    recording = found.recording
+    recording = gathered.recording
     if len(recording.cameras) == 2:
         give_pair(store.project, with_baseline_found(recording.pair(*recording.cameras)))
         for name in store.parts:
             store.drop_part(name)
         return
-    store.give(recording, found.files)
+    store.give(recording, gathered.files)
     jobs.start(work_of(store.project, False))
     go_to("rig")
 

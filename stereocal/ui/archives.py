@@ -70,36 +70,36 @@ def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:
     return first, second
 
 
-def _show(found: Archive, baseline_known: bool) -> None:
-    rows = [(each.what, each.taken, each.origin) for each in found.taken]
+def _show(archive: Archive, baseline_known: bool) -> None:
+    rows = [(each.what, each.taken, each.origin) for each in archive.taken]
     table = pd.DataFrame(rows, columns=["What", "Found", "From"])
     st.table(escaped_table(table).set_index("What"))
-    for remark in found.remarks:
+    for remark in archive.remarks:
         st.caption(escape_markdown(remark))
-    if found.baseline_m is not None:
+    if archive.baseline_m is not None:
         st.caption(
             "The baseline is the other program's result, not a measurement: replace it and its "
             "uncertainty by the measured ones, or state below that it was not measured."
         )
-    elif found.correspondences is not None and not baseline_known:
+    elif archive.correspondences is not None and not baseline_known:
         st.caption("It has no baseline: enter the measured one below, or say that there is none.")
-    if found.throw is not None:
-        content = found.throw.to_csv(index=False)
+    if archive.throw is not None:
+        content = archive.throw.to_csv(index=False)
         offer("The thrown object, for a world frame", content, THROW, "throw")
 
 
-def _use(store: ProjectApplication, label: str, found: Archive) -> None:
+def _use(store: ProjectApplication, label: str, archive: Archive) -> None:
     """Store what was found; a length that the user has entered stays."""
     files: dict[Slot, tuple[str, bytes]] = {}
-    if found.primary is not None and found.secondary is not None:
-        files["primary"] = (f"{label}, primary", write_camera(found.primary))
-        files["secondary"] = (f"{label}, secondary", write_camera(found.secondary))
-    if found.correspondences is not None:
-        files["correspondences"] = (label, write_table(found.correspondences))
+    if archive.primary is not None and archive.secondary is not None:
+        files["primary"] = (f"{label}, primary", write_camera(archive.primary))
+        files["secondary"] = (f"{label}, secondary", write_camera(archive.secondary))
+    if archive.correspondences is not None:
+        files["correspondences"] = (label, write_table(archive.correspondences))
     inputs, values = store.project.inputs, dict[str, Any]()
-    if found.baseline_m is not None and inputs.baseline_m is None:
-        values |= {"baseline_m": found.baseline_m, "baseline_sigma_m": found.baseline_sigma_m}
-    if found.target_distance_m is not None and inputs.target_distance_m is None:
-        values["target_distance_m"] = found.target_distance_m
+    if archive.baseline_m is not None and inputs.baseline_m is None:
+        values |= {"baseline_m": archive.baseline_m, "baseline_sigma_m": archive.baseline_sigma_m}
+    if archive.target_distance_m is not None and inputs.target_distance_m is None:
+        values["target_distance_m"] = archive.target_distance_m
     store.project.give(files, **values)
     store.forget_question("archive")

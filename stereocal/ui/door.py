@@ -83,17 +83,17 @@ def data_door(project: Project | None) -> None:
         ask_whose_video(use_videos)
 
 
-def _show_state(own: ProjectGiven) -> None:
+def _show_state(project_files: ProjectGiven) -> None:
     """What is in use, and what is still missing."""
-    project, labels = own.project, own.project.inputs.labels
+    project, labels = project_files.project, project_files.project.inputs.labels
     used = [labels[slot] + words for slot, words in SLOTS.items() if slot in labels]
     with suppress(StereocalError):  # damaged: reported where they are shown
-        if counts := own.photographs_in_words:
+        if counts := project_files.photographs_in_words:
             used.append(counts)
     if not used:
         return
     st.caption(f"In use: {escape_markdown(', '.join(used))}")
-    if own.is_of_rig or own.is_undivided or ProjectRecording(project).is_given:
+    if project_files.is_of_rig or project_files.is_undivided or ProjectRecording(project).is_given:
         return
     if missing := missing_of(project):
         st.warning(f"Still missing: {missing}.")
@@ -132,12 +132,12 @@ def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
             given.problems.append(str(error))
 
 
-def _take_photographs(own: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
+def _take_photographs(project_files: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
     if found:
-        own.add_photographs(found)
+        project_files.add_photographs(found)
 
 
-def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> None:
+def _take_cameras(project_files: ProjectGiven, given: Dropped[StoredFile]) -> None:
     """Camera files, those of both cameras or of all, and rigs."""
     files = given.of("camera")
     for content in given.of("rig").values():
@@ -146,42 +146,42 @@ def _take_cameras(own: ProjectGiven, given: Dropped[StoredFile]) -> None:
     several: dict[str, bytes] = {}
     of_two = any(_cameras_of(*table) == 2 for table in given.of("table").items())
     for name, content in given.of("cameras").items():
-        if len(own.cameras_in(name, content)) > 2 and not of_two:
+        if len(project_files.cameras_in(name, content)) > 2 and not of_two:
             several[name] = content
         else:
-            ProjectApplication(own.project).ask("archive", name, content)
-    if several or len(files) + len(own.open_files) > 2:
-        own.more_cameras({**files, **several})
+            ProjectApplication(project_files.project).ask("archive", name, content)
+    if several or len(files) + len(project_files.open_files) > 2:
+        project_files.more_cameras({**files, **several})
     elif files:
-        _place(own, files)
+        _place(project_files, files)
 
 
-def _place(own: ProjectGiven, files: Mapping[str, bytes]) -> None:
+def _place(project_files: ProjectGiven, files: Mapping[str, bytes]) -> None:
     """Store the camera files whose cameras are known; the others are asked about."""
-    placed = own.place_cameras(files)
-    parts = own.recording.parts
+    placed = project_files.place_cameras(files)
+    parts = project_files.recording.parts
     contents: dict[Slot, tuple[str, bytes]] = {
         side: (name, parts[name].read_bytes()) for side, name in placed.items()
     }
     for name in placed.values():
-        own.recording.drop_part(name)
+        project_files.recording.drop_part(name)
     if contents:
         intake.store_cameras(contents)
 
 
-def _take_tables(own: ProjectGiven, tables: Mapping[str, bytes]) -> None:
+def _take_tables(project_files: ProjectGiven, tables: Mapping[str, bytes]) -> None:
     for number, (name, content) in enumerate(tables.items()):
         if number:
             raise StereocalError(f"{name}: another table was given with it. Give one at a time.")
         text = point_text(content, name)
         if names_cameras(text, name):
-            own.more_cameras({name: text})
+            project_files.more_cameras({name: text})
         elif is_correspondences(text, name):
             intake.store_table(name, text)
-        elif own.is_of_rig and _cameras_of(name, text) > 2:
-            own.recording.add_parts({name: text})
+        elif project_files.is_of_rig and _cameras_of(name, text) > 2:
+            project_files.recording.add_parts({name: text})
         else:
-            ProjectApplication(own.project).ask("bars", name, text)
+            ProjectApplication(project_files.project).ask("bars", name, text)
 
 
 def _cameras_of(name: str, content: bytes) -> int:
@@ -227,56 +227,59 @@ def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> 
                 st.button(title, key=f"{key}_{number}", type=kind, on_click=act)
 
 
-def ask_whose(own: ProjectGiven) -> None:
+def ask_whose(project_files: ProjectGiven) -> None:
     """Which camera took photographs, and whose a camera file is, one question at a time."""
-    series = own.open_series
-    cameras = own.rig_cameras if own.is_of_rig else CAMERAS
-    if len(series) == 2 and not own.is_of_rig:
+    series = project_files.open_series
+    cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS
+    if len(series) == 2 and not project_files.is_of_rig:
         answers: dict[str, Callable[[], None]] = {
-            str(each): partial(_answer, own, each, "primary") for each in series
+            str(each): partial(_answer, project_files, each, "primary") for each in series
         }
-        answers[REMOVE] = own.photographs.clear
+        answers[REMOVE] = project_files.photographs.clear
         _ask("whose", "Which photographs are the primary camera's?", answers)
     elif series and cameras:
-        titles = cameras if own.is_of_rig else BOTH
-        of = [partial(_answer, own, series[0], camera) for camera in cameras]
-        answers = {**dict(zip(titles, of, strict=True)), REMOVE: own.photographs.clear}
+        titles = cameras if project_files.is_of_rig else BOTH
+        of = [partial(_answer, project_files, series[0], camera) for camera in cameras]
+        answers = {**dict(zip(titles, of, strict=True)), REMOVE: project_files.photographs.clear}
         _ask("whose", f"Which camera took {series[0]}?", answers)
-    elif files := own.open_files:
-        _ask_whose_file(own, files)
+    elif files := project_files.open_files:
+        _ask_whose_file(project_files, files)
 
 
-def _ask_whose_file(own: ProjectGiven, files: Sequence[str]) -> None:
+def _ask_whose_file(project_files: ProjectGiven, files: Sequence[str]) -> None:
     first = files[0]
     if len(files) == 2:
-        either = {name: partial(_give_file, own, name, "primary") for name in files}
+        either = {name: partial(_give_file, project_files, name, "primary") for name in files}
         _ask("whose_file", "Which camera file is the primary camera's?", either)
         return
     answers: dict[str, Callable[[], None]] = {
-        title: partial(_give_file, own, first, slot)
+        title: partial(_give_file, project_files, first, slot)
         for title, slot in zip(BOTH, CAMERAS, strict=True)
     }
-    if {*CAMERAS} <= {*own.project.inputs.labels}:
-        answers["A third camera"] = partial(own.more_cameras, {})
+    if {*CAMERAS} <= {*project_files.project.inputs.labels}:
+        answers["A third camera"] = partial(project_files.more_cameras, {})
     _ask("whose_file", f"Which camera's is {first}?", answers)
 
 
-def _answer(own: ProjectGiven, series: Series, camera: str) -> None:
-    own.answer(series, camera)
-    if own.is_of_rig:
+def _answer(project_files: ProjectGiven, series: Series, camera: str) -> None:
+    project_files.answer(series, camera)
+    if project_files.is_of_rig:
         return
-    if own.open_files:  # the photographs may tell now
-        _place(own, {})
+    if project_files.open_files:  # the photographs may tell now
+        _place(project_files, {})
 
 
-def _give_file(own: ProjectGiven, name: str, slot: Slot) -> None:
+def _give_file(project_files: ProjectGiven, name: str, slot: Slot) -> None:
     """Store a camera file as stated, and the other one as the other camera's."""
     other = CAMERAS[1 - CAMERAS.index("primary" if slot == "primary" else "secondary")]
-    slots = {name: slot, **dict.fromkeys((each for each in own.open_files if each != name), other)}
-    parts = own.recording.parts
+    slots = {
+        name: slot,
+        **dict.fromkeys((each for each in project_files.open_files if each != name), other),
+    }
+    parts = project_files.recording.parts
     contents = {each: (file, parts[file].read_bytes()) for file, each in slots.items()}
     for file in slots:
-        own.recording.drop_part(file)
+        project_files.recording.drop_part(file)
     intake.store_cameras(contents)
 
 

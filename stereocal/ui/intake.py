@@ -102,9 +102,9 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     ask_about_lens(take)
 
 
-def store_dataset(files: Mapping[str, bytes], source: str, found: Photographs) -> None:
+def store_dataset(files: Mapping[str, bytes], source: str, photographs: Photographs) -> None:
     """Store a data set and its photographs; what may be a fisheye's is asked."""
-    ask_if_fisheye(partial(_try_dataset, files, source, found))
+    ask_if_fisheye(partial(_try_dataset, files, source, photographs))
 
 
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
@@ -117,18 +117,18 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
 
 
 def _try_dataset(
-    files: Mapping[str, bytes], source: str, found: Photographs, lens_model: LensModel | None
+    files: Mapping[str, bytes], source: str, photographs: Photographs, lens_model: LensModel | None
 ) -> None:
     """Store a data set; if rows are refused, offer to leave them out."""
     try:
-        give_dataset(project_to_write(), files, source, found, lens_model)
+        give_dataset(project_to_write(), files, source, photographs, lens_model)
     except RefusedRowsError as error:
         name = find_description(files, source).folder + TABLE
         if name not in files:  # a recording has another table
             raise
 
         def use(rest: bytes) -> None:
-            _try_dataset({**files, name: rest}, source, found, lens_model)
+            _try_dataset({**files, name: rest}, source, photographs, lens_model)
 
         _offer_rest(error, files[name], use)
 
@@ -172,7 +172,7 @@ def give_dataset(
             own |= _fisheyes(description, recording.cameras)
             ProjectRecording(project).give(recording, own)
         else:
-            give_pair(project, parse_dataset(files, source, lens_model=lens_model), found=found)
+            give_pair(project, parse_dataset(files, source, lens_model=lens_model), photographs=found)
         return
     given: dict[Slot, tuple[str, bytes]] = {}
     if found and folder + TABLE not in files:
@@ -203,17 +203,17 @@ def give_pair(
     project: Project,
     dataset: Dataset,
     given: Mapping[Slot, tuple[str, bytes]] | None = None,
-    found: Photographs = MappingProxyType({}),
+    photographs: Photographs = MappingProxyType({}),
 ) -> None:
     """Replace a project's data by a data set.
 
     Args:
         given: its files, where it was read from some.
-        found: its photographs, which are stored already.
+        photographs: its photographs, which are stored already.
     """
     if given is None:
         given = {slot: (NAMES[slot], content) for slot, content in packed(dataset).items()}
-    kept = ProjectPhotographs(project).give(given, found, **stated_in(dataset))
+    kept = ProjectPhotographs(project).give(given, photographs, **stated_in(dataset))
     if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")
 
