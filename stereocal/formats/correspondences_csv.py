@@ -61,9 +61,9 @@ def read_table(content: bytes, source: str) -> Table:
     if TIME not in raw:
         values[TIME] = values["frame"]
     words = {name: raw[name].str.strip() for name in ("target", SOURCE)}
-    own = _object(words["target"], values, reasons, source) if OBJECT[0] in raw else None
-    names = TARGETS if own is None else own.names
-    targets = words["target"].str.upper() if own is None else words["target"]
+    rigid_object = _object(words["target"], values, reasons, source) if OBJECT[0] in raw else None
+    names = TARGETS if rigid_object is None else rigid_object.names
+    targets = words["target"].str.upper() if rigid_object is None else words["target"]
     known = {name: i for i, name in enumerate(names)}
     target = codes_of(targets, known, " or ".join(names[:2]), words["target"], reasons)
     known = {"": UNKNOWN_SOURCE} | {name: i for i, name in enumerate(SOURCES)}
@@ -86,7 +86,7 @@ def read_table(content: bytes, source: str) -> Table:
             source=origin[sound],
             line=raw.index.to_numpy(dtype=np.int64)[sound],
             time_frame=values[TIME][sound].astype(np.int64),
-            rigid_object=own,
+            rigid_object=rigid_object,
         ),
         rows.problems,
     )
@@ -135,13 +135,13 @@ def _contradictions(
     differ = rows["own"].notna() & known.notna() & (rows["own"] != known)
     reasons: Reasons = {}
     found = rows.assign(earlier=earlier, known=known)[again | differ]
-    for row, (frame, which, own, line, first, other) in zip(
+    for row, (frame, which, distance, line, first, other) in zip(
         found.index.tolist(), found.to_numpy().tolist(), strict=True
     ):
         if line != first:
             problem = f"has target {names[int(which)]} already, in line {first:.0f}"
         else:
-            problem = f"has two different distances, {other:g} and {own:g} m"
+            problem = f"has two different distances, {other:g} and {distance:g} m"
         reasons[row] = f"frame {frame:.0f} {problem}"
     return reasons
 

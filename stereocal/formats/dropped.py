@@ -45,9 +45,9 @@ class Dropped(Generic[F]):
 
     def of(self, kind: Kind) -> dict[str, bytes]:
         """The files of a kind, without their folders where the names stay different."""
-        own = {name: self.files[name] for name, each in self.kinds.items() if each == kind}
-        short = {PurePosixPath(name).name: content for name, content in own.items()}
-        return short if len(short) == len(own) else own
+        chosen = {name: self.files[name] for name, each in self.kinds.items() if each == kind}
+        short = {PurePosixPath(name).name: content for name, content in chosen.items()}
+        return short if len(short) == len(chosen) else chosen
 
     @property
     def in_words(self) -> str:
@@ -104,8 +104,8 @@ def _sort(
         else:
             for member, inside in _unpacked(name, content):
                 _sort(found, member, inside, keep, in_zip=True)
-                own = sum(map(len, found.files.values()))
-                Limits.from_environment().check_size(own, f"{name}: the files inside, together")
+                size = sum(map(len, found.files.values()))
+                Limits.from_environment().check_size(size, f"{name}: the files inside, together")
     except StereocalError as error:
         found.problems.append(str(error))
 

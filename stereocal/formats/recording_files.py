@@ -155,15 +155,19 @@ def parse_recording(
     found = find_description(files, source)
     if not found.is_recording:
         raise StereocalError(f'{found.where}: its "format" must be "{RECORDING_FORMAT}".')
-    cameras, own = found.cameras(lens_model), _object(found)
+    cameras, rigid_object = found.cameras(lens_model), _object(found)
     if not with_points:
         none = np.empty(0, dtype=np.int64)
-        recording = Recording("", cameras, own, none, none, none, np.empty((0, 2)), np.empty(0))
+        recording = Recording(
+            "", cameras, rigid_object, none, none, none, np.empty((0, 2)), np.empty(0)
+        )
     elif found.folder + POINTS not in files:
         how = "; find the targets first, with `stereocal detect`" if photographs else ""
         raise StereocalError(f"{source}: the table of points {POINTS!r} is missing{how}.")
     else:
-        recording = read_points(files[found.folder + POINTS], cameras, own, f"{source}: {POINTS}")
+        recording = read_points(
+            files[found.folder + POINTS], cameras, rigid_object, f"{source}: {POINTS}"
+        )
     return replace(
         recording,
         name=found.name,
@@ -277,9 +281,9 @@ def _refuse_twice(rows: Rows, camera: IntArray, target: IntArray) -> None:
 
 def pack_recording(recording: Recording) -> dict[str, bytes]:
     """The files of a recording by name, read back exactly by `parse_recording`."""
-    own, board = recording.object, recording.object.board
+    rigid_object, board = recording.object, recording.object.board
     names = {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)}
-    described: Any = dict(zip(own.names, own.points.tolist(), strict=True))
+    described: Any = dict(zip(rigid_object.names, rigid_object.points.tolist(), strict=True))
     if board is not None:
         described = {BOARD: {k: v for k, v in plain(board).items() if v is not None}}
     description = {
@@ -287,7 +291,7 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
         "name": recording.name,
         "cameras": names,
         "object": described,
-        "object_sigma_m": own.sigma_m,
+        "object_sigma_m": rigid_object.sigma_m,
         "baselines_m": {f"{a}-{b}": m for (a, b), m in recording.baselines_m.items()} or None,
         "baseline_sigma_m": recording.baseline_sigma_m,
         "notes": recording.notes or None,

@@ -71,8 +71,11 @@ def match_names(
         taken: what the files say, by name.
     """
     named, timed = _by_name(folders), _by_time(folders, taken)
-    moment_of = {name: frame for frame, own in timed.items() for name in own.values()}
-    at = [{moment_of[name] for name in own.values() if name in moment_of} for own in named.values()]
+    moment_of = {name: frame for frame, files in timed.items() for name in files.values()}
+    at = [
+        {moment_of[name] for name in files.values() if name in moment_of}
+        for files in named.values()
+    ]
     if timed and (not named or sum(len(moments) > 1 for moments in at) >= CONTRADICTED):
         return timed
     if not named:
@@ -235,7 +238,7 @@ def in_one_order(
         )
         if (way := next(fitting, None)) is None:
             return {}, False
-        points |= {camera: own[way] for camera, own in both.items()}
+        points |= {camera: seen[way] for camera, seen in both.items()}
     return points, True
 
 

@@ -71,26 +71,26 @@ def times_of(names: Sequence[str], taken: Mapping[str, Taken]) -> Times:
     """The times of a camera, by the source that most of its photographs have."""
     sources = [taken[name].source for name in names if taken[name].seconds is not None]
     source: Source = max(sources, key=sources.count, default="")
-    own = {name: taken[name] for name in names if source and taken[name].source == source}
-    seconds = np.array([one.seconds for one in own.values()], np.float64)
-    step = max((one.step for one in own.values()), default=1.0)
-    return Times([*own], seconds, step, source, [one.zone for one in own.values()])
+    timed = {name: taken[name] for name in names if source and taken[name].source == source}
+    seconds = np.array([one.seconds for one in timed.values()], np.float64)
+    step = max((one.step for one in timed.values()), default=1.0)
+    return Times([*timed], seconds, step, source, [one.zone for one in timed.values()])
 
 
 def aligned_clocks(first: Times, second: Times) -> Alignment | None:
     """The photographs of two cameras that fit by time; None if their times cannot tell."""
     times = first, second
-    zones = [zone for own in times for zone in own.zones]
+    zones = [zone for camera in times for zone in camera.zones]
     clocks = []
-    for own in times:
-        if own.source == "file" and _pause(own.seconds) < LEAST_PAUSE_S:
+    for camera in times:
+        if camera.source == "file" and _pause(camera.seconds) < LEAST_PAUSE_S:
             return None
-        ahead = np.zeros(len(own.names))
-        if None not in own.zones and own.zones:
+        ahead = np.zeros(len(camera.names))
+        if None not in camera.zones and camera.zones:
             # Of one camera only, no more than what its zone has changed.
-            start = own.zones[0] if None in zones else 0.0
-            ahead = np.array(own.zones, np.float64) - (start or 0.0)
-        clocks.append(own.seconds - ahead)
+            start = camera.zones[0] if None in zones else 0.0
+            ahead = np.array(camera.zones, np.float64) - (start or 0.0)
+        clocks.append(camera.seconds - ahead)
     return align(clocks[0], clocks[1], (times[0].step, times[1].step))
 
 
@@ -165,8 +165,8 @@ def _pairs(first: FloatArray, second: FloatArray, scatter: float) -> IntArray:
     order = np.argsort(times, kind="stable")
     cuts = np.flatnonzero(np.diff(times[order]) > REACH * scatter) + 1
     found = []
-    for own in np.split(order, cuts):
-        rows, columns = own[own < len(first)], own[own >= len(first)] - len(first)
+    for group in np.split(order, cuts):
+        rows, columns = group[group < len(first)], group[group >= len(first)] - len(first)
         if len(rows) and len(columns):
             apart = (second[columns][None, :] - first[rows][:, None]) / scatter
             found.append(_solve(apart, rows, columns))

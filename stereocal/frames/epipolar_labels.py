@@ -175,8 +175,8 @@ def _compare(
     least, pose, residual = poses[0]
     swapped = residual[1] < residual[0]
     unique = True
-    for other, _, its in poses[1:]:
-        differs = (its[1] < its[0]) != swapped
+    for other, _, residual_px in poses[1:]:
+        differs = (residual_px[1] < residual_px[0]) != swapped
         # Frames where both labellings fit may differ: the bar lies along an epipolar line.
         clear = residual.max(axis=0) > RUNNER_UP * least + NO_WORSE_PX
         if (differs & clear).any() and other < RUNNER_UP * least + NO_WORSE_PX:
@@ -189,7 +189,7 @@ def _compare(
 def both_ways(primary: FloatArray, secondary: FloatArray) -> FloatArray:
     """(2, f, 2, 4): labelling, frame, target, x and y of both cameras, of points (f, 2, 2)."""
     ways = secondary, secondary[:, ::-1]
-    return np.stack([np.concatenate([primary, own], axis=2) for own in ways])
+    return np.stack([np.concatenate([primary, way], axis=2) for way in ways])
 
 
 def fitting_poses(rays: FloatArray, rng: np.random.Generator) -> list[Pose]:
@@ -201,8 +201,8 @@ def fitting_poses(rays: FloatArray, rng: np.random.Generator) -> list[Pose]:
 def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> FloatArray:
     """(f,): pixels per unit of the plane z = 1 around the points (f, 2, 2) of both cameras."""
     found = [
-        camera.local_focal_px(own.reshape(-1, 2)).reshape(-1, 2)
-        for camera, own in zip(cameras, rays, strict=True)
+        camera.local_focal_px(points.reshape(-1, 2)).reshape(-1, 2)
+        for camera, points in zip(cameras, rays, strict=True)
     ]
     return np.asarray(np.concatenate(found, axis=1).mean(axis=1))
 

@@ -66,7 +66,7 @@ class Frame:
     @property
     def places(self) -> FloatArray:
         """(2, 2, 2): raw pixels by target, camera, (u, v), if all targets are placed."""
-        return np.array([[(c.u, c.v) for c in own if c] for own in self.centres]).swapaxes(0, 1)
+        return np.array([[(c.u, c.v) for c in seen if c] for seen in self.centres]).swapaxes(0, 1)
 
     def used(self, use: bool) -> "Frame":
         """The same frame, used or left out."""

@@ -90,7 +90,7 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
     ways: dict[Way, Pairing] = {"name": named} if named.pairs else {}
     sure = False
     if sides is not None:
-        times = tuple(times_of(own, used) for own in sides.cameras)
+        times = tuple(times_of(of_camera, used) for of_camera in sides.cameras)
         aligned = aligned_clocks(*times)
         if aligned is not None:
             ways["time"], sure = _by_time(sides, times, aligned), aligned.sure
@@ -103,7 +103,10 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
 def _as_in(division: Reading, words: Sequence[Reading]) -> Reading:
     """A division with the primary camera that words name, if they divide alike."""
     for reading in words:
-        same = [reading.found.get(name, own)[0] == own[0] for name, own in division.found.items()]
+        same = [
+            reading.found.get(name, side_and_key)[0] == side_and_key[0]
+            for name, side_and_key in division.found.items()
+        ]
         if len(reading.found) == len(same):
             return division if any(same) else division.exchanged()
     return division

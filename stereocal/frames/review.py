@@ -267,14 +267,14 @@ def epipolar_residuals_px(
             f"The other used frames have {shared} point pairs; at least {MINIMUM_PAIRS} are needed "
             "for the epipolar geometry."
         )
-    (own,) = (frame for frame in frames if frame.frame == number)
-    if not own.targets_in_both:
+    (reviewed,) = (frame for frame in frames if frame.frame == number)
+    if not reviewed.targets_in_both:
         return {}
     rows = correspondences_of(others)
     rays = stack_rays(cameras[0].undistort(rows.primary), cameras[1].undistort(rows.secondary))
     rays = rays[:, np.isfinite(rays).all(axis=0)]
     pose = calibrate_essential(rays, 1.0).pose
-    points = correspondences_of([own.used(True)])
+    points = correspondences_of([reviewed.used(True)])
     distances = Rig(*cameras, pose).epipolar_distances(points.primary, points.secondary)
     worst = distances.max(axis=1)
     return {int(t): float(away) for t, away in zip(points.target, worst, strict=True)}

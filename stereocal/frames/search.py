@@ -93,7 +93,7 @@ def search_photographs(
         By photograph a `Detection` of a bar with 2x2 targets, a `Sighting` of others.
     """
     begin(STAGES[0])
-    camera_of = {name: camera for camera, own in names.items() for name in own}
+    camera_of = {name: camera for camera, of_camera in names.items() for name in of_camera}
     there = {name: photographs[name] for name in camera_of if name in photographs}
     problems = {name: f"{name}: there is no such photograph." for name in {*camera_of} - {*there}}
     # Not on workers: this takes 0.5 ms a photograph, the search 100 times as long.

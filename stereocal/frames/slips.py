@@ -95,10 +95,10 @@ def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Alone | 
 def _rays(frames: Sequence[Frame], which: int, camera: Camera) -> FloatArray:
     """(n, 2, 2): normalised points of a camera by frame and target; NaN if not both are seen."""
     pixels = np.full((len(frames), 2, 2), np.nan)
-    for own, frame in zip(pixels, frames, strict=True):
+    for ends, frame in zip(pixels, frames, strict=True):
         a, b = frame.centres[which]
         if a and b:
-            own[:] = (a.u, a.v), (b.u, b.v)
+            ends[:] = (a.u, a.v), (b.u, b.v)
     seen = np.isfinite(pixels).all(axis=(1, 2))
     rays = np.full_like(pixels, np.nan)
     if seen.any():

@@ -43,7 +43,7 @@ class ProjectGiven(ProjectPart):
     @property
     def rig_cameras(self) -> tuple[str, ...]:
         """Names of the cameras of files that are of three or more; empty for two."""
-        found = [name for own in self._parts.values() for name in own]
+        found = [name for cameras in self._parts.values() for name in cameras]
         return tuple(found) if len(found) > 2 or self._has_points else ()
 
     @property
@@ -94,7 +94,7 @@ class ProjectGiven(ProjectPart):
         if not self.is_of_rig:
             return self.sides.open
         folders = by_folder(names := self.photographs.photographs, self.rig_cameras)
-        placed = {name for own in folders.values() for name in own}
+        placed = {name for of_camera in folders.values() for name in of_camera}
         return series_of([name for name in names if name not in placed])
 
     @property
@@ -130,7 +130,7 @@ class ProjectGiven(ProjectPart):
             self.photographs.rename(self.sides.folders)
             return
         folders = by_folder(names, cameras := self.rig_cameras)
-        placed = {name for own in folders.values() for name in own}
+        placed = {name for of_camera in folders.values() for name in of_camera}
         found = which_of((name for name in names if name not in placed), cameras)
         self.photographs.rename({name: f"{camera}/{name}" for name, camera in found.items()})
 

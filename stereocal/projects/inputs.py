@@ -75,14 +75,16 @@ class Inputs:
         Args:
             name: used where the project has none.
         """
-        own = rows.rigid_object
+        rigid_object = rows.rigid_object
         dataset = Dataset(
             name=self.name or name,
             primary=self._known("primary", primary),
             secondary=self._known("secondary", secondary),
             correspondences=rows,
             baseline_m=float(self.baseline_m or (self.baseline_free and 1.0) or 0.0),
-            target_distance_m=own.longest_m if own else self.target_distance_m or 0.0,
+            target_distance_m=rigid_object.longest_m
+            if rigid_object
+            else self.target_distance_m or 0.0,
             baseline_sigma_m=np.inf if self.baseline_free else self.baseline_sigma_m,
             target_distance_sigma_m=self.target_distance_sigma_m,
         )
@@ -100,8 +102,8 @@ class Inputs:
         focal, centre = self.lens_known[which] or (None, None)
         if focal is None or centre is None:
             return replace(camera, uncertainty=None)
-        own = camera.uncertainty
-        distortion = own.distortion if own else np.zeros_like(camera.distortion)
+        uncertainty = camera.uncertainty
+        distortion = uncertainty.distortion if uncertainty else np.zeros_like(camera.distortion)
         fx, fy = focal * camera.K[0, 0], focal * camera.K[1, 1]
         return replace(camera, uncertainty=LensUncertainty(fx, fy, centre, centre, distortion))
 

@@ -168,15 +168,15 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             again = bool(stored) and self.photographs == stored and "correspondences" not in files
-            own: dict[Slot, tuple[str, bytes]] = {}
+            of_frames: dict[Slot, tuple[str, bytes]] = {}
             if again:
                 with suppress(StereocalError):  # no target was found, or none is used
                     rows = correspondences_of(self.frames or [])
-                    own["correspondences"] = TABLE_LABEL, packed_table(rows)
+                    of_frames["correspondences"] = TABLE_LABEL, packed_table(rows)
             try:
-                self.project.give({**files, **own}, ("correspondences",), **values)
+                self.project.give({**files, **of_frames}, ("correspondences",), **values)
             except RefusedRowsError as error:
-                if not own:
+                if not of_frames:
                     raise
                 # The rows are not in the data set, so the user cannot leave them out.
                 raise StereocalError(str(error)) from error

@@ -234,10 +234,10 @@ class Correspondences:
         first: dict[bytes, int] = {}
         found = {}
         for rows in np.split(order, ends) if len(order) else ():
-            own = np.column_stack([self.target[rows], points[rows]]).tobytes()
+            key = np.column_stack([self.target[rows], points[rows]]).tobytes()
             frame = int(self.frame[rows[0]])
-            if first.setdefault(own, frame) != frame:
-                found[frame] = first[own]
+            if first.setdefault(key, frame) != frame:
+                found[frame] = first[key]
         return found
 
     def where(self, keep: npt.NDArray[np.bool_]) -> "Correspondences":
@@ -409,8 +409,8 @@ class Dataset:
         if rows.rigid_object is not None:
             one, other = rows.target[rows.bars].T
             return rows.rigid_object.distance(one, other)
-        own = rows.distance_m[rows.bars]
-        of_frame = np.where(np.isnan(own[:, 0]), own[:, 1], own[:, 0])
+        measured = rows.distance_m[rows.bars]
+        of_frame = np.where(np.isnan(measured[:, 0]), measured[:, 1], measured[:, 0])
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
 
     def bars_among(self, rows: BoolArray) -> BoolArray:
@@ -433,9 +433,9 @@ class Dataset:
         rows = self.correspondences
         content: dict[str, Any] = {
             "cameras": [
-                own.to_json()
-                | ({"uncertainty": own.uncertainty.to_json()} if own.uncertainty else {})
-                for own in (self.primary, self.secondary)
+                camera.to_json()
+                | ({"uncertainty": camera.uncertainty.to_json()} if camera.uncertainty else {})
+                for camera in (self.primary, self.secondary)
             ],
             "baseline_m": self.baseline_m,
             "target_distance_m": self.target_distance_m,

@@ -51,8 +51,8 @@ def rig_in_words(dataset: Dataset, pose: Pose | None) -> str:
 
 def word_of(dataset: Dataset) -> str:
     """What was moved before the cameras: a bar, a board or another object."""
-    own = dataset.correspondences.rigid_object
-    return "bar" if own is None else own.word
+    rigid_object = dataset.correspondences.rigid_object
+    return "bar" if rigid_object is None else rigid_object.word
 
 
 def as_held(sentence: str, dataset: Dataset) -> str:
@@ -95,8 +95,8 @@ def units_that_fit(dataset: Dataset) -> dict[str, float]:
 
 
 def _bar_m(dataset: Dataset) -> float:
-    own = dataset.bar_distances_m
-    return float(np.median(own)) if len(own) else dataset.target_distance_m
+    lengths = dataset.bar_distances_m
+    return float(np.median(lengths)) if len(lengths) else dataset.target_distance_m
 
 
 def _depths_m(dataset: Dataset, pose: Pose | None) -> tuple[float, float] | None:

@@ -55,14 +55,16 @@ class Recording:
     def of_pair(cls, dataset: Dataset) -> "Recording":
         """The recording of a data set, with the points as recorded."""
         rows = dataset.correspondences
-        own = rows.rigid_object
-        if own is None:
-            own = RigidObject.bar(dataset.target_distance_m, dataset.target_distance_sigma_m)
+        rigid_object = rows.rigid_object
+        if rigid_object is None:
+            rigid_object = RigidObject.bar(
+                dataset.target_distance_m, dataset.target_distance_sigma_m
+            )
         free = dataset.baseline_is_free
         return cls(
             name=dataset.name,
             cameras=dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)),
-            object=replace(own, sigma_m=dataset.target_distance_sigma_m),
+            object=replace(rigid_object, sigma_m=dataset.target_distance_sigma_m),
             frame=np.tile(rows.frame, 2),
             camera=np.repeat([0, 1], len(rows)),
             target=np.tile(rows.target, 2),
@@ -177,7 +179,9 @@ class Recording:
         names = list(self.cameras)
         rows = [np.flatnonzero(self.camera == names.index(name)) for name in (first, second)]
         width = len(self.object.names)
-        of_first, of_second = (self.frame[own] * width + self.target[own] for own in rows)
+        of_first, of_second = (
+            self.frame[of_camera] * width + self.target[of_camera] for of_camera in rows
+        )
         _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
         order = np.argsort(one)
         return rows[0][one[order]], rows[1][other[order]]

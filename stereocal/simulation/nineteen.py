@@ -50,7 +50,7 @@ def simulate_nineteen(
     """The scene and the data set of each, by ascending baseline."""
     if datasets < 1 or frames < 1:
         raise StereocalError("The numbers of data sets and of frames must be at least 1.")
-    common, *own = (
+    common, *of_datasets = (
         np.random.default_rng(sequence)
         for sequence in np.random.SeedSequence(seed).spawn(1 + datasets)
     )
@@ -59,7 +59,9 @@ def simulate_nineteen(
     baselines = np.linspace(*BASELINES_M, datasets).round(3)
     bars = common.permutation(np.linspace(*BARS_M, datasets).round(3))
     return [
-        _simulate_one(lenses, float(baselines[i]), float(bars[i]), frames, own[i], f"{i + 1:02d}")
+        _simulate_one(
+            lenses, float(baselines[i]), float(bars[i]), frames, of_datasets[i], f"{i + 1:02d}"
+        )
         for i in range(datasets)
     ]
 

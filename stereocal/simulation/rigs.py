@@ -56,10 +56,10 @@ def simulated_rig(
     rows: list[tuple[int, int, int]] = []
     pixels: list[FloatArray] = []
     for number, (name, camera) in enumerate(true.items()):
-        own = poses[name].apply(points.reshape(-1, 3))
-        images = camera.project(own) + rng.normal(0.0, NOISE_PX, (len(own), 2))
+        in_camera = poses[name].apply(points.reshape(-1, 3))
+        images = camera.project(in_camera) + rng.normal(0.0, NOISE_PX, (len(in_camera), 2))
         inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
-        seen = (camera.sees(own) & inside).reshape(frames, -1)
+        seen = (camera.sees(in_camera) & inside).reshape(frames, -1)
         seen &= rng.random(seen.shape) < rng.uniform(NEAR, FAR)
         if neighbours_only:
             first = np.arange(frames) % (cameras - 1)

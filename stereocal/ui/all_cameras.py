@@ -160,9 +160,9 @@ def _show(gathered: Gathered) -> None:
     recording = gathered.recording
     rows = []
     for number_of, (name, camera) in enumerate(recording.cameras.items()):
-        own = recording.frame[recording.camera == number_of]
+        frames = recording.frame[recording.camera == number_of]
         width, height = camera.image_size
-        rows.append((name, f"{width}x{height}", f"{len(own):,}", f"{len({*own.tolist()}):,}"))
+        rows.append((name, f"{width}x{height}", f"{len(frames):,}", f"{len({*frames.tolist()}):,}"))
     table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
     st.table(escaped_table(table).set_index("Camera"))
     st.caption(escape_markdown(recording.describe_pairs()))

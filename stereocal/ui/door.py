@@ -118,11 +118,11 @@ def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
         return
     if not (given.photographs or given.files):
         return
-    own = ProjectGiven(project_to_write())
+    project_files = ProjectGiven(project_to_write())
     acts = (
-        partial(_take_photographs, own, given.photographs),
-        partial(_take_cameras, own, given),
-        partial(_take_tables, own, given.of("table")),
+        partial(_take_photographs, project_files, given.photographs),
+        partial(_take_cameras, project_files, given),
+        partial(_take_tables, project_files, given.of("table")),
         partial(place_videos, given.of("video"), use_videos),
     )
     for act in acts:

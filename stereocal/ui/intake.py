@@ -172,7 +172,9 @@ def give_dataset(
             own |= _fisheyes(description, recording.cameras)
             ProjectRecording(project).give(recording, own)
         else:
-            give_pair(project, parse_dataset(files, source, lens_model=lens_model), photographs=found)
+            give_pair(
+                project, parse_dataset(files, source, lens_model=lens_model), photographs=found
+            )
         return
     given: dict[Slot, tuple[str, bytes]] = {}
     if found and folder + TABLE not in files:

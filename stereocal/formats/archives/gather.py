@@ -58,11 +58,11 @@ def gather(
     wanted, remarks = _wanted(of_table, named, of_files, options.cameras)
     found = Archive(())
     if others:
-        own = replace(options, cameras=wanted[1])
-        if own.cameras and all(len(camera_names(*each)) < 2 for each in others.items()):
-            pair = chosen_pair(of_files, own.cameras, ", ".join(others)).pair
+        for_files = replace(options, cameras=wanted[1])
+        if for_files.cameras and all(len(camera_names(*each)) < 2 for each in others.items()):
+            pair = chosen_pair(of_files, for_files.cameras, ", ".join(others)).pair
             others = {name: others[name] for name in ([*others][k] for k in pair)}
-        found = _cameras(others, own, baseline_known)
+        found = _cameras(others, for_files, baseline_known)
     if table:
         found = _with_table(found, table, files[table], replace(options, cameras=wanted[0]))
     return replace(found, remarks=(*remarks, *found.remarks))
@@ -170,7 +170,7 @@ def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_know
     source = ", ".join(files)
     about = ", ".join(filter(None, (pair.program, pair.words)))
     lenses = zip(CAMERAS, (pair.primary, pair.secondary), pair.files or (source,) * 2, strict=True)
-    taken = [lens_taken(which, own, f"{file} ({about})") for which, own, file in lenses]
+    taken = [lens_taken(which, lens, f"{file} ({about})") for which, lens, file in lenses]
     baseline = None if pair.pose is None or baseline_known else pair.pose.baseline
     if baseline is not None:
         baseline *= pair.scale(baseline, options.unit, source)

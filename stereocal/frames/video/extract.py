@@ -140,16 +140,18 @@ class _Work:
         lost = 0
         with ThreadPoolExecutor(2) as threads:
             for first in range(0, len(chosen), BATCH):
-                own = chosen[first : first + BATCH]
-                both = list(threads.map(self._encoded, (0, 1), (own, own), (lossless, lossless)))
-                for number, *sides in zip(self.pairs.numbers[own], *both, strict=True):
+                batch = chosen[first : first + BATCH]
+                both = list(
+                    threads.map(self._encoded, (0, 1), (batch, batch), (lossless, lossless))
+                )
+                for number, *sides in zip(self.pairs.numbers[batch], *both, strict=True):
                     if None in sides:
                         lost += 1
                         continue
                     for which, content in zip(CAMERAS, sides, strict=True):
                         suffix = ".png" if content.startswith(b"\x89PNG") else ".jpg"
                         keep(f"{which}/{number:06d}{suffix}", content)
-                self.progress(first + len(own), len(chosen))
+                self.progress(first + len(batch), len(chosen))
         return lost
 
     def _scores(self, segment: tuple[int, FloatArray]) -> tuple[int, FloatArray]:
