@@ -15,6 +15,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
+from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.simulation.simulate import (
     FIELD_BAR_M,
     FIELD_BASELINE_M,
@@ -29,7 +30,7 @@ from stereocal.simulation.simulate import (
     truth_of,
 )
 
-SHIPPED = Path(__file__).parents[2] / "sample_data" / "field"
+SHIPPED = Path(__file__).parents[2] / "sample_data"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 SEEDS = range(5)
 
@@ -62,23 +63,36 @@ def test_same_seed_writes_the_same_bytes(tmp_path: Path) -> None:
 
 def test_shipped_field_is_what_the_code_makes() -> None:
     """Numbers and not bytes: another processor may round the last digit of a pixel otherwise."""
-    truth = json.loads((SHIPPED / "truth.json").read_text())
+    truth = json.loads((SHIPPED / "field" / "truth.json").read_text())
     scene, made = simulate_field(truth["seed"])
-    shipped = read_dataset(SHIPPED)
-    for name in ("frame", "target"):
-        assert np.array_equal(
-            getattr(shipped.correspondences, name), getattr(made.correspondences, name)
-        )
-    for side in ("primary", "secondary"):
-        np.testing.assert_allclose(
-            getattr(shipped.correspondences, side),
-            getattr(made.correspondences, side),
-            rtol=0,
-            atol=1e-9,
-        )
-        assert getattr(shipped, side).to_json() == getattr(made, side).to_json()
+    shipped = read_dataset(SHIPPED / "field")
+    assert_same_data(shipped, made, 1e-9)
     assert (shipped.baseline_m, shipped.target_distance_m) == (FIELD_BASELINE_M, FIELD_BAR_M)
     assert_same_numbers(truth, truth_of(scene, FIELD_NOISE_PX, truth["seed"]))
+
+
+def test_shipped_nineteen_are_what_the_code_makes() -> None:
+    """To the last printed digit of a pixel; another processor may round 0.0005 px otherwise."""
+    folders = sorted((SHIPPED / "nineteen").iterdir())
+    assert [folder.name for folder in folders] == [f"{i:02d}" for i in range(1, 20)]
+    for folder, (scene, made) in zip(folders, simulate_nineteen(0), strict=True):
+        shipped, truth = read_dataset(folder), json.loads((folder / "truth.json").read_text())
+        assert_same_data(shipped, made, 1.1e-3)
+        assert (shipped.baseline_sigma_m, shipped.target_distance_sigma_m) == (0.005, 0.0005)
+        assert truth["T"] == pytest.approx(scene.rig.pose.T.tolist(), abs=1e-9)
+        assert truth["target_distance_m"] == pytest.approx(scene.bar_length_m, abs=1e-12)
+
+
+def assert_same_data(shipped: Dataset, made: Dataset, atol_px: float) -> None:
+    rows, again = shipped.correspondences, made.correspondences
+    for name in ("frame", "target"):
+        assert np.array_equal(getattr(rows, name), getattr(again, name))
+    for side in ("primary", "secondary"):
+        points = getattr(rows, side), getattr(again, side)
+        np.testing.assert_allclose(*points, rtol=0, atol=atol_px)
+        assert getattr(shipped, side).to_json() == getattr(made, side).to_json()
+    assert shipped.baseline_m == made.baseline_m
+    assert shipped.target_distance_m == made.target_distance_m
 
 
 def assert_same_numbers(first: object, second: object) -> None:
