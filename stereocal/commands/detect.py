@@ -8,10 +8,9 @@ from pathlib import Path
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.intrinsics import detect_board
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
-from stereocal.commands.photographs import PAIR_BY, pairing_of, take_frames
+from stereocal.commands.photographs import PAIR_BY, pairing_of, take_frames, two_cameras_of
 from stereocal.detection.target import BOARDS, BRIGHT, EXAMPLES, Balls, parse_board, parse_target
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.dataset_files import read_survey
 from stereocal.frames.frame import correspondences_of, describe_frames, report_line
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.frames.slips import find_slip
@@ -44,7 +43,7 @@ def run(parsed: argparse.Namespace) -> None:
         detect_board(parsed, board)
         return
     target = parse_target(parsed.target)
-    survey = read_survey(parsed.dataset, parsed.lens_model)
+    first, second = two_cameras_of(parsed).cameras.values()
     if parsed.videos is not None:
         take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
@@ -52,7 +51,7 @@ def run(parsed: argparse.Namespace) -> None:
         photographs = of_the_bar(with_bar("photographs unpacked", unpack))
         pairing = pairing_of(photographs, parsed.dataset, parsed.pair_by)
         say(f"{len(photographs)} photographs. {pairing.sentence}")
-        cameras = survey.primary, survey.secondary
+        cameras = first, second
         with workers_from(parsed, compile_detection) as executor:
             about = pairing.pairs, photographs, cameras, executor
             frames = in_stages(partial(detect_frames, *about, target=target))

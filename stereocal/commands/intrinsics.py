@@ -9,11 +9,10 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
-from stereocal.commands.photographs import pairing_of, take_frames, taken_of
+from stereocal.commands.photographs import pairing_of, take_frames, taken_of, two_cameras_of
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
-from stereocal.formats.dataset_files import read_cameras
 from stereocal.formats.recording_files import DESCRIPTION, pack_recording, write_points
 from stereocal.frames.pairing import Pairing
 from stereocal.frames.proposal import propose
@@ -152,13 +151,7 @@ def _described(parsed: argparse.Namespace) -> Recording | None:
     """The cameras of the data set and its baseline; None without a description."""
     if not (parsed.dataset.is_dir() and (parsed.dataset / DESCRIPTION).is_file()):
         return None
-    known = read_cameras(parsed.dataset, parsed.lens_model)
-    if len(known.cameras) > 2:
-        raise StereocalError(
-            f"{parsed.dataset}: it has {len(known.cameras)} cameras; boards are found in the "
-            "photographs of two."
-        )
-    return known
+    return two_cameras_of(parsed)
 
 
 def _size_found(photographs: Photographs, pairing: Pairing) -> str:

@@ -7,9 +7,11 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, say
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_cameras
 from stereocal.frames.pairing import Pairing
 from stereocal.frames.proposal import WAYS, Choice, Way, propose
 from stereocal.frames.video.extract import VideoSettings, extract
+from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.taken import Taken, read_taken
 
@@ -20,6 +22,17 @@ PAIR_BY: Options = {
         "in order if both cameras have as many)",
     }
 }
+
+
+def two_cameras_of(parsed: argparse.Namespace) -> Recording:
+    """The cameras of a data set of two, and its lengths."""
+    known = read_cameras(parsed.dataset, parsed.lens_model)
+    if len(known.cameras) > 2:
+        raise StereocalError(
+            f"{parsed.dataset}: it has {len(known.cameras)} cameras; targets and boards are found "
+            "in the photographs of two."
+        )
+    return known
 
 
 def taken_of(photographs: Mapping[str, Path]) -> dict[str, Taken]:

@@ -54,11 +54,6 @@ def read_recording(path: str | Path, lens_model: LensModel | None = None) -> Rec
     return parse_recording(files, str(path), photographs, lens_model)
 
 
-def read_survey(path: str | Path, lens_model: LensModel | None = None) -> Dataset:
-    """Read a data set without its points, which may still be missing."""
-    return parse_survey(read_texts(Path(path))[0], str(path), lens_model)
-
-
 def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recording:
     """The cameras and lengths of a data set of either format, without its points."""
     files, _ = read_texts(Path(path))

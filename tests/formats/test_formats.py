@@ -16,9 +16,10 @@ from hypothesis.extra import numpy as npst
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_dataset, read_survey
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_cameras, read_dataset
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Correspondences
+from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.zip_files import unzip
@@ -402,9 +403,10 @@ class TestDatasetFiles:
             write_all({source / name: content for name, content in files.items()})
         with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
             read_dataset(source)
-        survey = read_survey(source)
-        filled = replace(survey, correspondences=NOISY.correspondences)
-        assert filled.sha256 == NOISY.sha256
+        known, whole = read_cameras(source), Recording.of_pair(NOISY)
+        assert (known.name, known.baselines_m) == (whole.name, whole.baselines_m)
+        assert all(equal(known.cameras[which], camera) for which, camera in whole.cameras.items())
+        assert (known.object.points == whole.object.points).all()
 
     @pytest.mark.parametrize(
         "text", ["", "{", "[]", "null", "7", '"x"', "\x00", "[" * 100_000, '{"format": "other/1"}']

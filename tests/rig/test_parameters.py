@@ -86,15 +86,6 @@ class TestFile:
         )
         full.save(tmp_path / "p.json")
         back = RigParameters.load(tmp_path / "p.json")
-        np.testing.assert_array_equal(back.pose.R, RIG.R)
-        np.testing.assert_array_equal(back.pose.T, RIG.T)
-        np.testing.assert_array_equal(back.secondary.K, SECONDARY.K)
-        np.testing.assert_array_equal(back.primary.distortion, PRIMARY.distortion)
-        assert back.secondary.image_size == (1280, 1024)
-        assert (back.method, back.cost, back.matching_threshold_px) == ("2d", 0.0123, 1.25)
-        assert back.settings == {"delta": 1e-3, "seed": 0}
-        assert back.inputs == {"sha256": "0" * 64}
-        assert back.validation == {"fcp": 0.02}
         without = [
             {k: v for k, v in each.to_json().items() if k != "created"} for each in (full, back)
         ]
