@@ -1,7 +1,7 @@
 """What each column of a table of points holds: proposed from the header, stated by a person.
 
     roles = propose_roles(rows)                  # "frame,target,x:1,y:1,x:2,y:2" as text
-    layout = with_names(layout_of(roles, rows), content, "bars.csv")
+    layout = with_names(layout_of_roles(roles, rows), content, "bars.csv")
 
 Points may stand a frame, a point or an image a row: the camera and the target of a point are named
 by a column, or by the header of its x and y.
@@ -144,10 +144,10 @@ def guess_by_roles(rows: list[list[str]]) -> PointLayout | None:
     """The layout of a table whose header names the frame and all that is needed."""
     roles = propose_roles(rows[header_row(rows) :])
     named = any(role.kind == "frame" or role.camera or role.target for role in roles)
-    return layout_of(roles, rows) if named and not problem_of(roles, False) else None
+    return layout_of_roles(roles, rows) if named and not problem_of(roles, False) else None
 
 
-def layout_of(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> PointLayout:
+def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> PointLayout:
     """The layout of these roles; the names in its columns are those of `with_names`.
 
     Args:

@@ -14,13 +14,13 @@ from stereocal.formats.column_roles import (
     ROLES_HELP,
     column_titles,
     header_row,
+    layout_of_roles,
     parse_roles,
     problem_of,
     propose_roles,
     roles_text,
     with_names,
 )
-from stereocal.formats.column_roles import layout_of as layout_of_roles
 from stereocal.formats.exchange.options import Corner, Flip, PixelOrigin
 from stereocal.formats.point_files import PointLayout
 from stereocal.formats.point_layouts import first_rows, propose_layout

@@ -313,7 +313,7 @@ def unlabelled(rows: Correspondences) -> dict[str, pd.DataFrame]:
     }
 
 
-def answer(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
+def result_in_words(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
     """The result in one sentence.
 
     Args:

@@ -62,7 +62,7 @@ def match_points(
         threshold_px: largest reprojection error of a pair; None: that of the parameter file.
         depths_m: nearest and farthest depth z of a pair's point in the primary's frame.
     """
-    threshold = threshold_of(rig, threshold_px)
+    threshold = checked_threshold(rig, threshold_px)
     near, far = check_depths(depths_m)
     first, second, errors, of_primary, of_secondary = pairs_within(
         rig.pose.R,
@@ -90,7 +90,7 @@ def match_points(
     )
 
 
-def threshold_of(rig: RigParameters, threshold_px: float | None) -> float:
+def checked_threshold(rig: RigParameters, threshold_px: float | None) -> float:
     """The threshold to match with: `threshold_px`, or else that of the parameter file."""
     value = rig.matching_threshold_px if threshold_px is None else threshold_px
     if value is None:

@@ -22,7 +22,7 @@ from stereocal.matching.point_noise import (
     pair_errors,
 )
 from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable, open_table
-from stereocal.matching.reconstruction import Points, name_of_world, reconstruct_points
+from stereocal.matching.reconstruction import Points3D, name_of_world, reconstruct_points
 from stereocal.matching.report import Report
 from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.matching.tracks import OF_TRACKS, noise_of_tracks
@@ -260,7 +260,7 @@ def _measured_tracks(
     xyz, covariance = found.xyz, found.covariance
     if world is not None:
         xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
-    points = Points(xyz, found.error_px, np.sqrt(np.einsum("nii->ni", covariance)), outside)
+    points = Points3D(xyz, found.error_px, np.sqrt(np.einsum("nii->ni", covariance)), outside)
     further = tracks.drop(columns=["frame", *pixel_columns(rig), *OF_TRACKS], errors="ignore")
     views = {"views": np.isfinite(pixels[..., 0]).sum(axis=1)}
     return _table(tracks["frame"], points, world, views, _common(further, rig.names), "of_track")
@@ -268,7 +268,7 @@ def _measured_tracks(
 
 def _table(
     frame: "pd.Series[int]",
-    found: Points,
+    found: Points3D,
     world: Pose | None,
     views: Mapping[str, IntArray],
     passed: pd.DataFrame,

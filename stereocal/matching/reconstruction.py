@@ -20,7 +20,7 @@ POSE = BASELINE + 1
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class Points3D:
     """Points of n pairs."""
 
     xyz: FloatArray
@@ -40,7 +40,7 @@ def reconstruct_points(
     world: Pose | None = None,
     sigma_px: float | FloatArray | None = None,
     pose_covariance: npt.ArrayLike | None = None,
-) -> Points:
+) -> Points3D:
     """Reconstruct matched pairs by midpoint triangulation.
 
     Args:
@@ -68,7 +68,7 @@ def reconstruct_points(
             covariance = world.R @ covariance @ world.R.T
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
     outside = None if rig.volume is None else ~rig.volume.contains(xyz)
-    return Points(xyz if world is None else world.apply(xyz), error, sigma, outside)
+    return Points3D(xyz if world is None else world.apply(xyz), error, sigma, outside)
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:

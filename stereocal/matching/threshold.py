@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.matching.matching import ANY_DEPTH, check_depths, threshold_of
+from stereocal.matching.matching import ANY_DEPTH, check_depths, checked_threshold
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.point_noise import (
     FEWEST_PAIRS,
@@ -162,7 +162,7 @@ def choose_threshold(
         threshold_px: the threshold, if it is given.
     """
     if threshold_px is not None:
-        threshold_of(rig, threshold_px)
+        checked_threshold(rig, threshold_px)
     check_sigma(sigma_px)
     sample = _sample(rig, frames, depths_m)
     found, noise = _fits(rig, sample, sigma_px)

@@ -37,7 +37,7 @@ INSTANT_S = 2.0
 """Shorter computations run as the controls move."""
 
 
-class Chosen(NamedTuple):
+class Inputs(NamedTuple):
     """The inputs, complete but for the threshold."""
 
     work: Application | None
@@ -46,14 +46,14 @@ class Chosen(NamedTuple):
     """Draws what the threshold depends on; None for a rig, which has none."""
 
 
-def choose_inputs(project: Project, store: ProjectApplication) -> Chosen | None:
+def choose_inputs(project: Project, store: ProjectApplication) -> Inputs | None:
     """Uploaders of points, and the inputs; None if something is missing."""
     if project.pair is None and (ProjectRecording(project).is_given or store.rig_given):
         return _choose_for_rig(project, store)
     return _choose_for_pair(project, store)
 
 
-def _choose_for_pair(project: Project, store: ProjectApplication) -> Chosen | None:
+def _choose_for_pair(project: Project, store: ProjectApplication) -> Inputs | None:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
     source, dataset = Source(project, APPLY_SETS), project.dataset
     own = None if dataset is None else partial(unlabelled, dataset.correspondences)
@@ -104,7 +104,7 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> Chosen | No
     if threshold is not None and depths is not None:
         forced = threshold.threshold_px if threshold.is_forced else None
         work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
-    return Chosen(work, partial(thresholds.show, threshold))
+    return Inputs(work, partial(thresholds.show, threshold))
 
 
 def _choose_sets(
@@ -126,7 +126,7 @@ def _choose_sets(
     return (found[0], found[1]) if len(found) == len(USES) else None
 
 
-def _choose_for_rig(project: Project, store: ProjectApplication) -> Chosen | None:
+def _choose_for_rig(project: Project, store: ProjectApplication) -> Inputs | None:
     """Points of three cameras and more, and the rig that matches and measures them."""
     recording = ProjectRecording(project)
     rig, label = recording.rig, "the rig of this project"
@@ -159,7 +159,7 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> Chosen | Non
         st.info("Still missing: the points of two cameras at least.")
         return None
     stated = Stated(sigma_px=sigma_px, names=names)
-    return Chosen(Application(points, rig, rig, stated, world), None)
+    return Inputs(Application(points, rig, rig, stated, world), None)
 
 
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:

@@ -26,7 +26,7 @@ from stereocal.matching.application import (
     Application,
     Outcome,
     agreement,
-    answer,
+    result_in_words,
 )
 from stereocal.matching.measure_tables import COORDINATES
 from stereocal.matching.names import AUTO
@@ -41,7 +41,7 @@ from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
 from stereocal.ui.answer import PAPERS_SET
-from stereocal.ui.apply import Chosen
+from stereocal.ui.apply import Inputs
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
@@ -73,7 +73,7 @@ class Tables(NamedTuple):
     usual_tracks: str | None
 
 
-def show_application(project: Project, store: ProjectApplication, chosen: Chosen | None) -> None:
+def show_application(project: Project, store: ProjectApplication, chosen: Inputs | None) -> None:
     """The last finished result, even if the form has changed since, and closer looks.
 
     One look at a time, or none; only what is shown is computed.
@@ -235,7 +235,7 @@ def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: St
         tables.append(table)
     pairs, points = tables
     tracks = lengths.track_columns(points), lengths.usual_tracks(points)
-    return Tables(pairs, points, answer(pairs, points), agreement(pairs), *tracks)
+    return Tables(pairs, points, result_in_words(pairs, points), agreement(pairs), *tracks)
 
 
 def _show_frames(store: ProjectApplication, outcome: Outcome, tables: Tables) -> None:

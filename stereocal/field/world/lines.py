@@ -14,7 +14,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import FEWEST_DEGREES, Blocks, Solution, culprit, solve
-from stereocal.field.world.noise import Noise, check_inside, noise_of, turns_at, usual_place
+from stereocal.field.world.noise import ErrorModel, check_inside, noise_of, turns_at, usual_place
 from stereocal.refined.two_views import rig_errors
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -137,7 +137,7 @@ def _images(rig: Rig, lines: Sequence[frame.Line]) -> list[Image]:
     return found
 
 
-def _noise_of_clicks(images: Sequence[Image], known: Noise) -> Noise:
+def _noise_of_clicks(images: Sequence[Image], known: ErrorModel) -> ErrorModel:
     """The noise of the points by their scatter about straight lines, unless it is stated: clicks
     are not as exact as the targets of the calibration. Too few points can only show that the noise
     is larger than that of the targets.
@@ -168,7 +168,7 @@ def _distances(camera: Camera, rays: FloatArray, normal: FloatArray) -> FloatArr
 
 
 def _fit(
-    rig: RigParameters, lines: Sequence[frame.Line], images: Sequence[Image], noise: Noise
+    rig: RigParameters, lines: Sequence[frame.Line], images: Sequence[Image], noise: ErrorModel
 ) -> LineFit:
     up0, along0 = _start(lines, images)
     across = np.linalg.svd(up0[None])[2][1:]
@@ -267,7 +267,9 @@ def _unit(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _notes(counts: dict[frame.LineKind, int], noise: Noise, widening: float) -> tuple[str, ...]:
+def _notes(
+    counts: dict[frame.LineKind, int], noise: ErrorModel, widening: float
+) -> tuple[str, ...]:
     notes = []
     if counts == {"plumb": 1, "level": 0, "horizon": 0}:
         notes.append("A single plumb line has nothing to check it; a second one would.")

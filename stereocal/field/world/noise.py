@@ -27,7 +27,7 @@ or not of this rig."""
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class ErrorModel:
     """Image noise, and errors of the parameters."""
 
     sigma_px: float
@@ -47,16 +47,16 @@ class Noise:
         }
 
 
-def noise_of(rig: RigParameters, sigma_px: float | None = None) -> Noise:
+def noise_of(rig: RigParameters, sigma_px: float | None = None) -> ErrorModel:
     """The noise stated, else that of the file, else `ASSUMED_PX`; parameter errors of the file."""
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")
     of_file, covariance = noise_of_file(rig)
     spread = np.zeros((SHARED, 0)) if covariance is None else root_of(covariance)
     if sigma_px is not None:
-        return Noise(sigma_px, "stated", spread)
+        return ErrorModel(sigma_px, "stated", spread)
     known = of_file or rig.noise_px
-    return Noise(known or ASSUMED_PX, "parameter file" if known else "assumed", spread)
+    return ErrorModel(known or ASSUMED_PX, "parameter file" if known else "assumed", spread)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import Solution, culprit, solve
 from stereocal.field.world.noise import (
+    ErrorModel,
     MeasuredPoints,
-    Noise,
     measured_points,
     noise_of,
     reconstructed,
@@ -166,7 +166,11 @@ def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
 
 
 def fit_rigid(
-    measured: MeasuredPoints, world_m: FloatArray, noise: Noise, sigma_m: float, scale: bool = False
+    measured: MeasuredPoints,
+    world_m: FloatArray,
+    noise: ErrorModel,
+    sigma_m: float,
+    scale: bool = False,
 ) -> RigidFit:
     """The rotation and shift, and if asked the scale, that fit measured to surveyed points best."""
     covariance = noise.sigma_px**2 * measured.own + sigma_m**2 * np.eye(3)
@@ -228,7 +232,7 @@ def _notes(
     fit: RigidFit,
     scaled: RigidFit,
     scale: Estimate,
-    noise: Noise,
+    noise: ErrorModel,
     sigma_m: float,
     hand: int,
 ) -> Iterator[str]:

@@ -20,8 +20,8 @@ from stereocal.field.world import frame
 from stereocal.field.world.adjustment import Blocks, Solution, solve
 from stereocal.field.world.gravity import Gravity
 from stereocal.field.world.noise import (
+    ErrorModel,
     MeasuredPoints,
-    Noise,
     measured_points,
     noise_of,
     reconstructed,
@@ -58,7 +58,7 @@ class FlightFit:
     solution: Solution
     """Of gravity (3,) in the primary's frame, m/s^2; the drag per metre, if fitted; and the first
     position and velocity of each throw."""
-    noise: Noise
+    noise: ErrorModel
     turns: FloatArray
     """(3, r): what the parameters' errors do to the direction of reconstructed plumb lines."""
 
@@ -196,7 +196,7 @@ def path(
 
 
 def fit_flights(
-    rig: Rig, measured: MeasuredPoints, flights: Sequence[Flight], noise: Noise, drag: bool
+    rig: Rig, measured: MeasuredPoints, flights: Sequence[Flight], noise: ErrorModel, drag: bool
 ) -> FlightFit | None:
     """Gravity and paths, with the noise that the residuals show; None if the drag diverges."""
     order = np.concatenate([flight.rows for flight in flights])
