@@ -1,8 +1,9 @@
 """Match the points of two cameras: `match` for tables in memory, and the table of pairs."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -99,20 +100,24 @@ def match(
         for frame in sorted(both[0].keys() & both[1].keys())
     ]
     if not found:
-        further = further_names(primary, secondary)
+        further = further_names(tuple(primary), tuple(secondary))
         return pd.DataFrame(columns=[*PAIR_COLUMNS, *further[0].values(), *further[1].values()])
     return pd.concat(found, ignore_index=True)
 
 
-def further_of(table: pd.DataFrame) -> list[str]:
+def further_of(columns: Iterable[Any]) -> list[str]:
     """The columns of a table of points that are passed through."""
-    return [str(name) for name in table if name not in ("frame", *POINT, *SIGMAS)]
+    return [str(name) for name in columns if name not in ("frame", *POINT, *SIGMAS)]
 
 
-def further_names(primary: pd.DataFrame, secondary: pd.DataFrame) -> list[dict[str, str]]:
+@lru_cache(maxsize=16)
+def further_names(primary: tuple[Any, ...], secondary: tuple[Any, ...]) -> list[dict[str, str]]:
     """The further columns of both tables, and their names in the table of pairs.
 
     Unique names stay; names in both tables or in `PAIR_COLUMNS` get the camera's name added.
+
+    Args:
+        primary, secondary: all columns.
     """
     further = further_of(primary), further_of(secondary)
     taken = {*PAIR_COLUMNS} | ({*further[0]} & {*further[1]})
@@ -211,9 +216,11 @@ class PairMatching:
                 columns[name] = (
                     table[SIGMA].array[at] if stated else np.full(len(at), noise.sigma_px)
                 )
-        for names, table, at in zip(further_names(first, second), rows, (i, j), strict=True):
+        further = further_names(tuple(first), tuple(second))
+        for names, table, at in zip(further, rows, (i, j), strict=True):
             columns |= {new: table[name].array[at] for name, new in names.items()}
-        alone = map(without_partner, rows, CAMERAS, (i, j))
+        left = found.unmatched_primary, found.unmatched_secondary
+        alone = map(without_partner, rows, CAMERAS, left)
         return pd.DataFrame(columns), pd.concat(list(alone))
 
     def tally(self, pairs: pd.DataFrame) -> tuple[int, int, Counter[str]]:

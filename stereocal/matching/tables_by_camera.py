@@ -120,8 +120,8 @@ def pixel_columns(rig: PlacedCameras) -> list[str]:
     return [f"{axis}_{name}" for name in rig.placed for axis in POINT]
 
 
-def without_partner(rows: pd.DataFrame, camera: str, partnered: IntArray) -> pd.DataFrame:
-    """The rows of a camera in one frame but those that have a partner."""
-    alone = rows.iloc[np.setdiff1d(np.arange(len(rows)), partnered)].copy()
+def without_partner(table: pd.DataFrame, camera: str, rows: IntArray) -> pd.DataFrame:
+    """The rows of a camera in one frame that have no partner, with the camera's name."""
+    alone = table.iloc[rows].copy()
     alone.insert(0, "camera", camera)
     return alone

@@ -96,7 +96,8 @@ class TrackMatching:
         lonely = []
         for name, own in by_camera.items():
             image = found.images[:, self.rig.names.index(name)]
-            lonely.append(without_partner(own, name, image))
+            left = np.setdiff1d(np.arange(len(own)), image)
+            lonely.append(without_partner(own, name, left))
             for column in further_of(own):
                 values = own[column].tolist()
                 tracks[f"{column}_{name}"] = [None if k < 0 else values[k] for k in image.tolist()]
