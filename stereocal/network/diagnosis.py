@@ -100,10 +100,9 @@ def _lens_chi_square(fitted: FloatArray, stated: FloatArray, prior: LensPrior) -
 
 def _moved_warnings(fit: RigFit) -> list[str]:
     """The camera that moved during the recording, if one did."""
-    used = np.flatnonzero(~fit.outlying)
-    if len(used) < 2 * BLOCKS:
+    if len(fit.used) < 2 * BLOCKS:
         return []
-    blocks = np.array_split(used, BLOCKS)
+    blocks = np.array_split(fit.used, BLOCKS)
     H, g, _ = fit.equations(fit.q, blocks)
     M = fit.unknowns.M
     C = fit.unknowns.covariance(fit.information)

@@ -89,7 +89,7 @@ def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOut]:
 
 def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
     """The errors of all parts (f,) of the used frames; None if a fit fails."""
-    seen, used = fit.seen, np.flatnonzero(~fit.outlying)
+    seen, used = fit.seen, fit.used
     start = fit.unknowns.named(fit.p)
     settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
     pixels, lengths = list[FloatArray](), list[FloatArray]()

@@ -19,11 +19,11 @@ from stereocal.network.pairs import Progress
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import WrongImage, rows_of
 from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine, settings_for
+from stereocal.refined.refine import refine
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.time_offset import usable_after
 from stereocal.refined.two_views import BAR, shared_unknowns
-from stereocal.refined.unknowns import RefineSettings, RigPrior
+from stereocal.refined.unknowns import RefineSettings, RigPrior, settings_for
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters

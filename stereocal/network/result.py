@@ -17,7 +17,7 @@ from stereocal.refined.two_views import rig_of
 from stereocal.refined.views import EACH, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
@@ -72,23 +72,18 @@ class RigCalibration:
         return point_fits(self.fit.cameras, self.fit.seen)
 
     @cached_property
-    def used(self) -> IntArray:
-        """Indices of the frames of `fit` that were not left out."""
-        return np.flatnonzero(~self.fit.outlying)
-
-    @cached_property
     def clusters(self) -> Clusters:
         """The used frames, in clusters of alike errors."""
         fit, (_, residuals) = self.fit, self.point_fits
         first = np.full((len(fit.frames), residuals[0].size), np.nan)
         for unit in np.flatnonzero(~fit.outlying[fit.frame_of])[::-1]:
             first[fit.frame_of[unit]] = residuals[unit].ravel()
-        return clusters_of(fit.frames[self.used], first[self.used] / fit.sigma_px)
+        return clusters_of(fit.frames[self.fit.used], first[self.fit.used] / fit.sigma_px)
 
     @cached_property
     def design_effect(self) -> float:
         """How many times the clusters scatter more than independent frames would; at least 1."""
-        return design_effect(self.fit, self.fit.q, self.used, self.clusters)
+        return design_effect(self.fit, self.fit.q, self.fit.used, self.clusters)
 
     @cached_property
     def covariance(self) -> FloatArray:

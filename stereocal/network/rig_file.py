@@ -292,7 +292,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
             "length_error_p95": float(np.quantile(np.abs(rig.length_errors), 0.95))
             if len(rig.length_errors)
             else None,
-            "frames": len(rig.used),
+            "frames": len(rig.fit.used),
             "independent_frames": rig.clusters.count,
             "design_effect": rig.design_effect,
             "length_scatter_m": rig.fit.scatter,

@@ -30,13 +30,13 @@ from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.noise import Noise
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import BAR, DRIFT, TIME, camera_of, pose_of
+from stereocal.refined.two_views import BAR, DRIFT, TIME, pose_of, rig_of
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
     baseline_sigma_m,
     distance_sigma_m,
-    with_lens_priors,
+    settings_for,
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters
@@ -123,12 +123,17 @@ class RefinedResult:
         return clusters_in(rows, self.rig, self.frames[~self.outlying])
 
     @property
-    def _solve(self) -> RobustFit:
-        """The solve at its end, for normal equations of parts of the data."""
+    def used(self) -> IntArray:
+        """Indices of the frames that were not left out."""
+        return np.flatnonzero(~self.outlying)
+
+    @property
+    def fit(self) -> RobustFit:
+        """The fit at its end, for normal equations of parts of the data."""
         return self.fit_of(self.dataset, self.rows)
 
     def fit_of(self, dataset: Dataset, rows: BoolArray | None = None) -> RobustFit:
-        """A fit of other points with the parameters and the noise of this one."""
+        """The fit of some points with the parameters and the noise of this one."""
         moving = self.settings.time_offset or self.settings.time_drift
         seen = Observations.of_pair(dataset, moving, rows)
         found = RobustFit(seen, self.unknowns, self.settings)
@@ -139,13 +144,13 @@ class RefinedResult:
         """How many times the clusters scatter more than independent frames would; at least 1."""
         if self.settings.rest is not None:
             return self.settings.rest.design_effect
-        return design_effect(self._solve, self.q, np.flatnonzero(~self.outlying), self.clusters)
+        return design_effect(self.fit, self.q, self.used, self.clusters)
 
     @cached_property
     def images_alone(self) -> tuple[FloatArray, FloatArray]:
         """Normal equations of images and lengths at `q`, without priors: H (25, 25) and the
         gradient (25,), of all unknowns, free or fixed. Frames that follow each other count less."""
-        H, g, _ = self._solve.equations(self.q, [np.flatnonzero(~self.outlying)])
+        H, g, _ = self.fit.equations(self.q, [self.used])
         return H[0] / self.design_effect, g[0] / self.design_effect
 
     @cached_property
@@ -156,12 +161,11 @@ class RefinedResult:
         the `design_effect`. Where the same boards gave the lenses: `covariance_of_boards`.
         """
         found = self.unknowns.covariance(self.information / self.design_effect)
-        used = np.flatnonzero(~self.outlying)
         without = lenses_without(self.dataset, self.settings)
-        if not without or len(used) < FEWEST:
+        if not without or len(self.used) < FEWEST:
             return found
-        H, g, _ = self._solve.equations(self.q, [*used[:, None]])
-        names = map(str, self.frames[used].tolist())
+        H, g, _ = self.fit.equations(self.q, [*self.used[:, None]])
+        names = map(str, self.frames[self.used].tolist())
         equations = dict(zip(names, zip(H, g, strict=True), strict=True))
         return covariance_of_boards(self.unknowns, found, equations, without)
 
@@ -229,14 +233,6 @@ class RefinedResult:
         return replace(dataset, primary=self.primary, secondary=self.secondary)
 
 
-def settings_for(dataset: Dataset, settings: RefineSettings) -> RefineSettings:
-    """The settings with what the data set says of its lenses and its timing."""
-    settings = with_lens_priors(settings, dataset)
-    if dataset.time_offset is None:
-        settings = replace(settings, time_offset=False, time_drift=False)
-    return settings
-
-
 def refine(
     dataset: Dataset,
     settings: RefineSettings | None = None,
@@ -268,13 +264,14 @@ def refine(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    q, seen = found.q, np.isfinite(found.seen.pixels[:, :, 0, :1])
+    rig = rig_of(dataset.primary, dataset.secondary, found.q)
+    seen = np.isfinite(found.seen.pixels[:, :, 0, :1])
     result = RefinedResult(
         dataset=dataset,
         settings=settings,
-        pose=pose_of(q),
-        primary=camera_of(dataset.primary, q, 0),
-        secondary=camera_of(dataset.secondary, q, 1),
+        pose=rig.pose,
+        primary=rig.primary,
+        secondary=rig.secondary,
         rows=rows,
         unknowns=found.unknowns,
         p=found.p,

@@ -174,6 +174,11 @@ class RobustFit:
         return here < there
 
     @property
+    def used(self) -> IntArray:
+        """Indices of the frames that were not left out."""
+        return np.flatnonzero(~self.outlying)
+
+    @property
     def q(self) -> FloatArray:
         """(Q,): the unknowns."""
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)

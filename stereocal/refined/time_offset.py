@@ -198,8 +198,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
     # Of what the offset does not explain: bars that are waved by cameras out of step have errors
     # that follow each other for that reason alone.
-    used = np.flatnonzero(~fit.outlying)
-    effect = design_effect(solve, fit.q, used, fit.clusters, step)
+    effect = design_effect(solve, fit.q, fit.used, fit.clusters, step)
     sigma = np.sqrt(unknowns.covariance(H / effect)[-1, -1])
     assert recorded.time_offset is not None
     return MeasuredOffset(float(step[-1]), 0.0, recorded.time_offset.reference, float(sigma))

@@ -100,12 +100,9 @@ def pose_of(q: FloatArray) -> Pose:
 
 def rig_of(primary: Camera, secondary: Camera, q: FloatArray) -> Rig:
     """The rig with the shared unknowns q instead of the stated lenses and pose."""
-    return Rig(camera_of(primary, q, 0), camera_of(secondary, q, 1), pose_of(q))
-
-
-def camera_of(stated: Camera, q: FloatArray, number: int) -> Camera:
-    """The stated primary (0) or secondary (1) with the lens values of q instead of its own."""
-    return with_lens(stated, q[lens_places(number)])
+    cameras = primary, secondary
+    first, second = (with_lens(cameras[k], q[lens_places(k)]) for k in range(2))
+    return Rig(first, second, pose_of(q))
 
 
 def with_lens(stated: Camera, lens: FloatArray) -> Camera:

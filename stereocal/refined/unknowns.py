@@ -321,15 +321,17 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     )
 
 
-def with_lens_priors(settings: RefineSettings, dataset: Dataset) -> RefineSettings:
-    """The same settings with explicit priors of both lenses."""
-    priors: dict[str, Any] = {}
+def settings_for(dataset: Dataset, settings: RefineSettings) -> RefineSettings:
+    """The settings with what the data set says of its lenses and its timing."""
+    known: dict[str, Any] = {}
     for which in CAMERAS:
         camera = getattr(dataset, which)
-        priors[which] = lens_prior(camera, getattr(settings, which))
+        known[which] = lens_prior(camera, getattr(settings, which))
         if which in settings.free_distortion:
-            priors[which] = replace(priors[which], distortion=free_distortion(camera))
-    return replace(settings, **priors)
+            known[which] = replace(known[which], distortion=free_distortion(camera))
+    if dataset.time_offset is None:
+        known |= {"time_offset": False, "time_drift": False}
+    return replace(settings, **known)
 
 
 def free_distortion(camera: Camera) -> tuple[float, float, float, float]:
