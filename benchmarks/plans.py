@@ -21,10 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies import numbers_asked
-from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
-from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast, forecast
 from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.dataset_files import read_dataset
@@ -162,7 +161,7 @@ def real_recording(path: Path, uncertainty: Uncertainty) -> None:
         files = forecast_files(
             calibrate(fitted, CalibrationSettings(), refined=RefineSettings())
         ).files
-        for method in FILES:
+        for method in FILE_METHODS:
             rig = files[method]
             seen = replace(sound, primary=rig.primary, secondary=rig.secondary)
             errors = np.abs(count_set(seen, rig.pose).lengths[0] - 1.0)

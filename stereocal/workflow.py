@@ -14,7 +14,13 @@ import numpy as np
 
 from stereocal.calibration import checks
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.methods import POOR_LENGTH, CalibrationSettings, Method, errors_of
+from stereocal.calibration.methods import (
+    FILE_METHODS,
+    POOR_LENGTH,
+    CalibrationSettings,
+    Method,
+    errors_of,
+)
 from stereocal.calibration.montecarlo import (
     MethodResult,
     Problem,
@@ -36,7 +42,6 @@ from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.misplaced_target import misplaced_target
-from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
@@ -223,21 +228,14 @@ class Run:
     @step
     def sets(self) -> dict[Method, RigParameters]:
         """The parameter files: 2d, 3d and, if available, refined."""
-        calibration, validation, forecasts = self.calibration, self.validation, self.forecasts
-        found: dict[Method, RigParameters] = {
-            "2d": calibration.parameters("2d", validation.get("2d"), forecasts.get("2d")),
-            "3d": calibration.parameters("3d", validation.get("3d"), forecasts.get("3d")),
-        }
-        if calibration.refined is not None:
-            found["refined"] = refined_parameters(
-                calibration.refined,
-                self.inputs,
-                validation.get("refined"),
-                calibration.screening.left_out,
-                forecasts.get("refined"),
-            )
-        about = self.recommendation.to_json()
-        return {method: replace(rig, recommendation=about) for method, rig in found.items()}
+        calibration, about = self.calibration, self.recommendation.to_json()
+        sets: dict[Method, RigParameters] = {}
+        for method in FILE_METHODS:
+            if method != "refined" or calibration.refined is not None:
+                entries = self.validation.get(method), self.forecasts.get(method)
+                parameters = calibration.parameters(method, *entries, self.inputs)
+                sets[method] = replace(parameters, recommendation=about)
+        return sets
 
     @property
     def thresholds_px(self) -> dict[Method, float | None]:

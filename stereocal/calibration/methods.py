@@ -17,6 +17,9 @@ from stereocal.system.described import check_described, described
 from stereocal.system.records import plain, settings_of
 
 Method = Literal["essential", "2d", "3d", "refined"]
+FileMethod = Literal["2d", "3d", "refined"]
+FILE_METHODS: tuple[FileMethod, ...] = get_args(FileMethod)
+"""Those with a parameter file."""
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
 """The paper's methods."""
 ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.methods import COST_UNITS, METHOD_NAMES, METHODS, Method
+from stereocal.calibration.methods import COST_UNITS, FILE_METHODS, METHOD_NAMES, METHODS, Method
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
-from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation_panels import COLUMNS, standings
@@ -173,7 +172,7 @@ def plan_table(found: PlanForecast) -> pd.DataFrame:
             row: _forecast(found.estimate(method, name), name)
             for row, name in FORECAST_ROWS.items()
         }
-        for method in FILES
+        for method in FILE_METHODS
     }
     return pd.DataFrame(columns).rename_axis("Mean over field days (95 % of them)")
 

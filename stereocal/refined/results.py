@@ -1,19 +1,20 @@
 """The results of all methods on a data set, with the frames that were left out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from stereocal.calibration.methods import CalibrationSettings, Errors, Method, errors_of
+from stereocal.calibration.methods import CalibrationSettings, Errors, FileMethod, Method, errors_of
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
 from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
+from stereocal.refined.stated_inputs import Input
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
@@ -72,9 +73,10 @@ class Calibration:
 
     def parameters(
         self,
-        method: Literal["2d", "3d", "refined"],
+        method: FileMethod,
         validation: Mapping[str, Any] | None = None,
         forecast: FileForecast | None = None,
+        inputs: Sequence[Input] | None = None,
     ) -> RigParameters:
         """The parameter set to save: `2d` to match with, `3d` to measure with, `refined` for both.
 
@@ -82,11 +84,13 @@ class Calibration:
             validation: figures of a validation of this data set; its `threshold_px` becomes the
                 recommended matching threshold.
             forecast: figures on frames to come; its threshold is used if there is no validation.
+            inputs: from `disagreement.what_disagrees`, for the refined set; computed if None.
         """
         if method == "refined":
             if self.refined is None:
                 raise StereocalError("There is no refined set: `warnings` has the reason, if any.")
-            inputs, left_out = what_disagrees(self.refined), self.screening.left_out
+            inputs = what_disagrees(self.refined) if inputs is None else inputs
+            left_out = self.screening.left_out
             return refined_parameters(self.refined, inputs, validation, left_out, forecast)
         found, used = self.methods[method], np.isin(self.dataset.correspondences.frame, self.frames)
         points = triangulate_rays(found.pose.R, found.pose.T, self.dataset.rays[:, used])

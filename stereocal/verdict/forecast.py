@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.disagreement import Comparison, compare_inputs
@@ -41,7 +41,6 @@ SURE = 0.975
 """Share of the draws that decides."""
 MAXIMUM_TO_ADD = 10
 """Largest number of frames to add that is reported, as a multiple of the present number."""
-SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 Kind = Literal["one", "two", "level"]
 DRAWS, BARS = 32, 100
 """For improvements."""
@@ -107,8 +106,8 @@ def sure(chance: float) -> str:
 
 def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) -> str:
     of = predictive.forecasts
-    px = {name: f"{digits(of[name].mean_reprojection_px.value, 2)} px" for name in SETS}
-    length = {name: f"{digits(100 * of[name].mean_error_3d.value, 2)} %" for name in SETS}
+    px = {name: f"{digits(of[name].mean_reprojection_px.value, 2)} px" for name in FILE_METHODS}
+    length = {name: f"{digits(100 * of[name].mean_error_3d.value, 2)} %" for name in FILE_METHODS}
     times = [
         f"{ratio.value:.2f} times, {ratio.low:.2f} to {ratio.high:.2f}"
         for ratio in (matching, measuring)

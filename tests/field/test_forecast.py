@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stereocal.calibration.methods import FILE_METHODS
 from stereocal.errors import StereocalError
 from stereocal.field.planning.advice import LIMITS, advise, with_baseline
 from stereocal.field.planning.common_cameras import COMMON
-from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.expected import expect
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
 from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
@@ -34,7 +34,7 @@ def test_the_forecast_comes_true_on_simulated_field_days() -> None:
     """25 field days have a standard error of 15 % in the 2D set, whose errors scatter most."""
     days = [observed(FIELD, seed) for seed in range(25)]
     found = whole(128)
-    for method, tolerance in zip(FILES, (0.45, 0.12, 0.07), strict=True):
+    for method, tolerance in zip(FILE_METHODS, (0.45, 0.12, 0.07), strict=True):
         true = np.mean([day[method, "mean_length_error"] for day in days])
         said = found.estimate(method, "mean_length_error")
         assert said.value == pytest.approx(true, rel=tolerance), method
@@ -63,8 +63,8 @@ def test_an_accuracy_that_is_needed_is_reached_or_not() -> None:
 
 def test_two_sets_do_what_the_paper_says() -> None:
     found = whole()
-    errors = {m: found.estimate(m, "mean_length_error").value for m in FILES}
-    fcp = {m: found.estimate(m, "fcp_reprojection").value for m in FILES}
+    errors = {m: found.estimate(m, "mean_length_error").value for m in FILE_METHODS}
+    fcp = {m: found.estimate(m, "fcp_reprojection").value for m in FILE_METHODS}
     assert errors["refined"] <= errors["3d"] < 0.3 * errors["2d"]
     assert fcp["refined"] <= fcp["2d"] < 0.3 * fcp["3d"]
     assert (found.match_with, found.measure_with) == ("refined", "refined")

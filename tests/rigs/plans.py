@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
-from stereocal.field.planning.drawn_rigs import FILES
 from stereocal.field.planning.plan import Plan
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.geometry import Pose
@@ -57,6 +56,6 @@ def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
     figures = population(truth, files, test.ends_m, plan.noise_px, limits, rng)
     return {
         (method, name): figures[method][NAMES.get(name, name)]
-        for method in FILES
+        for method in FILE_METHODS
         for name in FIGURES
     }

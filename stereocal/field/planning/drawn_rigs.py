@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats.qmc import Sobol
 
-from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.evaluation import compiled_run
 from stereocal.evaluation.evaluate import paper_angles
@@ -38,7 +38,6 @@ from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge, photograph
 from stereocal.verdict.predictive import partners_in_groups
 
-FILES: tuple[Method, ...] = ("2d", "3d", "refined")
 FIGURES = (
     "mean_length_error",
     "median_error_3d",
@@ -64,7 +63,7 @@ class DrawnRigs:
     """
 
     figures: FloatArray
-    """(rigs, files, figures): `FILES`, `FIGURES`."""
+    """(rigs, files, figures): `FILE_METHODS`, `FIGURES`."""
     position_m: FloatArray
     """(rigs,): mean distance of reconstructed from true points, of the refined set."""
 
@@ -87,7 +86,7 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     rng = np.random.default_rng([seed, first])
     needed = plan.frames + TEST_BARS
     bars = place_planned_bars(plan, int(SPARE * needed) + (len(errors) - 1) * plan.frames, rng)
-    figures = np.full((len(errors), len(FILES), len(FIGURES)), np.nan)
+    figures = np.full((len(errors), len(FILE_METHODS), len(FIGURES)), np.nan)
     position = np.full(len(errors), np.nan)
     partners = partners_in_groups(TEST_BARS, rng, WRONG_PARTNERS)
     own, stated = plan.uncertainty, shared_unknowns(plan.rig)
@@ -180,9 +179,9 @@ def _judged(
             below / wrong.sum(axis=1),
         ]
     )
-    if len(sets) < len(FILES):
+    if len(sets) < len(FILE_METHODS):
         return figures, float("nan")
-    refined = sets[FILES.index("refined")]
+    refined = sets[FILE_METHODS.index("refined")]
     undistort_rays(refined, lenses, pixels, rays, np.empty((len(pixels), 2, 4)))
     pose = pose_of(refined)
     away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)

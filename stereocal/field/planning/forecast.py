@@ -13,11 +13,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.field.planning.advice import LIMITS, Advice, advise
-from stereocal.field.planning.drawn_rigs import FIGURES, FILES, DrawnRigs, draw_rigs
+from stereocal.field.planning.drawn_rigs import FIGURES, DrawnRigs, draw_rigs
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import Plan
 from stereocal.rig.compiled import FloatArray
@@ -60,7 +60,7 @@ class PlanForecast:
 
     def estimate(self, method: Method, figure: str) -> Estimate:
         """A figure of a file: mean over the drawn rigs, and the interval of 95 % of them."""
-        return _over_rigs(self.rigs.figures[:, FILES.index(method), FIGURES.index(figure)])
+        return _over_rigs(self.rigs.figures[:, FILE_METHODS.index(method), FIGURES.index(figure)])
 
     @cached_property
     def position_error_m(self) -> Estimate:
@@ -102,7 +102,7 @@ class PlanForecast:
         """Share of field days on which 95 % of lengths are as good as needed; None if not asked."""
         if self.plan.needed is None:
             return None
-        at = FILES.index(self.measure_with), FIGURES.index("p95_error_3d")
+        at = FILE_METHODS.index(self.measure_with), FIGURES.index("p95_error_3d")
         within = self.rigs.figures[:, at[0], at[1]]
         return float(np.mean(within[np.isfinite(within)] <= self.plan.needed))
 
@@ -121,7 +121,7 @@ class PlanForecast:
             "plan": self.plan.name,
             "methods": {
                 method: {figure: vars(self.estimate(method, figure)) for figure in STATED}
-                for method in FILES
+                for method in FILE_METHODS
             },
             "position_error_m": vars(self.position_error_m),
             "points_per_frame": vars(self.points_per_frame),
