@@ -1,8 +1,10 @@
-"""Photographs and zips as files."""
+"""Photographs and zips as files, and the chunks of a PNG."""
 
 import io
+import struct
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import cv2
@@ -19,7 +21,25 @@ def encoded(image: npt.NDArray[Any], suffix: str = ".png") -> bytes:
 def zipped(files: Mapping[str, bytes], kind: int = zipfile.ZIP_DEFLATED) -> bytes:
     """Files as a zip."""
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", kind) as archive:
+    with zipfile.ZipFile(packed, "w") as archive:
         for name, content in files.items():
-            archive.writestr(name, content)
+            archive.writestr(zipfile.ZipInfo(name), content, kind)
     return packed.getvalue()
+
+
+def chunks_of(png: bytes) -> list[tuple[bytes, bytes]]:
+    """Kind and data of each whole chunk; none of another file."""
+    found, at = [], 8
+    while png[:4] == b"\x89PNG" and at + 12 <= len(png):
+        (length,) = struct.unpack_from(">I", png, at)
+        found.append((png[at + 4 : at + 8], png[at + 8 : at + 8 + length]))
+        at += 12 + length
+    return found
+
+
+def png_of(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
+    """A PNG of these chunks, with right checksums."""
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )

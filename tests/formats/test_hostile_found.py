@@ -12,8 +12,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.system.arrays import read_arrays
+from tests.files import zipped
 from tests.soak.readers import readers
-from tests.soak.seeds import image, parquet, zipped
+from tests.soak.seeds import image, parquet
 
 HUGE = 10**400
 HEAD_OF_ONE = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n"

@@ -12,6 +12,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from tests.files import chunks_of, png_of
+
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 Change = Callable[[Draw, bytes, bytes], Any]
 """Bytes, of what is drawn."""
@@ -206,11 +208,7 @@ def _npy(draw: Draw, content: bytes, other: bytes) -> Any:
 
 def _png(draw: Draw, content: bytes, other: bytes) -> Any:
     """A chunk changed, doubled or taken out, with a right checksum all the same."""
-    chunks, at = [], 8
-    while content[:4] == b"\x89PNG" and at + 12 <= len(content):
-        (length,) = struct.unpack_from(">I", content, at)
-        chunks.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
-        at += 12 + length
+    chunks = chunks_of(content)
     if not chunks:
         return _flip(draw, content, other)
     at = draw(st.integers(0, len(chunks) - 1))
@@ -219,10 +217,7 @@ def _png(draw: Draw, content: bytes, other: bytes) -> Any:
     data = draw(st.sampled_from((_flip, _whole_number, _piece)))(draw, data, other)
     data = draw(st.sampled_from((data, zlib.compress(data * 50))))
     chunks[at : at + draw(st.integers(0, 1))] = [(draw(kinds), data)] * draw(st.integers(0, 2))
-    return content[:8] + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in chunks
-    )
+    return png_of(chunks)
 
 
 ANY: tuple[Change, ...] = (_flip, *[_piece] * 4)

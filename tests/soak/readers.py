@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import ZIP_STORED
 
 import numpy as np
 
@@ -43,6 +44,7 @@ from stereocal.ui.picker import pick_of
 from tests.archives import caliscope_files, easywand_fields, kalibr_chain, stereo_struct, wand_csv
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
+from tests.files import zipped
 from tests.formats.test_exchange import RICHEST
 from tests.formats.test_formats import NODES, with_storage
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
@@ -125,7 +127,7 @@ def _descriptions() -> dict[str, tuple[str, Seeds, Read]]:
 
 
 def _others() -> dict[str, tuple[str, Seeds, Read]]:
-    two = seeds.zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)})
+    two = zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)}, ZIP_STORED)
     addresses = these(b"0" * 32, b"0123456789abcdef" * 2)
     return {
         **{

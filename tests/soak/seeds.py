@@ -2,7 +2,6 @@
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -126,15 +125,6 @@ def image(ending: str, channels: int = 1, bits: int = 8, flags: Sequence[int] = 
     grey = ((rows * 7 + columns * 5) % 256 * (257 if bits == 16 else 1)).astype(f"uint{bits}")
     pixels = grey if channels == 1 else np.dstack([grey] * channels)
     return bytes(cv2.imencode(ending, pixels, list(flags))[1])
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """A zip of them, stored as they are."""
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(zipfile.ZipInfo(name), content)
-    return packed.getvalue()
 
 
 @cache

@@ -2,7 +2,6 @@
 
 import struct
 import zipfile
-import zlib
 from io import BytesIO
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from PIL import Image as PillowImage
 from stereocal.errors import StereocalError
 from stereocal.system.photograph import photograph_size, read_photograph
 from stereocal.system.photograph_files import photographs_in, unpack_photographs
-from tests.files import encoded, zipped
+from tests.files import chunks_of, encoded, png_of, zipped
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 WIDTH, HEIGHT = 61, 43
@@ -23,22 +22,6 @@ WIDTH, HEIGHT = 61, 43
 def picture(dtype: type = np.uint8, channels: int = 1, highest: int = 255) -> Image:
     shape = (HEIGHT, WIDTH) if channels == 1 else (HEIGHT, WIDTH, channels)
     return np.random.default_rng(5).integers(0, highest + 1, shape).astype(dtype)
-
-
-def png_of(chunks: list[tuple[bytes, bytes]]) -> bytes:
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in chunks
-    )
-
-
-def chunks_of(content: bytes) -> list[tuple[bytes, bytes]]:
-    found, at = [], 8
-    while at < len(content):
-        (length,) = struct.unpack_from(">I", content, at)
-        found.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
-        at += 12 + length
-    return found
 
 
 def exif(orientation: int) -> bytes:
