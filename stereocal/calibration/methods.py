@@ -2,8 +2,8 @@
 set."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
-from stereocal.system.described import check_described, described
-from stereocal.system.records import plain, settings_of
+from stereocal.system.settings import Settings, described, joined
 
 Method = Literal["essential", "2d", "3d", "refined"]
 FileMethod = Literal["2d", "3d", "refined"]
@@ -35,25 +34,27 @@ COST_UNITS: Mapping[Method, str] = {"essential": "", "2d": "px", "3d": "m", "ref
 
 
 @dataclass(frozen=True)
-class CalibrationSettings:
+class CalibrationSettings(Settings):
     """The settings of a calibration; the defaults are the paper's."""
 
-    search: SearchSettings = field(default_factory=SearchSettings)
+    search: SearchSettings = joined(SearchSettings)
     essential: Solver = described(
         "constrained",
         "Solver of the essential matrix",
         "Constrained: the best essential matrix. Linear: the textbook's 8-point estimate alone, as "
         "the start of the searches.",
         choices=get_args(Solver),
+        name="essential solver",
     )
-    calibration_frames: int | None = None
+    calibration_frames: int | None = described(None, "Calibration frames")
     """Number of frames to calibrate with, drawn at random; None for all."""
-    known_points: bool = False
+    known_points: bool = described(False, "3D cost from known points instead of lengths")
     """Use the 3D cost of the paper's footnote 4: known points instead of bar lengths."""
     all_frames: bool = described(
         False,
         "Trust every frame, as the paper does",
         "Without screening: otherwise frames that contradict the others are left out.",
+        name="trust in every frame",
     )
     frames_put_back: tuple[int, ...] = described(
         (),
@@ -72,34 +73,27 @@ class CalibrationSettings:
         "Find the time offset between the cameras",
         "For cameras that are not quite in step: how many frames later the secondary takes its "
         "frames. Its points are shifted by that. Needs a bar that moves, in consecutive frames.",
+        name="time offset",
     )
     time_drift: bool = described(
         False,
         "Find its drift too",
         "How the time offset changes (frames per frame), for long recordings by cameras that each "
         "run by their own clock.",
+        name="its drift",
     )
 
     def __post_init__(self) -> None:
-        check_described(self)
+        super().__post_init__()
         if self.calibration_frames is not None and self.calibration_frames < 1:
             raise StereocalError("The number of calibration frames must be at least 1.")
         if self.time_drift and not self.time_offset:
             raise StereocalError("A drift of the time offset is found only with the offset.")
 
-    def to_json(self) -> dict[str, Any]:
-        """All settings in one flat object."""
-        own = plain(self)
-        return {**own.pop("search"), **own}
-
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "CalibrationSettings":
-        """The settings that `to_json` describes; missing ones keep their defaults."""
-        own = dict(data)
-        own["search"] = {
-            each.name: own.pop(each.name) for each in fields(SearchSettings) if each.name in own
-        }
-        found = settings_of(own, cls)
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """As of `Settings`; frames in the order of their numbers."""
+        found = super().from_json(data)
         put_back, left_out = (
             tuple(sorted(frames)) for frames in (found.frames_put_back, found.frames_left_out)
         )

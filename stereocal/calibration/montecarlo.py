@@ -15,14 +15,14 @@ from stereocal.errors import StereocalError
 from stereocal.rig.compiled import BoolArray, FloatArray, clock, compiled, contiguous
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose
-from stereocal.system.described import check_described, described
+from stereocal.system.settings import Settings, described
 
 STEP_TOO_SMALL = "the step fell below its smallest size"
 OUT_OF_MOVES = "the largest number of moves was reached"
 
 
 @dataclass(frozen=True)
-class SearchSettings:
+class SearchSettings(Settings):
     """Settings of the search; the defaults are the paper's, where the paper gives one."""
 
     delta: float = described(
@@ -30,12 +30,14 @@ class SearchSettings:
         "First step Δ (rad)",
         "How far an angle is moved at first, rad. Paper: 0.001.",
         between=(1e-12, 0.5),
+        name="Δ",
     )
     delta_min: float = described(
         1e-6,
         "Smallest step Δ min (rad)",
         "The search ends when the step is smaller, rad. Paper: 0.000001.",
         between=(1e-12, 0.5),
+        name="Δ min",
     )
     acceptance: float = described(
         0.2,
@@ -55,7 +57,7 @@ class SearchSettings:
         "Moves at one step before the ratio is looked at. Paper: 1, to the letter; 20 is steadier.",
         between=(1, 100_000),
     )
-    maximum_moves: int = 2_000_000
+    maximum_moves: int = described(2_000_000, "Most moves of a search")
     """Limit of the number of trials (paper: none)."""
     seed: int = described(
         0,
@@ -65,7 +67,7 @@ class SearchSettings:
     )
 
     def __post_init__(self) -> None:
-        check_described(self)
+        super().__post_init__()
         if self.delta_min > self.delta:
             raise StereocalError(
                 f"delta_min is {self.delta_min}: it must be at most delta, {self.delta}."

@@ -137,7 +137,7 @@ def _validated(run: Run, runs: int) -> Run:
     search = replace(run.settings, calibration_frames=None)
     drawn = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
     try:
-        return validate(run, EvaluationSettings(search, runs, drawn, run.refined))
+        return validate(run, EvaluationSettings(search, runs, drawn, refined=run.refined))
     except StereocalError as error:
         print(f"No validation: {error}")
         return run

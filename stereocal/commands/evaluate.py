@@ -8,7 +8,6 @@ from stereocal.commands.console import Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
-    SEARCH,
     WORKERS,
     dataset_from,
     finish,
@@ -29,10 +28,9 @@ from stereocal.workflow import Run
 OPTIONS: Options = {
     "datasets DATASET...": "folders, zips",
     "--out OUT": "folder for the two files",
-    **SEARCH,
+    **settings_options(EvaluationSettings),
     **LENSES_AND_LENGTHS,
     **PAIR,
-    **settings_options(EvaluationSettings),
     "--known-points": "as for calibrate",
     "--no-refined": {
         "help": "the paper's three methods only",
@@ -50,8 +48,8 @@ def run(parsed: argparse.Namespace) -> None:
         settings_from(parsed, calibration_frames=None),
         parsed.runs,
         parsed.calibration_frames,
-        refine_settings_from(parsed) if parsed.refined else None,
         parsed.splits,
+        refine_settings_from(parsed) if parsed.refined else None,
     )
     found = [Run(dataset, settings.calibration, settings.refined) for dataset in datasets]
     screenings = [run.screening for run in found]

@@ -39,8 +39,8 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all, write_atomically
-from stereocal.system.described import descriptions
 from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
+from stereocal.system.settings import asked
 
 OPTIONS: Options = {
     "images IMAGES...": "photographs, folders, zips",
@@ -57,7 +57,7 @@ DEFAULTS = {"leave_out": ()}
 def run(parsed: argparse.Namespace) -> None:
     """Find the boards, calibrate, write the file, print the table."""
     pattern, out = pattern_of(parsed), parsed.out
-    settings = LensSettings(**{name: getattr(parsed, name) for name in descriptions(LensSettings)})
+    settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
         proposal = propose(taken_of(photographs))

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.commands.console import Options, report
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.options import QUESTIONS
@@ -21,22 +20,22 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all
-from stereocal.system.described import descriptions
 from stereocal.system.executors import engine
 from stereocal.system.limits import Limits
+from stereocal.system.settings import Settings, asked
 
 
-def settings_options(*kinds: type) -> Options:
+def settings_options(kind: type[Settings]) -> Options:
     """An option for each setting, as it describes itself."""
     found: dict[str, Any] = {}
-    for name, about in (each for kind in kinds for each in descriptions(kind).items()):
+    for name, about in asked(kind).items():
         usual, told = about.default, dict[str, Any](dest=name, help=about.help)
         if isinstance(usual, bool):
             told["action"] = "store_true"
         elif isinstance(usual, tuple):
             told |= {"type": int, "nargs": "+", "default": usual, "metavar": "FRAME"}
         else:
-            told |= {"choices": about.choices} if about.choices else {"metavar": "N"}
+            told |= {"choices": [*about.choices]} if about.choices else {"metavar": "N"}
             told |= {"type": type(usual), "default": usual}
             told["help"] += f" (default: {usual})"
         found[f"--{(about.option or name).replace('_', '-')}"] = told
@@ -53,7 +52,7 @@ def questions(*names: str) -> Options:
     }
 
 
-SEARCH = settings_options(SearchSettings, CalibrationSettings)
+SEARCH = settings_options(CalibrationSettings)
 LENSES_AND_LENGTHS: Options = {
     **questions("lens_model"),
     "--baseline-sigma S": "standard error of the baseline, m",

@@ -15,9 +15,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -35,10 +35,9 @@ from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.system.described import check_described, described, descriptions
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
-from stereocal.system.records import settings_of
+from stereocal.system.settings import Settings, described, joined
 from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 
 MAXIMUM_PARTNERS = 99
@@ -51,10 +50,10 @@ MOST_RUNS = 100_000
 
 
 @dataclass(frozen=True)
-class EvaluationSettings:
+class EvaluationSettings(Settings):
     """Settings of the validation; the defaults are the paper's."""
 
-    calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+    calibration: CalibrationSettings = joined(CalibrationSettings)
     runs: int = described(
         100, "Runs", "How often frames are drawn again. Paper: 100.", between=(1, MOST_RUNS)
     )
@@ -63,40 +62,28 @@ class EvaluationSettings:
         "Frames to calibrate with; the others test",
         "Of each run. Paper: 20 of 25.",
         between=(1, 10**9),
+        name="calibration frames",
     )
-    refined: RefineSettings | None = None
-    """Settings of the refined method; None to validate only the paper's methods."""
     splits: Splits = described(
         "runs",
         "Left out together",
         "Runs of frames or single frames. Neighbouring frames of a moving bar have alike errors: "
         "tested on one, a fit of the other looks better than it is. For frames taken one by one "
         "both are the same.",
-        choices=get_args(Splits),
+        choices={"runs": "Whole runs of frames", "frames": "Single frames (paper)"},
+        name="frames left out together",
     )
-
-    def __post_init__(self) -> None:
-        check_described(self)
-
-    def to_json(self) -> dict[str, Any]:
-        """All settings in one flat object."""
-        return {
-            **self.calibration.to_json(),
-            **{name: getattr(self, name) for name in descriptions(EvaluationSettings)},
-            "refined": self.refined.to_json() if self.refined else None,
-        }
+    refined: RefineSettings | None = described(
+        None, "Settings of the refined method", name="settings of the refined set"
+    )
+    """None to validate only the paper's methods."""
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "EvaluationSettings":
-        """The settings that `to_json` describes."""
-        rest = dict(data)
-        own = {name: rest.pop(name) for name in descriptions(cls) if name in rest}
-        refined = rest.pop("refined", None)
-        return replace(
-            settings_of({"splits": "frames", **own}, cls),
-            calibration=CalibrationSettings.from_json(rest),
-            refined=RefineSettings.from_json(refined) if refined else None,
-        )
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """As of `Settings`; first versions had `splits` of single frames, and did not say so."""
+        refined = data.get("refined")
+        found = super().from_json({"splits": "frames", **data, "refined": None})
+        return replace(found, refined=refined and RefineSettings.from_json(refined))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 import plotly
 
-from stereocal.calibration.methods import METHOD_NAMES, CalibrationSettings, Method
-from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures import two_sets
@@ -29,24 +28,10 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
 from stereocal.rig.parameters import software_versions
-from stereocal.system.described import descriptions
 from stereocal.system.numbers import rounded
+from stereocal.system.settings import descriptions
 from stereocal.verdict.in_words import left_out_line, listed
 from stereocal.verdict.recommendation import Recommendation
-
-SETTING_NAMES = {
-    "maximum_moves": "Most moves of a search",
-    "calibration_frames": "Frames to calibrate with, in each run",
-    "known_points": "3D cost from known points instead of lengths",
-    "runs": "Runs for each data set",
-    "refined": "Settings of the refined method",
-    "splits": "Left out together (runs: frames that follow each other)",
-    **{
-        name: about.title
-        for settings in (SearchSettings, CalibrationSettings)
-        for name, about in descriptions(settings).items()
-    },
-}
 
 
 def report_html(
@@ -180,9 +165,8 @@ def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Datase
 def _settings(
     settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
 ) -> pd.DataFrame:
-    lines = {
-        SETTING_NAMES.get(name, name): _setting(value) for name, value in settings.to_json().items()
-    }
+    about = descriptions(EvaluationSettings)
+    lines = {about[name].title: _setting(value) for name, value in settings.to_json().items()}
     edges = next(iter(summaries.values())).residual.correct.edges
     lines["Width of the bins (decades)"] = f"{rounded(edges[1] - edges[0], 3)}"
     return pd.DataFrame({"Value": lines}).rename_axis("Setting")

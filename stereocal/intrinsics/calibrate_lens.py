@@ -37,7 +37,7 @@ from stereocal.rig.camera import (
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import BoardPattern
-from stereocal.system.described import check_described, described
+from stereocal.system.settings import Settings, described
 from stereocal.system.tasks import Progress, Task, run_tasks
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
@@ -60,7 +60,7 @@ SIGMA_TAIL = 15.8655
 
 
 @dataclass(frozen=True)
-class LensSettings:
+class LensSettings(Settings):
     """Settings of the lens calibration."""
 
     subset: int = described(
@@ -97,9 +97,6 @@ class LensSettings:
         "other wide lenses.",
         choices=LENS_MODELS,
     )
-
-    def __post_init__(self) -> None:
-        check_described(self)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """The unknowns of the refined method, their priors, and its settings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset, check_uncertainty
 from stereocal.rig.geometry import Pose
-from stereocal.system.records import plain, settings_of
+from stereocal.system.settings import Settings
 
 DEFAULT_FOCAL = 0.01
 DEFAULT_CENTRE_PX = 10.0
@@ -84,7 +84,7 @@ FREE_FISHEYE = (0.3, 0.3, 0.3, 0.3)
 
 
 @dataclass(frozen=True)
-class RefineSettings:
+class RefineSettings(Settings):
     """Settings of the refined method. An uncertainty of 0 holds the value fixed."""
 
     primary: LensPrior | None = None
@@ -126,16 +126,6 @@ class RefineSettings:
             raise StereocalError("free_distortion names a camera that is not primary or secondary.")
         if self.maximum_steps < 1:
             raise StereocalError("maximum_steps must be at least 1.")
-
-    def to_json(self) -> dict[str, Any]:
-        """All settings; infinity is written as the string "inf", since JSON has no infinity."""
-        settings: dict[str, Any] = _exchanged(plain(self), np.inf, "inf")
-        return settings
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "RefineSettings":
-        """The settings that `to_json` describes; missing ones keep their defaults."""
-        return settings_of(_exchanged(dict(data), "inf", np.inf), cls)
 
 
 Block = tuple[list[tuple[str, float, list[int]]], FloatArray | None]
@@ -367,12 +357,3 @@ def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
 
 def _first(*values: float | None) -> float:
     return next(value for value in values if value is not None)
-
-
-def _exchanged(value: Any, old: Any, new: Any) -> Any:
-    """A plain value with `new` wherever `old` is."""
-    if isinstance(value, dict):
-        return {key: _exchanged(inner, old, new) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_exchanged(inner, old, new) for inner in value]
-    return new if value == old else value

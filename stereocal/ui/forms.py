@@ -9,42 +9,21 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
-from stereocal.system.described import About, descriptions
+from stereocal.system.settings import About, asked, descriptions
 from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
 
-SEARCH = descriptions(SearchSettings)
 RATIOS = (0.01, 0.99)
 """Ends of the slider of the acceptance ratio."""
-NUMBERS = SEARCH | {"acceptance": replace(SEARCH["acceptance"], low=RATIOS[0], high=RATIOS[1])}
-OTHERS = descriptions(CalibrationSettings)
-SLIDERS = ("delta", "acceptance")
+ASKED = asked(CalibrationSettings)
+ASKED["acceptance"] = replace(ASKED["acceptance"], low=RATIOS[0], high=RATIOS[1])
+ABOUT = descriptions(EvaluationSettings)
 LARGEST_WHOLE = 2**53 - 1
 """In a browser."""
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
 """Positions of the slider of the first step, rad."""
-
-NAMES = {
-    "delta": "Δ",
-    "delta_min": "Δ min",
-    "acceptance": "acceptance ratio",
-    "shrink": "shrink factor",
-    "minimum_moves": "minimum moves",
-    "seed": "seed",
-    "essential": "essential solver",
-    "calibration_frames": "calibration frames",
-    "all_frames": "trust in every frame",
-    "time_offset": "time offset",
-    "time_drift": "its drift",
-    "frames_put_back": "frames put back",
-    "frames_left_out": "frames left out",
-    "runs": "runs",
-    "splits": "frames left out together",
-    "refined": "settings of the refined set",
-}
-
 _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
 """Shown with the frames left out and the time offset, not in the line of settings."""
 
@@ -60,12 +39,11 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
             **_frames_field(project, frames).widget(),
             help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
         )
-    fields = _search_fields(project)
-    for name, column in zip(NUMBERS, cycle(st.columns(3)), strict=False):
-        ask(column, NUMBERS[name], fields[name])
-    for name in OTHERS:
-        if name in fields and (name != "time_drift" or fields["time_offset"].value()):
-            ask(st.container(), OTHERS[name], fields[name])
+    fields, columns = _search_fields(project), cycle(st.columns(3))
+    for name, field in fields.items():
+        if name != "time_drift" or fields["time_offset"].value():
+            place = next(columns) if isinstance(field.fit, Number) else st.container()
+            ask(place, ASKED[name], field)
     return form_values(project, dataset)
 
 
@@ -94,7 +72,7 @@ def field_of(project: Project, key: str, about: About) -> Field:
 def _search_fields(project: Project) -> dict[str, Field]:
     return {
         name: field_of(project, name, about)
-        for name, about in (NUMBERS | OTHERS).items()
+        for name, about in ASKED.items()
         if not isinstance(about.default, tuple)
     }
 
@@ -110,8 +88,8 @@ def search_values(project: Project) -> dict[str, Any]:
 def search_form(project: Project) -> None:
     """The two settings of the search that the paper varies, as sliders."""
     fields, (left, right) = _search_fields(project), st.columns(2)
-    delta, acceptance = (NUMBERS[name] for name in SLIDERS)
-    own, ratio = (fields[name].widget() for name in SLIDERS)
+    delta, acceptance = ASKED["delta"], ASKED["acceptance"]
+    own, ratio = fields["delta"].widget(), fields["acceptance"].widget()
     steps = sorted({*DELTAS, fields["delta"].value()})
     left.select_slider(delta.title, steps, format_func="{:g}".format, help=delta.help, **own)
     right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio)
@@ -121,7 +99,8 @@ def search_form(project: Project) -> None:
 def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False) -> Any:
     """The widget of a described setting; its value."""
     if about.choices:
-        return own.buttons(about.title, place, format_func=str.capitalize, help=about.help)
+        words = about.choices.__getitem__
+        return own.buttons(about.title, place, format_func=words, help=about.help)
     if isinstance(about.default, bool):
         return place.toggle(about.title, help=about.help, disabled=disabled, **own.widget())
     shown = {} if isinstance(about.default, int) else {"format": "%.10g"}
@@ -137,9 +116,9 @@ def settings_of(values: dict[str, Any]) -> CalibrationSettings:
 def changed_settings(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """The settings of `now` that were others, with both values where these are short."""
     return [
-        f"{NAMES.get(key, key)} ({_in_words(then[key])}, now {_in_words(value)})"
+        f"{ABOUT[key].name} ({_in_words(then[key])}, now {_in_words(value)})"
         if value is None or isinstance(value, (int, float, str))
-        else NAMES.get(key, key)
+        else ABOUT[key].name
         for key, value in now.items()
         if then[key] != value
     ]
@@ -155,8 +134,9 @@ def _in_words(value: Any) -> str:
 
 def describe_settings(settings: CalibrationSettings) -> str:
     """The settings of a search, in one line."""
+    values = settings.to_json()
     return ", ".join(
-        f"{NAMES[key]} {value:g}" if isinstance(value, float) else f"{NAMES[key]} {value}"
-        for key, value in settings.to_json().items()
-        if key in NAMES and key not in ("calibration_frames", *_FRAMES)
+        f"{about.name} {f'{value:g}' if isinstance(value := values[name], float) else value}"
+        for name, about in ASKED.items()
+        if name not in _FRAMES
     )

@@ -25,8 +25,8 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.rigid_object import BoardPattern
-from stereocal.system.described import descriptions
 from stereocal.system.numbers import count, rounded
+from stereocal.system.settings import asked
 from stereocal.ui import intake, jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, setting, some_of
@@ -158,7 +158,7 @@ def from_photographs(which: CameraName) -> ProjectLens | None:
 
 
 def _lens_form(project: Project) -> LensSettings:
-    settings = descriptions(LensSettings)
+    settings = asked(LensSettings)
     fields = {name: field_of(project, f"lens_{name}", about) for name, about in settings.items()}
     held = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
     with st.expander("Settings of the calibration"):

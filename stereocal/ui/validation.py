@@ -7,19 +7,26 @@ from functools import cache, partial
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, Splits, evaluate
+from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.system.described import descriptions
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.answer import wait_for_answer
-from stereocal.ui.fields import Field, Number, choose, one_of, setting
-from stereocal.ui.forms import changed_settings, search_form, search_values, settings_of
+from stereocal.ui.fields import Field, Number, choose, setting
+from stereocal.ui.forms import (
+    ABOUT,
+    ask,
+    changed_settings,
+    field_of,
+    search_form,
+    search_values,
+    settings_of,
+)
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.refined import refine_settings
@@ -29,8 +36,6 @@ from stereocal.workflow import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
-SPLITS: dict[Splits, str] = {"runs": "Whole runs of frames", "frames": "Single frames (paper)"}
-ABOUT = descriptions(EvaluationSettings)
 RUNS = (10, 500)
 """Ends of the slider of the runs."""
 FEWEST_FRAMES = 3
@@ -78,9 +83,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
     left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
     about = ABOUT["calibration_frames"]
     right.slider(about.title, *bounds, help=about.help, **frames.widget())
-    about, shown = ABOUT["splits"], {"required": True, **splits.widget()}
-    named = SPLITS.__getitem__
-    st.segmented_control(about.title, SPLITS, help=about.help, format_func=named, **shown)
+    ask(st.container(), ABOUT["splits"], splits)
     search_form(project)
     return kept_protocol(project, datasets)
 
@@ -98,7 +101,7 @@ def _protocol_fields(
     return (
         setting(project, "validate_runs", ABOUT["runs"].default, Number(*RUNS)),
         setting(project, "validate_frames", min(usual_frames(fewest), most), Number(*bounds)),
-        setting(project, "validate_splits", ABOUT["splits"].default, one_of([*SPLITS])),
+        field_of(project, "validate_splits", ABOUT["splits"]),
         bounds,
     )
 
@@ -110,7 +113,7 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
     if len(datasets) > 1:
         own = RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift)
     search = settings_of(search_values(project))
-    return EvaluationSettings(search, runs.value(), frames.value(), own, splits.value())
+    return EvaluationSettings(search, runs.value(), frames.value(), splits.value(), own)
 
 
 def without_refined(

@@ -9,8 +9,8 @@ from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.commands.console import take
 from stereocal.commands.options import SEARCH, settings_from
 from stereocal.errors import StereocalError
-from stereocal.system.described import descriptions
 from stereocal.system.records import of_plain, plain
+from stereocal.system.settings import asked
 
 OPTIONS = {
     "delta": "--delta",
@@ -64,9 +64,9 @@ def test_each_option_sets_its_setting() -> None:
     assert CalibrationSettings.from_json(wanted.to_json()) == wanted
 
 
-@pytest.mark.parametrize("name", descriptions(SearchSettings))
+@pytest.mark.parametrize("name", asked(SearchSettings))
 def test_the_bounds_hold_where_they_are_described(name: str) -> None:
-    about = descriptions(SearchSettings)[name]
+    about = asked(SearchSettings)[name]
     kind = type(about.default)
     for outside in (about.low - (about.low or 1), about.high * 2 + 1):
         with pytest.raises(StereocalError, match=f"^{name} is "):

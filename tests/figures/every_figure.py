@@ -89,7 +89,7 @@ def every_figure() -> dict[str, Drawn]:
     calibration = calibrate(dataset, trace=True)
     inputs, misfit = what_disagrees(refined), misfit_of(refined)
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
-    settings = EvaluationSettings(CalibrationSettings(), 6, 20, RefineSettings())
+    settings = EvaluationSettings(CalibrationSettings(), 6, 20, refined=RefineSettings())
     with ThreadPoolExecutor(2) as executor:
         runs = evaluate([dataset, dataset], settings, executor)
         lens = calibrate_lens(search(12, 1), LensSettings(subset=8, repeats=12), executor)

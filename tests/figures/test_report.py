@@ -10,15 +10,17 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from stereocal import __version__
+from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import summarise
 from stereocal.figures.comparison import describe_comparison
-from stereocal.figures.report import SETTING_NAMES, report_html
+from stereocal.figures.report import report_html
 from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_lines, read_story
 from stereocal.figures.tables import validation_answer
 from stereocal.figures.two_sets import describe_two_sets, telling_frame, views_of
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset
+from stereocal.system.settings import descriptions
 from stereocal.verdict.recommendation import recommend
 from stereocal.workflow import calibrate
 from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, runs_twice
@@ -73,10 +75,11 @@ def test_data_settings_angles_and_versions_are_in_it(
 ) -> None:
     assert dataset.sha256 in report
     assert "<td>25</td><td>50</td><td>25</td><td>4.5 m</td><td>0.9 m</td>" in report
+    about = descriptions(EvaluationSettings)
     for name, value in SETTINGS.to_json().items():
         shown = {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
         shown = "none" if value is None or value == [] else shown
-        assert f'<th scope="row">{SETTING_NAMES[name]}</th><td>{shown}</td>' in report
+        assert f'<th scope="row">{about[name].title}</th><td>{shown}</td>' in report
     found = summaries["3d"]
     for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True):
         assert f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}" in report

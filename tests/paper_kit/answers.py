@@ -28,7 +28,7 @@ def run_of(
     if runs:
         own = replace(run.settings, calibration_frames=None)
         with ThreadPoolExecutor(2) as executor:
-            return run.validate(EvaluationSettings(own, runs, 20, refined), executor)
+            return run.validate(EvaluationSettings(own, runs, 20, refined=refined), executor)
     return run
 
 

@@ -45,7 +45,7 @@ def home_of_finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = settings_of(form_values(project, dataset))
     found = calibrate(dataset, settings)
     project.keep_calibration(found, project.inputs)
-    own = EvaluationSettings(settings, 2, 20, refine_settings(project, dataset))
+    own = EvaluationSettings(settings, 2, 20, refined=refine_settings(project, dataset))
     with ThreadPoolExecutor(1) as executor:
         runs = evaluate([found.screening.dataset], own, executor)
     project.keep_settings({"validate_runs": 2})

@@ -1,0 +1,126 @@
+"""Settings, each described once, at its field: bounds, names, option, widget and JSON come from
+there."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self, cast
+
+from stereocal.errors import StereocalError
+from stereocal.system.records import plain, settings_of
+
+_ABOUT, _JOINED = "about", "joined"
+INF = math.inf
+
+
+@dataclass(frozen=True)
+class About:
+    """What is said of a setting."""
+
+    title: str
+    help: str
+    low: float
+    high: float
+    choices: Mapping[str, str]
+    """Each with its words."""
+    option: str
+    """On the command line, without the dashes; empty: as the field."""
+    name: str
+    """In a line of settings."""
+    default: Any
+
+
+def described(
+    default: Any,
+    title: str,
+    text: str = "",
+    *,
+    between: tuple[float, float] = (0, 0),
+    choices: Sequence[str] | Mapping[str, str] = (),
+    option: str = "",
+    name: str = "",
+) -> Any:
+    """The field of a setting: a number within bounds, a choice, a switch, or numbers of frames.
+
+    Args:
+        text: its help; without one it is neither an option nor in a form.
+        choices: of a choice, with their words if these are others.
+        name: in a line of settings; empty: the title.
+    """
+    name = name or f"{title[:1].lower()}{title[1:]}"
+    words = choices if isinstance(choices, Mapping) else {one: one.capitalize() for one in choices}
+    about = About(title, text, *between, words, option, name, default)
+    return field(default=default, metadata={_ABOUT: about})
+
+
+def joined(settings: type["Settings"]) -> Any:
+    """The field of other settings, whose names stand among those of this class in JSON."""
+    return field(default_factory=settings, metadata={_JOINED: settings})
+
+
+def descriptions(settings: type["Settings"]) -> dict[str, About]:
+    """What is said of each setting, of joined ones too, by its name."""
+    own = fields(cast(Any, settings))
+    found = {each.name: each.metadata[_ABOUT] for each in own if _ABOUT in each.metadata}
+    for kind in _joined(settings).values():
+        found = descriptions(kind) | found
+    return found
+
+
+def asked(settings: type["Settings"]) -> dict[str, About]:
+    """The `descriptions` of options and forms."""
+    return {name: about for name, about in descriptions(settings).items() if about.help}
+
+
+def _joined(settings: type["Settings"]) -> dict[str, type["Settings"]]:
+    own = fields(cast(Any, settings))
+    return {each.name: each.metadata[_JOINED] for each in own if _JOINED in each.metadata}
+
+
+class Settings:
+    """Settings that are checked when they are made; dataclasses derive from it."""
+
+    def __post_init__(self) -> None:
+        """Raise a `StereocalError` for a setting out of its bounds or none of its choices."""
+        for name, about in descriptions(type(self)).items():
+            if (value := getattr(self, name, None)) is None:
+                continue
+            if about.choices and value not in about.choices:
+                choices = " or ".join(about.choices)
+                raise StereocalError(f"{name} is {value!r}: it must be {choices}.")
+            if about.low < about.high and not about.low <= value <= about.high:
+                bounds = f"{about.low:g} to {about.high:g}"
+                raise StereocalError(f"{name} is {value}: it must be from {bounds}.")
+
+    def to_json(self) -> dict[str, Any]:
+        """All settings in one flat object; infinity is written as the string "inf", since JSON has
+        no infinity."""
+        own: dict[str, Any] = plain(self)
+        others = _joined(type(self))
+        flat = [getattr(self, name).to_json() for name in others]
+        own = {name: value for name, value in own.items() if name not in others}
+        return {**{k: v for each in flat for k, v in each.items()}, **_exchanged(own, INF, "inf")}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """The settings that `to_json` describes; missing ones keep their defaults.
+
+        Raises:
+            StereocalError: a name is unknown, or a value is of another type or out of its bounds.
+        """
+        rest, others = _exchanged(dict(data), "inf", INF), {}
+        own = {each.name for each in fields(cast(Any, cls))}
+        for name, kind in _joined(cls).items():
+            names = kind().to_json().keys() - own
+            others[name] = kind.from_json({key: rest.pop(key) for key in names if key in rest})
+        found: Any = settings_of(rest, cls)
+        return cast(Self, replace(found, **others))
+
+
+def _exchanged(value: Any, one: Any, other: Any) -> Any:
+    """A plain value with `other` wherever `one` is."""
+    if isinstance(value, dict):
+        return {key: _exchanged(inner, one, other) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_exchanged(inner, one, other) for inner in value]
+    return other if value == one else value
