@@ -11,20 +11,12 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures import style
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input, in_digits
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint
 
 ROW, FRAME = 44, 100
-NAMES = {
-    "baseline": "Baseline",
-    "distance": "Distance A–B",
-    **{f"{camera} focal": f"Focal length, {camera}" for camera in CAMERAS},
-    **{f"{camera} centre": f"Image centre, {camera}" for camera in CAMERAS},
-    **{f"{camera} distortion": f"Distortion, {camera}" for camera in CAMERAS},
-}
 HOVER = "<br>2D cost %{x:.4~r} px<br>3D cost %{y:.4~r} mm"
 FIXED, FREED = "Nominal lenses", "Lenses freed"
 DASHES = {FIXED: "dot", FREED: "solid"}
@@ -36,7 +28,7 @@ def plot_disagreement(inputs: Sequence[Input]) -> go.Figure:
     figure = style.blank(FRAME + ROW * max(len(shown), 1))
     values = np.array([item.standard_errors for item in shown])
     figure.add_bar(
-        y=[name_of(item) for item in shown],
+        y=[item.title for item in shown],
         x=values,
         orientation="h",
         showlegend=False,
@@ -69,7 +61,7 @@ def disagreement_table(inputs: Sequence[Input]) -> pd.DataFrame:
             stated = in_digits(item.stated, sigma)
             found = f"{in_digits(item.estimate, sigma)} ± {in_digits(sigma, sigma)}"
             estimated = f"{found} {item.unit}".rstrip()
-        rows[name_of(item)] = {
+        rows[item.title] = {
             "Stated": f"{stated} {item.unit}".rstrip(),
             "Estimated": estimated,
             "Disagreement (standard errors)": (
@@ -85,21 +77,16 @@ def describe_disagreement(inputs: Sequence[Input]) -> str:
     return f"Disagreement of each input with images and lengths: {'; '.join(parts)}."
 
 
-def name_of(item: Input) -> str:
-    """The name of an input for the user."""
-    return NAMES.get(item.key, item.key.capitalize())
-
-
 def _words(item: Input) -> str:
     if np.isnan(item.standard_errors):
-        return f"{name_of(item)}: the images have no information about it"
+        return f"{item.title}: the images have no information about it"
     apart = f"{digits(item.standard_errors, 2)} standard errors"
     if not item.prior_sigma.any() and not item.accused:
-        return f"{name_of(item)}: held as stated, {apart}"
+        return f"{item.title}: held as stated, {apart}"
     stated, estimate = (
         f"{_numbers(values)} {item.unit}".rstrip() for values in (item.stated, item.estimate)
     )
-    return f"{name_of(item)}: stated {stated}, estimated {estimate}, {apart}"
+    return f"{item.title}: stated {stated}, estimated {estimate}, {apart}"
 
 
 def _numbers(values: FloatArray) -> str:

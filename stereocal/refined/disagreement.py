@@ -123,7 +123,7 @@ def compare_inputs(result: RefinedResult) -> Comparison:
         try:
             freed = {
                 each: refine(result.dataset, _freed(current, each), current.pose, result.rows)
-                for each in (key, *(set(rivals) & LENGTHS if key in LENGTHS else ()))
+                for each in (key, *(set(rivals) & LENGTHS.keys() if key in LENGTHS else ()))
             }
         except StereocalError:  # the other data do not say what it is instead
             undetermined.add(key)
@@ -306,7 +306,7 @@ def _accused(
     if len(freed) > 1:
         other = next(key for key in freed if key != item.key)
         cases = (item, *others[item.key]), (inputs[other], *others[other])
-        advice = pair_advice(cases) + note_on_rivals(tuple(set(rivals) - LENGTHS))
+        advice = pair_advice(cases) + note_on_rivals(tuple(set(rivals) - LENGTHS.keys()))
     else:
         camera = fit.secondary if item.key.startswith("secondary") else fit.primary
         advice = advice_on(item.key, item.stated, say, sigma, camera.lens_names[4:8])

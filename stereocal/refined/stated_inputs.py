@@ -5,12 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
-LENGTHS = {"baseline", "distance"}
-"""The images determine only their ratio."""
+LENGTHS = {
+    "baseline": ("Baseline", "the measured baseline"),
+    "distance": ("Distance A–B", "the measured distance between the targets"),
+}
+"""Of which the images determine only the ratio: titles, and names in a sentence."""
+_PARTS = {
+    "focal": ("Focal length", "focal length"),
+    "centre": ("Image centre", "principal point"),
+    "distortion": ("Distortion", "distortion"),
+}
+"""The same of parts of a lens."""
 _LENGTH_NAMES = {"baseline": "The baseline", "distance": "The distance between the targets"}
 
 
@@ -47,6 +55,11 @@ class Input:
     """Keys of inputs whose error would explain the data equally well."""
     advice: str = ""
     """Message with the disagreement and the remedy."""
+
+    @property
+    def title(self) -> str:
+        """Its name in figures and tables."""
+        return _names(self.key)[0]
 
 
 def undetectable_errors(inputs: Sequence[Input]) -> str:
@@ -183,18 +196,17 @@ def note_on_rivals(rivals: tuple[str, ...]) -> str:
     """A sentence that names the inputs that would explain the data equally well; or empty."""
     if not rivals:
         return ""
-    names = " or ".join(NAMES[key] for key in rivals)
+    names = " or ".join(_names(key)[1] for key in rivals)
     return f" An error of {names} would explain the images as well."
 
 
-NAMES = {
-    "baseline": "the measured baseline",
-    "distance": "the measured distance between the targets",
-}
-for _camera in CAMERAS:
-    NAMES[f"{_camera} focal"] = f"the {_camera} camera's focal length"
-    NAMES[f"{_camera} centre"] = f"the {_camera} camera's principal point"
-    NAMES[f"{_camera} distortion"] = f"the {_camera} camera's distortion"
+def _names(key: str) -> tuple[str, str]:
+    """Of an input: its title, and its name in a sentence."""
+    if key in LENGTHS:
+        return LENGTHS[key]
+    camera, _, part = key.partition(" ")
+    title, name = _PARTS[part]
+    return f"{title}, {camera}", f"the {camera} camera's {name}"
 
 
 def in_digits(values: FloatArray, sigma: FloatArray) -> str:
@@ -221,9 +233,9 @@ def pair_advice(cases_of: Sequence[tuple[Input, FloatArray, FloatArray]]) -> str
     cases = []
     for each, say, sigma in cases_of:
         off = float(np.abs(say - each.stated)[0] / each.prior_sigma[0])
-        stated = "stated" if each.sigma_stated else "assumed"
+        stated, (_, name) = "stated" if each.sigma_stated else "assumed", _names(each.key)
         cases.append(
-            f"{NAMES[each.key]} is {in_digits(say, sigma)} ± {in_digits(sigma, sigma)} m and not "
+            f"{name} is {in_digits(say, sigma)} ± {in_digits(sigma, sigma)} m and not "
             f"{in_digits(each.stated, sigma)} m, an error of {rounded(off)} times its {stated} "
             "uncertainty"
         )

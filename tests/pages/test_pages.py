@@ -23,6 +23,7 @@ from tests.pages.stored_projects import (
     drop,
     go,
     messages,
+    pictured,
     placed,
     project_of,
     session,
@@ -167,6 +168,7 @@ def test_a_wrong_length_stands_beside_the_recommendation(app: AppTest, home: Pat
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert any("contradict each other" in item.value for item in app.warning)
+    assert "Disagreement of each input" in pictured(app)
     assert not [item.value for item in app.success if "refined set" in item.value]
 
 

@@ -56,15 +56,6 @@ def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home:
     assert calibration.refined.settings.free_distortion == ("secondary",)
 
 
-def test_a_wrong_baseline_stands_under_the_answer(app: AppTest, home: Path) -> None:
-    project = project_of(open_sample(app), home)
-    project.keep_settings({"validate_runs": 10})
-    project.give({}, baseline_m=4.6, baseline_sigma_m=0.005, target_distance_sigma_m=0.0005)
-    go(app, "calibrate").button(key="run").click().run()
-    assert "What disagrees" in told(app) and "contradict each other" in messages(app)
-    assert "Disagreement of each input" in pictured(app)
-
-
 def test_the_looks_are_computed_from_the_stored_result(pressed: AppTest, home: Path) -> None:
     seen = {pictured(pressed)}
     look(pressed, "Matching against measuring")
