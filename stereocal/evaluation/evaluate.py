@@ -55,11 +55,15 @@ class EvaluationSettings(Settings):
 
     calibration: CalibrationSettings = joined(CalibrationSettings)
     runs: int = described(
-        100, "Runs", "How often frames are drawn again. Paper: 100.", between=(1, MOST_RUNS)
+        100,
+        "Runs for each data set",
+        "How often frames are drawn again. Paper: 100.",
+        between=(1, MOST_RUNS),
+        name="runs",
     )
     calibration_frames: int = described(
         20,
-        "Frames to calibrate with; the others test",
+        "Frames to calibrate with, in each run",
         "Of each run. Paper: 20 of 25.",
         between=(1, 10**9),
         name="calibration frames",
