@@ -19,7 +19,7 @@ from stereocal.ui.door import data_door
 from stereocal.ui.figure import show_figure
 from stereocal.ui.holding import holds_board
 from stereocal.ui.messages import ErrorsShown, end_here
-from stereocal.ui.photographs import has_photographs, photographs_in
+from stereocal.ui.photographs import has_photographs, show_photographs
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.project import current_project, forget_project
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
@@ -41,7 +41,7 @@ else:
         show_files(project)
         end_here()
     else:
-        photographs_in(project)
+        show_photographs(project)
 
 if not of_rig:
     left, right = st.columns(2)

@@ -20,7 +20,7 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.frames.frame import Centre, Frame
-from stereocal.frames.review import place
+from stereocal.frames.review import place_target
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.application import Application, Points
@@ -225,7 +225,9 @@ def _give_photographs(project: Project) -> None:
     table = project.table
     assert table is not None
     store.keep_corrected(frames)
-    change_review(store, lambda review: place(review, 1, 0, 0, Centre(805, 600, None, SOURCES[-1])))
+    change_review(
+        store, lambda review: place_target(review, 1, 0, 0, Centre(805, 600, None, SOURCES[-1]))
+    )
     project.give({"correspondences": table})
 
 

@@ -17,7 +17,7 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.formats.archives.all_cameras import ENDS, gather_all
-from stereocal.formats.archives.archive import THROW, Archive, Taken
+from stereocal.formats.archives.archive import THROW, Archive, Part
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.column_roles import ROLES_HELP
 from stereocal.formats.dataset_files import FREE, pack_dataset
@@ -79,7 +79,7 @@ def run(parsed: argparse.Namespace) -> None:
     report(notes=notes, written=[parsed.out])
 
 
-def _show(lines: Sequence[Taken]) -> None:
+def _show(lines: Sequence[Part]) -> None:
     """Print what was found and what is missing, as a table."""
     rows = [("what", "taken", "from"), *((t.what, t.taken, t.origin) for t in lines)]
     widths = [max(len(row[k]) for row in rows) for k in (0, 1)]
@@ -101,14 +101,14 @@ def _notes_on(archive: Archive, dataset: Dataset) -> list[str]:
     return notes
 
 
-def _not_replaced(archive: Archive, baseline: float | None, distance: float | None) -> list[Taken]:
+def _not_replaced(archive: Archive, baseline: float | None, distance: float | None) -> list[Part]:
     """The report without what the options replace, and with the options."""
     stated = []
     if distance is not None:
-        stated.append(Taken("distance A-B", f"{distance:g} m", "--distance"))
+        stated.append(Part("distance A-B", f"{distance:g} m", "--distance"))
     if baseline is not None:
         free = math.isinf(baseline)
         words = "free: the lengths of the bars give the scale" if free else f"{baseline:g} m"
-        stated.append(Taken("baseline", words, "--baseline"))
+        stated.append(Part("baseline", words, "--baseline"))
     replaced = {line.what for line in stated}
     return [*(line for line in archive.taken if line.what not in replaced), *stated]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
-from stereocal.commands.photographs import pairing_of, take_frames, taken_of, two_cameras_of
+from stereocal.commands.photographs import pairing_of, take_frames, two_cameras_of, when_taken
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
@@ -60,7 +60,7 @@ def run(parsed: argparse.Namespace) -> None:
     settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
-        proposal = propose(taken_of(photographs))
+        proposal = propose(when_taken(photographs))
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
             boards = _search(photographs, pattern, proposal.pairing, executor)
             cameras = _lenses_of(boards, settings, executor)

@@ -35,7 +35,7 @@ def two_cameras_of(parsed: argparse.Namespace) -> Recording:
     return known
 
 
-def taken_of(photographs: Mapping[str, Path]) -> dict[str, Taken]:
+def when_taken(photographs: Mapping[str, Path]) -> dict[str, Taken]:
     """When each photograph was taken, by its header, its name or its file's time."""
     found = {}
     for name, path in photographs.items():
@@ -56,7 +56,7 @@ def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = 
     Raises:
         StereocalError: there are no pairs in this way; or, if none is stated, no way is sure.
     """
-    proposal = propose(taken_of(photographs), Choice(way))
+    proposal = propose(when_taken(photographs), Choice(way))
     pairing = proposal.pairing
     if way is not None and proposal.way != way:
         raise StereocalError(f"{source}: no two photographs can be paired by --pair-by {way}.")

@@ -21,7 +21,7 @@ from stereocal.system.photograph_files import is_hidden
 from stereocal.system.zip_files import open_zip
 
 F = TypeVar("F")
-Contents = Iterable[tuple[str, bytes]]
+FileContents = Iterable[tuple[str, bytes]]
 """Files, name and content, read one at a time."""
 AGAIN = "other"
 """Folder of files whose names have been given already, with other contents."""
@@ -64,7 +64,7 @@ class Dropped(Generic[F]):
 
 
 def sort_files(
-    contents: Contents, keep: Callable[[str, bytes], F], tables: tuple[str, ...] = ()
+    contents: FileContents, keep: Callable[[str, bytes], F], tables: tuple[str, ...] = ()
 ) -> Dropped[F]:
     """Sort files by what they are.
 

@@ -9,7 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
-from stereocal.formats.recording_files import parse_recording, read_points
+from stereocal.formats.recording_files import parse_recording, read_points_csv
 from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.network.rig_file import RigFile
@@ -72,7 +72,7 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
             f"{label}: the rig's file does not say which object it was calibrated with. Give a "
             "data set with dataset.json."
         )
-    return replace(read_points(content, rig.cameras, rig.object, label), name=label)
+    return replace(read_points_csv(content, rig.cameras, rig.object, label), name=label)
 
 
 def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:

@@ -16,7 +16,7 @@ from stereocal.formats.correspondences_csv import codes_of
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
-from stereocal.rig.recording import Pair, Recording, check_camera_names
+from stereocal.rig.recording import CameraPair, Recording, check_camera_names
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
@@ -165,7 +165,7 @@ def parse_recording(
         how = "; find the targets first, with `stereocal detect`" if photographs else ""
         raise StereocalError(f"{source}: the table of points {POINTS!r} is missing{how}.")
     else:
-        recording = read_points(
+        recording = read_points_csv(
             files[found.folder + POINTS], cameras, rigid_object, f"{source}: {POINTS}"
         )
     return replace(
@@ -205,13 +205,13 @@ def _object(description: Description) -> RigidObject:
         return found
 
 
-def _baselines(description: Description, cameras: Iterable[str]) -> dict[Pair, float]:
+def _baselines(description: Description, cameras: Iterable[str]) -> dict[CameraPair, float]:
     """The measured baselines by pair of cameras."""
     where, given = description.where, description.entries.get("baselines_m") or {}
     if not isinstance(given, dict):
         raise StereocalError(f'{where}: "baselines_m" must give lengths by pair of cameras.')
     pairs = {f"{a}-{b}": (a, b) for a, b in permutations(cameras, 2)}
-    found: dict[Pair, float] = {}
+    found: dict[CameraPair, float] = {}
     for key in given:
         value = description.optional_length(key, given)
         if key not in pairs:
@@ -227,7 +227,7 @@ def _baselines(description: Description, cameras: Iterable[str]) -> dict[Pair, f
     return found
 
 
-def read_points(
+def read_points_csv(
     content: bytes, cameras: Mapping[str, Camera], rigid_object: RigidObject, source: str
 ) -> Recording:
     """The recording of a table of points, without name and baselines."""
@@ -305,7 +305,7 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
 
 
 def write_points(recording: Recording) -> bytes:
-    """`points.csv`, read back exactly by `read_points`."""
+    """`points.csv`, read back exactly by `read_points_csv`."""
     named = np.array([*recording.cameras])[recording.camera]
     targets = np.array(recording.object.names)[recording.target]
     table = pd.DataFrame({"frame": recording.frame, "camera": named, "target": targets})

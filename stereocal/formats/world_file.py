@@ -31,7 +31,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Pair
+from stereocal.rig.recording import CameraPair
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
 from stereocal.system.tables import (
@@ -158,7 +158,7 @@ def kind_of_table(content: bytes, source: str) -> str:
     )
 
 
-def pair_in_table(rig: RigParameters | RigFile, content: bytes, source: str) -> Pair:
+def pair_in_table(rig: RigParameters | RigFile, content: bytes, source: str) -> CameraPair:
     """The two cameras whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more than two
     of a rig, those that see most of its rows together."""
     if isinstance(rig, RigParameters):
@@ -176,7 +176,7 @@ def pair_in_table(rig: RigParameters | RigFile, content: bytes, source: str) -> 
         )
     given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
 
-    def seen_by(pair: Pair) -> tuple[int, int]:
+    def seen_by(pair: CameraPair) -> tuple[int, int]:
         one, other = (given[name] for name in pair)
         return int((one & other).sum()), int(min(one.sum(), other.sum()))  # of lines, one each
 
@@ -184,7 +184,7 @@ def pair_in_table(rig: RigParameters | RigFile, content: bytes, source: str) -> 
 
 
 def read_observed(
-    content: bytes, source: str, frame_rate: float | None = None, cameras: Pair = CAMERAS
+    content: bytes, source: str, frame_rate: float | None = None, cameras: CameraPair = CAMERAS
 ) -> Observed:
     """Surveyed points, lines or a throw from a table; further columns are ignored.
 

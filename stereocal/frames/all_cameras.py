@@ -23,7 +23,7 @@ from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair, number_pairs, short_names
 from stereocal.frames.proposal import CONTRADICTED
 from stereocal.frames.search import search_photographs
-from stereocal.frames.sides import in_order
+from stereocal.frames.sides import in_order_taken
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording
@@ -110,7 +110,7 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
     """By the clocks of the cameras, each compared with that of most photographs; empty if one of
     them is not sure."""
     known = {
-        camera: times_of(in_order([n for n in names if n in taken], taken), taken)
+        camera: times_of(in_order_taken([n for n in names if n in taken], taken), taken)
         for camera, names in folders.items()
     }
     most = max(known, key=lambda camera: len(known[camera].names), default="")

@@ -38,7 +38,7 @@ STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChosenBoards:
     """The detections of a frame with too many boards."""
 
     primary: Detection
@@ -51,7 +51,7 @@ def choose_boards(
     sure: FloatArray,
     open_frames: Mapping[int, tuple[Detection, Detection]],
     cameras: tuple[Camera, Camera],
-) -> dict[int, Chosen]:
+) -> dict[int, ChosenBoards]:
     """The chosen detections of frames with alternatives; the original ones if undecided.
 
     Args:
@@ -154,14 +154,16 @@ def _choose(
     both: tuple[Detection, Detection],
     cameras: tuple[Camera, Camera],
     elsewhere: list[FloatArray],
-) -> Chosen:
+) -> ChosenBoards:
     """Decide on one frame; `elsewhere`: for each camera, boards (m, 2) of the other frames, px."""
     pairs = [one.alternatives or (one,) for one in both]
     if not all(one.targets for one in (*pairs[0], *pairs[1])):
-        return Chosen(*both, "")  # one photograph shows no pair at all
+        return ChosenBoards(*both, "")  # one photograph shows no pair at all
     if expected is None:
         few = f": {sure} found, {MINIMUM_SURE} needed" if sure < MINIMUM_SURE else ""
-        return Chosen(*both, f"The sure frames do not determine which boards are the targets{few}.")
+        return ChosenBoards(
+            *both, f"The sure frames do not determine which boards are the targets{few}."
+        )
     ends = [
         _undistorted(camera, np.array([_centres(pair) for pair in own]))
         for camera, own in zip(cameras, pairs, strict=True)
@@ -193,13 +195,13 @@ def _choose(
     }
     for why, applies in objections.items():
         if applies:
-            return Chosen(*both, why)
+            return ChosenBoards(*both, why)
     among = " and ".join(
         f"{len(_all_centres(one))} boards in the {name}"
         for name, one in zip(CAMERAS, both, strict=True)
         if one.alternatives
     )
-    return Chosen(*chosen, f"Chosen among {among} by comparison with the other frames.")
+    return ChosenBoards(*chosen, f"Chosen among {among} by comparison with the other frames.")
 
 
 def _left_over(

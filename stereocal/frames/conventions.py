@@ -1,8 +1,9 @@
 """How names tell the two cameras apart: left01, cam0/0001, IMG_7_R, IMG_1001 and DSC_0231.
 
 The word that identifies the camera is blanked out in folder and stem; what is left is the key of
-the frame. Words that are known (`words_in`) tell which camera is the primary; where two folders,
-two beginnings or two numbers of a name divide the photographs (`divisions_in`), the first given is.
+the frame. Words that are known (`readings_by_words`) tell which camera is the primary; where two
+folders, two beginnings or two numbers of a name divide the photographs (`readings_by_divisions`),
+the first given is.
 """
 
 import re
@@ -87,7 +88,7 @@ _Used = tuple[_Convention | None, _Convention | None]
 """The convention used in the folder and in the stem of a name; at least one is not None."""
 
 
-def words_in(names: Sequence[str]) -> list[Reading]:
+def readings_by_words(names: Sequence[str]) -> list[Reading]:
     """The combinations of folder and stem conventions of which both words occur."""
     folders, stems = (
         [
@@ -158,7 +159,7 @@ def _exchanged(written: str, word: str) -> str:
     return word.capitalize() if written[0].isupper() else word
 
 
-def divisions_in(names: Sequence[str]) -> list[Reading]:
+def readings_by_divisions(names: Sequence[str]) -> list[Reading]:
     """Readings by two folders of any names, two beginnings of names, or two numbers in them."""
     paths = {name: PurePosixPath(name.replace("\\", "/")) for name in names}
     depth = max((len(path.parts) for path in paths.values()), default=1) - 1

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
 
-from stereocal.frames.conventions import Reading, words_in
+from stereocal.frames.conventions import Reading, readings_by_words
 from stereocal.rig.camera import CAMERAS
 
 MAXIMUM_DIGITS = 15
@@ -98,7 +98,7 @@ def pair_names(names: Iterable[str]) -> Pairing:
         unique; otherwise frames are counted from 1 in the order of the names.
     """
     ordered = sorted(dict.fromkeys(names), key=natural)
-    return best_reading(ordered, words_in(ordered))
+    return best_reading(ordered, readings_by_words(ordered))
 
 
 def best_reading(names: Sequence[str], readings: Iterable[Reading]) -> Pairing:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stereocal.frames.by_time import Alignment, Times, aligned_clocks, times_of
-from stereocal.frames.conventions import FOLDERS, Reading, divisions_in, words_in
+from stereocal.frames.conventions import FOLDERS, Reading, readings_by_divisions, readings_by_words
 from stereocal.frames.pairing import (
     Alone,
     Pair,
@@ -80,8 +80,8 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
     """
     used = {name: one for name, one in taken.items() if name not in choice.without}
     names = sorted(used, key=natural)
-    words = words_in(names)
-    readings = words, [_as_in(one, words) for one in divisions_in([*used])]
+    words = readings_by_words(names)
+    readings = words, [_as_in(one, words) for one in readings_by_divisions([*used])]
     sides = sides_of(used, [*readings[0], *readings[1]])
     if choice.exchanged:
         readings = [one.exchanged() for one in readings[0]], [o.exchanged() for o in readings[1]]

@@ -129,7 +129,7 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
     return distances.index(math.inf if far else min(distances))
 
 
-def place(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
+def place_target(review: Review, number: int, camera: int, target: int, centre: Centre) -> Review:
     """Set a target in one camera."""
     frame = review.frame(number)
     if _distance(frame.centres[camera][1 - target], centre) < SAME_POSITION_PX:
@@ -147,7 +147,7 @@ def swap(review: Review, number: int, camera: int) -> Review:
     return review if swapped == frame else _corrected(review, frame, swapped)
 
 
-def choose(review: Review, number: int, use: bool) -> Review:
+def use_frame(review: Review, number: int, use: bool) -> Review:
     """Use a frame, or leave it out."""
     frame = review.frame(number)
     if use and not frame.targets_in_both:
@@ -174,14 +174,14 @@ def undo(review: Review) -> Review:
     return Review(tuple(frames), tuple(earlier))
 
 
-def is_open(frame: Frame) -> bool:
+def is_undecided(frame: Frame) -> bool:
     """Whether the user has still to decide: doubtful or refused, and not reviewed."""
     return frame.state != "found" and not frame.reviewed
 
 
 def next_doubtful(frames: Sequence[Frame], number: int) -> int | None:
     """The next open frame after `number`, cyclically; None if there is none."""
-    doubtful = [frame.frame for frame in frames if is_open(frame) and frame.frame != number]
+    doubtful = [frame.frame for frame in frames if is_undecided(frame) and frame.frame != number]
     return min(doubtful, key=lambda other: (other < number, other), default=None)
 
 
@@ -228,7 +228,7 @@ def describe_use(frame: Frame) -> str:
         sentence = "It is left out: no target is placed in both photographs."
     if frame.corrected or frame.reviewed:
         sentence += f" You have {'corrected' if frame.corrected else 'reviewed'} it."
-    if is_open(frame):
+    if is_undecided(frame):
         sentence += f" {DECIDE}"
     return sentence
 

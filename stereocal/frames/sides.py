@@ -67,7 +67,7 @@ def sides_of(taken: Mapping[str, Taken], readings: Sequence[Reading]) -> Sides |
     return None if found is None else _divided(found, taken)
 
 
-def in_order(names: Sequence[str], taken: Mapping[str, Taken]) -> list[str]:
+def in_order_taken(names: Sequence[str], taken: Mapping[str, Taken]) -> list[str]:
     """The photographs of one camera in the order taken: by their own clock, else by number."""
     ordered = _after_rollover(sorted(names, key=natural))
     own = [taken[name] for name in ordered]
@@ -78,7 +78,7 @@ def in_order(names: Sequence[str], taken: Mapping[str, Taken]) -> list[str]:
 
 def _divided(found: Mapping[str, int], taken: Mapping[str, Taken]) -> Sides | None:
     first, second = (
-        tuple(in_order([name for name, side in found.items() if side == camera], taken))
+        tuple(in_order_taken([name for name, side in found.items() if side == camera], taken))
         for camera in (0, 1)
     )
     unknown = tuple(name for name in taken if name not in found)

@@ -18,7 +18,7 @@ from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, images_of_groups, match_views
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.recording import Pair
+from stereocal.rig.recording import CameraPair
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.in_words import listed
 
@@ -176,14 +176,14 @@ def _samples(
     """Every two cameras, first those that see most points together; and the rows of some frames."""
     pairs = list(combinations([name for name in rig.names if name in given.tables], 2))
     order = dict.fromkeys(np.concatenate([own.frames for own in given.contents.values()]).tolist())
-    samples: dict[Pair, dict[int, tuple[pd.DataFrame, pd.DataFrame]]] = {}
-    wanted: dict[Pair, list[int]] = {}
+    samples: dict[CameraPair, dict[int, tuple[pd.DataFrame, pd.DataFrame]]] = {}
+    wanted: dict[CameraPair, list[int]] = {}
     for pair in pairs:
         one, other = (given.contents[name].frames for name in pair)
         both = {*np.intersect1d(one, other).tolist()}
         common = [frame for frame in order if frame in both]
         wanted[pair], samples[pair] = common[:: max(len(common) // SAMPLE_FRAMES, 1)], {}
-    seen, kept = Counter[Pair](), list[Rows]()
+    seen, kept = Counter[CameraPair](), list[Rows]()
     for frame, tables in given.side_by_side():
         rows = dict(zip(given.tables, tables, strict=True))
         for pair in pairs:

@@ -15,7 +15,7 @@ from stereocal.network.pairs import (
     Pairs,
     Progress,
     calibrate_pairs,
-    problem_of,
+    pair_problem,
     reached,
     shared_bars,
 )
@@ -88,7 +88,7 @@ def calibrate_rig(
 def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
     """A rig of two cameras: the refined set of their pair, with its screening."""
     (pair,), bars = recording.pairs, shared_bars(recording)
-    dataset, priors = problem_of(recording, pair, settings)
+    dataset, priors = pair_problem(recording, pair, settings)
     screening = screened(with_baseline_found(dataset), CalibrationSettings())
     refined = refine(screening.dataset, priors)
     pairs = Pairs(bars, {pair: PairFit.of(pair, refined)})

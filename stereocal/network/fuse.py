@@ -23,7 +23,7 @@ from stereocal.refined.unknowns import Unknowns
 from stereocal.refined.views import EACH, LENS, TRANSLATION
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rig import Rig
 
 PLACES = [*places_of_lens(0), *places_of_lens(1), BAR, TIME]
@@ -39,7 +39,7 @@ LOCAL = 24
 class PairFit:
     """A pair's refined set, and what its images say of it."""
 
-    pair: Pair
+    pair: CameraPair
     q: FloatArray
     """(25,): the pair's shared unknowns, as of `two_views`."""
     information: FloatArray
@@ -50,7 +50,7 @@ class PairFit:
     frames: int
 
     @classmethod
-    def of(cls, pair: Pair, fit: RefinedResult) -> "PairFit":
+    def of(cls, pair: CameraPair, fit: RefinedResult) -> "PairFit":
         """From a refined set; frames that follow each other count for less."""
         H, g = fit.images_alone
         q, used = fit.q.copy(), int((~fit.outlying).sum())
@@ -92,7 +92,7 @@ class Fused:
     poses: list[Pose]
     information: FloatArray
     """(Q, Q)."""
-    misfits: dict[Pair, float]
+    misfits: dict[CameraPair, float]
     """By how much the chi-square of each pair grew by being fused."""
 
     @property
@@ -131,7 +131,7 @@ def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) 
     M, p = unknowns.M, np.zeros(len(unknowns.names))
     # Rotations are in R after a step, and the factor of lengths begins each step at its origin.
     at_origin = M[np.arange(len(M)) % EACH < TRANSLATION].any(axis=0)
-    misfits: dict[Pair, float] = {}
+    misfits: dict[CameraPair, float] = {}
     H = np.zeros((len(M), len(M)))
     for _ in range(MOST_STEPS):
         q, H, g = unknowns.origin + M @ p, np.zeros((len(M), len(M))), np.zeros(len(M))

@@ -27,7 +27,7 @@ from stereocal.refined.unknowns import RefineSettings, RigPrior, settings_for
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import TimeOffset
 
 TIED = 1.0 - 1e-9
@@ -85,7 +85,7 @@ def files_of_sets(sets: Mapping[str, Sets]) -> dict[str, bytes]:
     }
 
 
-def data_of_pair(recording: Recording, pair: Pair, rig: RigFile | None) -> Dataset:
+def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) -> Dataset:
     """The points that both cameras of a pair see; with a rig, those that it was fitted to, with its
     lenses and baseline, and in step.
 
@@ -109,7 +109,7 @@ def data_of_pair(recording: Recording, pair: Pair, rig: RigFile | None) -> Datas
     return replace(own, baseline_m=rig.pair(*pair).pose.baseline, baseline_sigma_m=None)
 
 
-def settings_of_pair(dataset: Dataset, pair: Pair, rig: RigFile) -> RefineSettings:
+def settings_of_pair(dataset: Dataset, pair: CameraPair, rig: RigFile) -> RefineSettings:
     """The settings with which the refined set of a pair is the rig's, with its covariance.
 
     Args:

@@ -14,7 +14,7 @@ from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import bring_into_step
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import CameraPair, Recording
 
 FEWEST_BARS = 8
 """Bars that two cameras must share: with fewer, their pose and lenses can fit wrong points too."""
@@ -33,20 +33,20 @@ Progress = Callable[[int, int], None]
 class Pairs:
     """The refined sets of the pairs of a rig."""
 
-    bars: Mapping[Pair, int]
+    bars: Mapping[CameraPair, int]
     """Bars that both cameras see, of all pairs that share any."""
-    fits: Mapping[Pair, PairFit]
+    fits: Mapping[CameraPair, PairFit]
     """Of the sound pairs, best first."""
-    failed: Mapping[Pair, str] = field(default_factory=dict)
+    failed: Mapping[CameraPair, str] = field(default_factory=dict)
     """Pairs with enough bars and no sound fit, and why."""
 
 
-def pair_name(pair: Pair) -> str:
+def pair_name(pair: CameraPair) -> str:
     """Such as `left-right`."""
     return "-".join(pair)
 
 
-def shared_bars(recording: Recording) -> dict[Pair, int]:
+def shared_bars(recording: Recording) -> dict[CameraPair, int]:
     """How many bars each pair of cameras sees, of all pairs that see any; most first."""
     _, pixels = recording.images()
     ends = pixels[..., 0][:, list(recording.object.longest)]
@@ -71,8 +71,8 @@ def calibrate_pairs(
     """
     bars = shared_bars(recording)
     worth = [pair for pair, count in bars.items() if count >= FEWEST_BARS]
-    fits: dict[Pair, RefinedResult] = {}
-    failed: dict[Pair, str] = {}
+    fits: dict[CameraPair, RefinedResult] = {}
+    failed: dict[CameraPair, str] = {}
     for number, pair in enumerate(worth):
         if progress is not None:
             progress(number, len(worth) + FURTHER_STEPS)
@@ -96,8 +96,8 @@ def calibrate_pairs(
     return Pairs(bars, dict(best), failed)
 
 
-def problem_of(
-    recording: Recording, pair: Pair, settings: RigSettings
+def pair_problem(
+    recording: Recording, pair: CameraPair, settings: RigSettings
 ) -> tuple[Dataset, RefineSettings]:
     """The data of a pair, and what is stated of its lenses and lengths."""
     dataset = recording.pair(*pair)
@@ -110,9 +110,9 @@ def problem_of(
     return dataset, priors
 
 
-def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResult:
+def _fit(recording: Recording, pair: CameraPair, settings: RigSettings) -> RefinedResult:
     """The robust refined set of a pair."""
-    dataset, priors = problem_of(recording, pair, settings)
+    dataset, priors = pair_problem(recording, pair, settings)
     dataset = with_rough_baseline(dataset)
     if settings.time_offsets:
         in_step = bring_into_step(dataset, wide_settings(dataset)).fit
@@ -121,7 +121,7 @@ def _fit(recording: Recording, pair: Pair, settings: RigSettings) -> RefinedResu
     return refine(dataset, priors)
 
 
-def reached(cameras: Sequence[str], pairs: Iterable[Pair]) -> list[str]:
+def reached(cameras: Sequence[str], pairs: Iterable[CameraPair]) -> list[str]:
     """The largest group of cameras that pairs connect, in the cameras' order."""
     groups = {name: {name} for name in cameras}
     for first, second in pairs:

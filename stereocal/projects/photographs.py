@@ -22,7 +22,7 @@ from stereocal.projects.pair_rows import (
     taken_of,
     with_new,
 )
-from stereocal.projects.project import ProjectPart, packed, packed_table
+from stereocal.projects.project import ProjectPart, packed_files, packed_table
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.latest import Latest
@@ -270,7 +270,9 @@ class ProjectPhotographs(ProjectPart):
         if lenses is not None:
             labels |= dict.fromkeys(CAMERAS, lenses)
         files = {
-            slot: (labels[slot], each) for slot, each in packed(dataset).items() if slot in labels
+            slot: (labels[slot], each)
+            for slot, each in packed_files(dataset).items()
+            if slot in labels
         }
         values: dict[str, Any] = {"target_distance_m": dataset.target_distance_m}
         why = {str(frame): why for frame, why in doubtful.items()}

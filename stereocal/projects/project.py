@@ -70,7 +70,7 @@ def packed_table(rows: Correspondences) -> bytes:
     return as_read(write_table(rows), Table(rows, []))
 
 
-def packed(dataset: Dataset) -> dict[Slot, bytes]:
+def packed_files(dataset: Dataset) -> dict[Slot, bytes]:
     """The files of a data set, which are not read again."""
     files, rows = pack_pair(dataset), dataset.correspondences
     read: list[Camera | Table] = [dataset.primary, dataset.secondary, Table(rows, [])]

@@ -14,7 +14,15 @@ from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.project import INPUT, KEPT, Project, ProjectPart, once, packed, stated_in
+from stereocal.projects.project import (
+    INPUT,
+    KEPT,
+    Project,
+    ProjectPart,
+    once,
+    packed_files,
+    stated_in,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 
@@ -153,7 +161,7 @@ class ProjectRecording(ProjectPart):
         inputs = project.inputs
         files: dict[Slot, tuple[str, bytes]] = {
             slot: (f"{dataset.name}, {slot}", content)
-            for slot, content in packed(dataset).items()
+            for slot, content in packed_files(dataset).items()
             if hashlib.sha256(content).hexdigest() != inputs.files.get(slot)
         }
         with self.database.transaction():

@@ -18,7 +18,7 @@ from stereocal.system.numbers import count
 LONGEST_NAME = 64
 LETTERS, OTHERS = "LMN", " -_."
 """Categories of characters: letters, marks on letters, numbers; and other characters."""
-Pair = tuple[str, str]
+CameraPair = tuple[str, str]
 MOST_IMAGES = 50_000_000
 """The most images of all targets in all frames and cameras: 800 MB of pixels."""
 
@@ -43,7 +43,7 @@ class Recording:
     """(n, 2)."""
     sigma_px: FloatArray
     """Standard error of each coordinate; NaN if unknown."""
-    baselines_m: Mapping[Pair, float] = field(default_factory=dict)
+    baselines_m: Mapping[CameraPair, float] = field(default_factory=dict)
     """The measured baselines; each pair in one order or the other."""
     baseline_sigma_m: float | None = None
     notes: str = ""
@@ -116,11 +116,11 @@ class Recording:
         return frames, found
 
     @property
-    def pairs(self) -> list[Pair]:
+    def pairs(self) -> list[CameraPair]:
         """All pairs of cameras, in the cameras' order."""
         return list(combinations(self.cameras, 2))
 
-    def pair_named(self, text: str) -> Pair:
+    def pair_named(self, text: str) -> CameraPair:
         """The pair of a name such as `left-right`, in its order."""
         for first, second in self.pairs:
             for found in ((first, second), (second, first)):

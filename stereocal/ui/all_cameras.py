@@ -38,7 +38,7 @@ from stereocal.ui.intake import give_pair
 from stereocal.ui.menu import PRESS_FIRST, button_type
 from stereocal.ui.messages import callback, readable, show_stale
 from stereocal.ui.navigation import go_to
-from stereocal.ui.rig import work_of
+from stereocal.ui.rig import rig_work
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.wizard import Questions
 
@@ -180,7 +180,7 @@ def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
             store.drop_part(name)
         return
     store.give(recording, gathered.files)
-    jobs.start(work_of(store.project, False))
+    jobs.start(rig_work(store.project, False))
     go_to("rig")
 
 
@@ -233,19 +233,19 @@ def _keep(store: ProjectPhotographs, found: all_cameras.FoundRecording, digest: 
     settle(project)
 
 
-Held = Target | BoardPattern
+HeldTarget = Target | BoardPattern
 
 
 def ask_held(
     store: ProjectPhotographs, moments: all_cameras.Moments, fold: bool
-) -> tuple[Held | None, bool]:
+) -> tuple[HeldTarget | None, bool]:
     """What is held, and whether it can be searched for: of a board, its size must be stated.
 
     Args:
         fold: once it is said.
     """
     pairs = all_cameras.pairs_of(moments, *[*next(iter(moments.values()))][:2])
-    held: Held | None = ask_what_is_held(store, pairs, fold)
+    held: HeldTarget | None = ask_what_is_held(store, pairs, fold)
     stated = True
     if holds_board(store.project):
         held, stated = held_board(store.project)
@@ -256,7 +256,7 @@ def moment_search(
     store: ProjectPhotographs,
     cameras: Mapping[str, Camera],
     moments: all_cameras.Moments,
-    held: Held | None,
+    held: HeldTarget | None,
     keep: Callable[[all_cameras.FoundRecording, str], None],
     **more: float | None,
 ) -> jobs.Work:

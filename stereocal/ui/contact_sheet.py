@@ -7,8 +7,8 @@ from typing import TypeVar
 import streamlit as st
 
 from stereocal.frames.frame import STATES, Frame, describe_frames
-from stereocal.frames.review import choose as decide
-from stereocal.frames.review import is_open
+from stereocal.frames.review import is_undecided
+from stereocal.frames.review import use_frame as decide
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, thumbnail
@@ -36,7 +36,7 @@ def show_contact_sheet(
     st.info(describe_frames(frames))
     groups: dict[str, list[Frame]] = {
         "All": list(frames),
-        "To decide": [frame for frame in frames if is_open(frame)],
+        "To decide": [frame for frame in frames if is_undecided(frame)],
         **{state.capitalize(): [f for f in frames if f.state == state] for state in STATES},
     }
     groups = {name: group for name, group in groups.items() if group or name == "All"}

@@ -21,7 +21,7 @@ from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import NAMES, Project, as_read, packed, stated_in
+from stereocal.projects.project import NAMES, Project, as_read, packed_files, stated_in
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
@@ -36,7 +36,7 @@ from stereocal.ui.texts import escape_markdown
 PHOTOGRAPH_KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 CAMERA_KINDS = [suffix.removeprefix(".") for suffix in CAMERA_SUFFIXES]
 _SEEN = "uploads_seen"
-Photographs = Mapping[str, StoredFile]
+StoredPhotographs = Mapping[str, StoredFile]
 """Stored ones, by name."""
 
 
@@ -102,7 +102,7 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     ask_about_lens(take)
 
 
-def store_dataset(files: Mapping[str, bytes], source: str, photographs: Photographs) -> None:
+def store_dataset(files: Mapping[str, bytes], source: str, photographs: StoredPhotographs) -> None:
     """Store a data set and its photographs; what may be a fisheye's is asked."""
     ask_if_fisheye(partial(_try_dataset, files, source, photographs))
 
@@ -117,7 +117,10 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
 
 
 def _try_dataset(
-    files: Mapping[str, bytes], source: str, photographs: Photographs, lens_model: LensModel | None
+    files: Mapping[str, bytes],
+    source: str,
+    photographs: StoredPhotographs,
+    lens_model: LensModel | None,
 ) -> None:
     """Store a data set; if rows are refused, offer to leave them out."""
     try:
@@ -152,7 +155,7 @@ def give_dataset(
     project: Project,
     files: Mapping[str, bytes],
     source: str,
-    photographs: Photographs = MappingProxyType({}),
+    photographs: StoredPhotographs = MappingProxyType({}),
     lens_model: LensModel | None = None,
 ) -> None:
     """Replace a project's data by a whole data set.
@@ -205,7 +208,7 @@ def give_pair(
     project: Project,
     dataset: Dataset,
     given: Mapping[Slot, tuple[str, bytes]] | None = None,
-    photographs: Photographs = MappingProxyType({}),
+    photographs: StoredPhotographs = MappingProxyType({}),
 ) -> None:
     """Replace a project's data by a data set.
 
@@ -214,7 +217,7 @@ def give_pair(
         photographs: its photographs, which are stored already.
     """
     if given is None:
-        given = {slot: (NAMES[slot], content) for slot, content in packed(dataset).items()}
+        given = {slot: (NAMES[slot], content) for slot, content in packed_files(dataset).items()}
     kept = ProjectPhotographs(project).give(given, photographs, **stated_in(dataset))
     if not kept:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")

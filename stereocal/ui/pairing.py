@@ -243,7 +243,7 @@ def edit_pairs(store: ProjectPhotographs) -> None:
         forget_table()
 
     with st.expander("The pairs as a table, to change them"):
-        edited = rows_of(_table_of_pairs(store, rows))
+        edited = edited_rows(_table_of_pairs(store, rows))
         known: Sequence[PairRow] = st.session_state[_ROWS]
         with ErrorsShown(lambda why: st.error(f"{why} The last sound table is kept.")):
             if edited != known:
@@ -288,7 +288,7 @@ def table_of(rows: Sequence[PairRow]) -> pd.DataFrame:
     return table.astype({"Use": bool, "Frame": "Int64", COLUMNS[2]: object, COLUMNS[3]: object})
 
 
-def rows_of(table: pd.DataFrame) -> list[PairRow]:
+def edited_rows(table: pd.DataFrame) -> list[PairRow]:
     """The edited pairs, without incomplete rows."""
     return [
         PairRow(Pair(int(frame), str(primary), str(secondary)), use is not False)

@@ -31,7 +31,7 @@ def has_photographs(project: Project) -> bool:
         return True
 
 
-def photographs_in(project: Project | None) -> None:
+def show_photographs(project: Project | None) -> None:
     """The pairs, and the targets found."""
     st.session_state.setdefault(ROUND, 0)
     cameras = readable(lambda: project.cameras) if project else None

@@ -10,7 +10,7 @@ from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.frames import review as reviewing
 from stereocal.frames.frame import Frame, correspondences_of, name_in
-from stereocal.frames.review import Review, is_open
+from stereocal.frames.review import Review, is_undecided
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
@@ -114,7 +114,7 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     numbers = sorted(frame.frame for frame in review.frames)
     field = _frame(store, numbers)
     number: int = field.value()
-    left = f"Next to decide ({sum(map(is_open, review.frames))} left)"
+    left = f"Next to decide ({sum(map(is_undecided, review.frames))} left)"
     before, after = (reviewing.beside(review.frames, number, way) for way in (-1, 1))
     doubtful = reviewing.next_doubtful(review.frames, number)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
@@ -141,12 +141,12 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
 
     def choose(use: bool, now: Review) -> tuple[Review, str]:
         done = "It is used." if use else "It is left out."
-        return reviewing.choose(now, frame.frame, use), done
+        return reviewing.use_frame(now, frame.frame, use), done
 
     use, leave_out = (
         partial(edit, store, frame.frame, partial(choose, to)) for to in (True, False)
     )
-    undecided = is_open(frame)
+    undecided = is_undecided(frame)
     may_use = bool(frame.targets_in_both) and (undecided or not frame.use)
     back, undo = partial(take_back, store), f"Undo ({len(review.edits)})"
     with st.container(horizontal=True):
@@ -233,8 +233,8 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
             target = reviewing.target_meant(frame, camera, centre)
         what = "where you clicked" if raw else f"at the {_called(store)}"
         sigma = "" if centre.sigma_px is None else f", sigma {centre.sigma_px:.3f} px"
-        after = reviewing.place(now, number, camera, target, centre)
-        decide = f" {reviewing.DECIDE}" if is_open(after.frame(number)) else ""
+        after = reviewing.place_target(now, number, camera, target, centre)
+        decide = f" {reviewing.DECIDE}" if is_undecided(after.frame(number)) else ""
         return after, (
             f"{TARGETS[target]} in the {CAMERAS[camera]} photograph is now {what}, "
             f"({centre.u:.2f}, {centre.v:.2f}){sigma}.{decide}"

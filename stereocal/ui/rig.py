@@ -32,7 +32,7 @@ GRAPH = "rig_graph"
 TIME_OFFSETS = "rig_time_offsets"
 
 
-def work_of(project: Project, time_offsets: bool) -> jobs.Work:
+def rig_work(project: Project, time_offsets: bool) -> jobs.Work:
     """The work of a press."""
     store = ProjectRecording(project)
 
@@ -64,7 +64,7 @@ def show_page() -> None:
     rig = store.rig
     left, right = st.columns([1, 2], vertical_alignment="center")
     title = "The cameras may be out of step by fractions of a frame"
-    work = work_of(project, right.toggle(title, key=TIME_OFFSETS))
+    work = rig_work(project, right.toggle(title, key=TIME_OFFSETS))
     with left:
         label = "Calibrate all again" if rig else "Calibrate all"
         jobs.start_button(work, label, "rig_run", primary=rig is None)

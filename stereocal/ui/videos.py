@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import SUFFIXES
-from stereocal.frames.video.extract import STAGES, Choice, VideoSettings, extract
+from stereocal.frames.video.extract import STAGES, FrameChoice, VideoSettings, extract
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -22,7 +22,7 @@ from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
-CHOICES: dict[Choice, str] = {
+CHOICES: dict[FrameChoice, str] = {
     "still": "The sharpest still frame of each second; of short videos 30",
     "every": "Every n-th frame",
 }

@@ -36,7 +36,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Pair
+from stereocal.rig.recording import CameraPair
 from stereocal.rig.rig import camera_in_words
 from stereocal.ui import jobs
 from stereocal.ui.apply_threshold import ask_noise, noise_field
@@ -127,7 +127,7 @@ def _found(
     return frame.pose
 
 
-def _settings(project: Project, observed: Observed, cameras: Pair) -> WorldSettings:
+def _settings(project: Project, observed: Observed, cameras: CameraPair) -> WorldSettings:
     """Origin and axes, and what else the table does not say."""
     survey, throw = isinstance(observed, Survey), isinstance(observed, Throw)
     origins = {SURVEY: "the survey's own"} if survey else {}
@@ -172,7 +172,7 @@ def _world(
     _rig: RigParameters | RigFile,
     _observed: Observed,
     settings: WorldSettings,
-    cameras: Pair,
+    cameras: CameraPair,
 ) -> WorldFrame:
     assert key
     return jobs.compute(find_world, _rig, _observed, settings, cameras)

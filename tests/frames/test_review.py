@@ -15,14 +15,14 @@ from stereocal.frames.frame import Centre, Frame, State, pack_frames, unpack_fra
 from stereocal.frames.review import (
     Review,
     centre_at,
-    choose,
     epipolar_residuals_px,
-    is_open,
+    is_undecided,
     next_doubtful,
-    place,
+    place_target,
     swap,
     target_meant,
     undo,
+    use_frame,
 )
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.photographs import ProjectPhotographs
@@ -87,13 +87,13 @@ class TestEdits:
     def test_a_frame_is_decided_once_the_user_has_placed_all_its_targets(self) -> None:
         after = START
         for target, camera in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            assert is_open(after.frame(4))
+            assert is_undecided(after.frame(4))
             centre = Centre(50.0 + 99 * target, 60.0, None, "manual")
-            after = place(after, 4, camera, target, centre)
+            after = place_target(after, 4, camera, target, centre)
         assert after.frame(4).use and after.frame(4).reviewed
 
     def test_undo_leaves_what_changed_since(self) -> None:
-        moved = place(START, 1, 0, 0, SHIFT)
+        moved = place_target(START, 1, 0, 0, SHIFT)
         left_out = Review(
             tuple(f.used(False) if f.frame == 1 else f for f in moved.frames), moved.edits
         )
@@ -125,10 +125,10 @@ def apply(review: Review, act: tuple[object, ...]) -> Review:
     try:
         if name == "place":
             number, camera, target, u = rest
-            return place(review, number, camera, target, Centre(u, 3.0, None, "manual"))  # type: ignore[arg-type]
+            return place_target(review, number, camera, target, Centre(u, 3.0, None, "manual"))  # type: ignore[arg-type]
         if name == "swap":
             return swap(review, *rest)  # type: ignore[arg-type]
-        return choose(review, *rest)  # type: ignore[arg-type]
+        return use_frame(review, *rest)  # type: ignore[arg-type]
     except StereocalError:
         return review
 
@@ -151,9 +151,9 @@ def test_next_doubtful_goes_round_and_ends() -> None:
     review = START
     assert [next_doubtful(review.frames, number) for number in (3, 4, 2)] == [4, 2, 3]
     for decided in (2, 3, 4):
-        review = choose(review, decided, False)
+        review = use_frame(review, decided, False)
     assert next_doubtful(review.frames, 1) is None
-    assert not any(is_open(frame) for frame in review.frames)
+    assert not any(is_undecided(frame) for frame in review.frames)
 
 
 def test_a_shift_across_the_epipolar_line_is_seen() -> None:
@@ -173,8 +173,8 @@ def test_edits_reach_the_table_and_survive(tmp_path: Path) -> None:
     project.give({"primary": ("p", first), "secondary": ("s", second)})
     store = ProjectPhotographs(project)
     store.keep_corrected(START.frames)
-    change_review(store, lambda now: place(now, 1, 0, 1, SHIFT))
-    change_review(store, lambda now: choose(swap(now, 2, 1), 2, True))
+    change_review(store, lambda now: place_target(now, 1, 0, 1, SHIFT))
+    change_review(store, lambda now: use_frame(swap(now, 2, 1), 2, True))
     again = ProjectPhotographs(Project(store.database))
     review = read_review(again)
     assert len(review.edits) == 3

@@ -14,7 +14,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import BAR, shared_unknowns
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
 
 PAIRS = [("c1", "c2"), ("c2", "c3"), ("c3", "c1")]
@@ -29,14 +29,14 @@ def rig_of(seed: int) -> tuple[Recording, RigFile]:
     return recording, rig_file(calibrate_rig(recording, settings))
 
 
-def refined_of(pair: Pair) -> tuple[RefinedResult, RefineSettings]:
+def refined_of(pair: CameraPair) -> tuple[RefinedResult, RefineSettings]:
     recording, rig = rig_of(5)
     dataset = data_of_pair(recording, pair, rig)
     settings = settings_of_pair(dataset, pair, rig)
     return refine(dataset, settings), settings
 
 
-def values_of(rig: RigFile, pair: Pair) -> np.ndarray:
+def values_of(rig: RigFile, pair: CameraPair) -> np.ndarray:
     own = rig.pair(*pair)
     values = shared_unknowns(own)
     values[BAR] = rig.q[-1]
@@ -44,7 +44,7 @@ def values_of(rig: RigFile, pair: Pair) -> np.ndarray:
 
 
 @pytest.mark.parametrize("pair", PAIRS)
-def test_the_refined_set_of_a_pair_is_the_rigs(pair: Pair) -> None:
+def test_the_refined_set_of_a_pair_is_the_rigs(pair: CameraPair) -> None:
     _, rig = rig_of(5)
     found, _ = refined_of(pair)
     assert found.q == pytest.approx(values_of(rig, pair), rel=1e-9, abs=1e-12)

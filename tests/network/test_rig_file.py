@@ -20,7 +20,7 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH, TRANSLATION
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 
 STATED = LensPrior(*LENS_ERRORS)
@@ -88,12 +88,12 @@ def test_a_pair_of_the_rig_is_nearer_to_the_truth_than_by_itself(
 
 
 @pytest.fixture(scope="module")
-def files(truth: SimulatedRig, tmp_path_factory: pytest.TempPathFactory) -> dict[Pair, Path]:
+def files(truth: SimulatedRig, tmp_path_factory: pytest.TempPathFactory) -> dict[CameraPair, Path]:
     folder = tmp_path_factory.mktemp("pairs")
     return {pair: file_of(truth.recording, pair, folder) for pair in truth.recording.pairs}
 
 
-def file_of(recording: Recording, pair: Pair, folder: Path, length: float = 1.0) -> Path:
+def file_of(recording: Recording, pair: CameraPair, folder: Path, length: float = 1.0) -> Path:
     """The refined file of a pair, perhaps with a wrong length of the object."""
     wand = replace(recording.object, points=length * recording.object.points)
     own = of_cameras(replace(recording, object=wand), [*pair])
@@ -102,7 +102,7 @@ def file_of(recording: Recording, pair: Pair, folder: Path, length: float = 1.0)
     return folder / f"{'-'.join(pair)}.json"
 
 
-def test_files_of_pairs_are_fused(truth: SimulatedRig, files: dict[Pair, Path]) -> None:
+def test_files_of_pairs_are_fused(truth: SimulatedRig, files: dict[CameraPair, Path]) -> None:
     fused = fuse_files([*files.values()])
     assert "warnings" not in fused.about
     for number, name in enumerate(fused.names[1:], 1):
@@ -113,7 +113,7 @@ def test_files_of_pairs_are_fused(truth: SimulatedRig, files: dict[Pair, Path]) 
 
 
 def test_wrong_lengths_are_named_if_one_file_has_them(
-    truth: SimulatedRig, files: dict[Pair, Path], tmp_path: Path
+    truth: SimulatedRig, files: dict[CameraPair, Path], tmp_path: Path
 ) -> None:
     one = {("c1", "c3"): file_of(truth.recording, ("c1", "c3"), tmp_path, 1.02)}
     fused = fuse_files([*(files | one).values()])
@@ -125,7 +125,7 @@ def test_wrong_lengths_are_named_if_one_file_has_them(
     assert "cannot be told which is wrong" in warning
 
 
-def test_files_that_do_not_connect(files: dict[Pair, Path], tmp_path: Path) -> None:
+def test_files_that_do_not_connect(files: dict[CameraPair, Path], tmp_path: Path) -> None:
     other = simulated_rig(np.random.default_rng(21), 2, 60).recording
     cameras = dict(zip(("d0", "d1"), other.cameras.values(), strict=True))
     apart = file_of(replace(other, cameras=cameras), ("d0", "d1"), tmp_path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.frames.review import choose
+from stereocal.frames.review import use_frame
 from stereocal.projects.home import remove
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -94,12 +94,12 @@ def test_a_rerun_does_not_bring_back_old_pairs(project: Project) -> None:
 def test_corrections_and_undo(project: Project) -> None:
     tab = go(session(project), "data")
     store = ProjectPhotographs(project)
-    change_review(store, lambda now: choose(now, 3, False))
+    change_review(store, lambda now: use_frame(now, 3, False))
     tab.run()
     tab.checkbox(key="use_frame_2").set_value(False).run()
     assert [frame.use for frame in read_review(store).frames] == [True, False, False, *[True] * 3]
     tab.segmented_control(key="frames_view").set_value("One frame").run()
-    change_review(store, lambda now: choose(now, 5, False))
+    change_review(store, lambda now: use_frame(now, 5, False))
     tab.button(key="review_undo").click().run()
     assert read_review(store).frame(5).use and not read_review(store).frame(2).use
     sound(tab)

@@ -20,7 +20,7 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RigFile
-from stereocal.rig.recording import Pair, Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.verdict.in_words import listed
 
 RIG_CHECK_FORMAT = "stereocal-check-rig/1"
@@ -31,17 +31,17 @@ class RigCheck:
     """The answer of a check of all pairs."""
 
     cameras: tuple[str, ...]
-    pairs: Mapping[Pair, Recheck]
-    unchecked: Mapping[Pair, str]
+    pairs: Mapping[CameraPair, Recheck]
+    unchecked: Mapping[CameraPair, str]
     """Pairs that could not be checked, and why."""
 
-    def verdict_of(self, pair: Pair) -> Verdict:
+    def verdict_of(self, pair: CameraPair) -> Verdict:
         """A pair's verdict; with many pairs a change must be surer: no more false alarms."""
         check = self.pairs[pair]
         surely = min(check.p_pose / POSE_LEVEL, check.p_focal / FOCAL_LEVEL) * len(self.pairs) < 1.0
         return "cannot tell" if check.changed and not surely else check.verdict
 
-    def _with(self, verdict: Verdict) -> list[Pair]:
+    def _with(self, verdict: Verdict) -> list[CameraPair]:
         return [pair for pair in self.pairs if self.verdict_of(pair) == verdict]
 
     @cached_property
@@ -122,8 +122,8 @@ class RigCheck:
 
 def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = None) -> RigCheck:
     """Check whether cameras have moved since a rig was calibrated, by new images of two or more."""
-    pairs: dict[Pair, Recheck] = {}
-    unchecked: dict[Pair, str] = {}
+    pairs: dict[CameraPair, Recheck] = {}
+    unchecked: dict[CameraPair, str] = {}
     for pair in combinations([name for name in rig.names if name in recording.cameras], 2):
         try:
             parameters = rig.pair(*pair)

@@ -12,14 +12,14 @@ from stereocal.field.world.throw import world_of_throw
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Pair
+from stereocal.rig.recording import CameraPair
 
 
 def find_world(
     rig: RigParameters | RigFile,
     observed: Observed,
     settings: WorldSettings | None = None,
-    cameras: Pair = CAMERAS,
+    cameras: CameraPair = CAMERAS,
 ) -> WorldFrame:
     """The world frame; of a rig its pose is `world_from_reference`.
 
@@ -50,7 +50,7 @@ def find_world(
         ) from error
 
 
-def _naming(pair: Pair, text: str) -> str:
+def _naming(pair: CameraPair, text: str) -> str:
     """A sentence with the names of the cameras in place of primary and secondary."""
     for side, name in zip(CAMERAS, pair, strict=True):
         text = text.replace(f"The {side}", f"Camera {name}").replace(

@@ -8,7 +8,7 @@ from pathlib import PurePath
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import Taken, lens_taken, with_background
+from stereocal.formats.archives.archive import Part, lens_taken, with_background
 from stereocal.formats.archives.easywand import LENS_FIELDS
 from stereocal.formats.archives.gather import is_table, layout_of_bars, names_in, sorted_files
 from stereocal.formats.exchange.chosen_cameras import namesakes
@@ -16,7 +16,7 @@ from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
-from stereocal.formats.recording_files import NUMBERS, REQUIRED, pack_recording, read_points
+from stereocal.formats.recording_files import NUMBERS, REQUIRED, pack_recording, read_points_csv
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import check_length
 from stereocal.rig.recording import Recording
@@ -33,7 +33,7 @@ class Gathered:
     """The recording, and what was taken from where."""
 
     recording: Recording
-    taken: tuple[Taken, ...]
+    taken: tuple[Part, ...]
     remarks: tuple[str, ...]
 
     @cached_property
@@ -127,7 +127,7 @@ def _of_bars(
         )
     apart = (pair for pair in recording.pairs if not len(recording.common_frames(*pair)))
     remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
-    taken = [Taken("points", f"{len(row)} of {count} cameras", ", ".join(files))]
+    taken = [Part("points", f"{len(row)} of {count} cameras", ", ".join(files))]
     origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
     taken += [lens_taken(f"camera {k}", own, origin_of) for k, own in recording.cameras.items()]
     return Gathered(recording, tuple(taken), remarks)
@@ -176,7 +176,7 @@ def _of_points(
     along[0] = 0.0
     check_length(f"longest distance from {first}", float(along.max()))
     whole = RigidObject(targets, np.column_stack([along, np.zeros((len(along), 2))]))
-    read = read_points(files[table], cameras, whole, table)
+    read = read_points_csv(files[table], cameras, whole, table)
     used = np.flatnonzero(along >= 0.0)
     rows = np.isin(read.target, used)
     recording = replace(
@@ -186,8 +186,8 @@ def _of_points(
         target=np.searchsorted(used, read.target[rows]),
         **{each: getattr(read, each)[rows] for each in ("frame", "camera", "points", "sigma_px")},
     )
-    taken = [Taken("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
-    taken += [Taken("lens", f"of camera {each}", ", ".join(rest)) for each in cameras]
+    taken = [Part("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
+    taken += [Part("lens", f"of camera {each}", ", ".join(rest)) for each in cameras]
     remarks = [
         f"The camera {each} has no points in {table}."
         for number, each in enumerate(cameras)

@@ -21,7 +21,7 @@ BACKGROUND_STEP = 10
 
 
 @dataclass(frozen=True)
-class Taken:
+class Part:
     """A line of the report: what was taken, and from where."""
 
     what: str
@@ -33,7 +33,7 @@ class Taken:
 class Archive:
     """The parts of a data set found in files of other programs; None for those not found."""
 
-    taken: tuple[Taken, ...]
+    taken: tuple[Part, ...]
     primary: Camera | None = None
     secondary: Camera | None = None
     correspondences: Correspondences | None = None
@@ -54,7 +54,7 @@ class Archive:
         """Standard error assumed for the nominal baseline."""
         return None if self.baseline_m is None else NOMINAL_SIGMA * self.baseline_m
 
-    def missing(self, baseline_m: float | None, distance_m: float | None) -> list[Taken]:
+    def missing(self, baseline_m: float | None, distance_m: float | None) -> list[Part]:
         """Lines of the report on what is missing; lengths as for `dataset`."""
         baseline = self.baseline_m if baseline_m is None else baseline_m
         distance = self.target_distance_m if distance_m is None else distance_m
@@ -65,7 +65,7 @@ class Archive:
             ("baseline", baseline, f"{why}give --baseline B in metres, or free"),
             ("distance A-B", distance, "give --distance D in metres"),
         )
-        return [Taken(what, "missing", remedy) for what, value, remedy in wanted if value is None]
+        return [Part(what, "missing", remedy) for what, value, remedy in wanted if value is None]
 
     def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Dataset:
         """The data set of a complete archive.
@@ -118,20 +118,20 @@ def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]
     return both, f"frames {first} to {numbers[-1]}"
 
 
-def baseline_taken(baseline_m: float, origin: str) -> Taken:
+def baseline_taken(baseline_m: float, origin: str) -> Part:
     """The line of the report on a baseline that is a result and not a measurement."""
     words = f"{rounded(baseline_m, 4)} m ± {100 * NOMINAL_SIGMA:g} %, nominal: not a measurement"
-    return Taken("baseline", words, origin)
+    return Part("baseline", words, origin)
 
 
-def points_taken(rows: Correspondences, origin: str) -> Taken:
+def points_taken(rows: Correspondences, origin: str) -> Part:
     """The line of the report on the bars."""
     bars, frames = count(len(rows.bars), "bar"), count(len(rows.frames), "frame")
     words = f"{count(len(rows), 'pair')} of points, {bars} in {frames}"
-    return Taken("bars", words, origin)
+    return Part("bars", words, origin)
 
 
-def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
+def lens_taken(which: str, camera: Camera, origin: str) -> Part:
     """The line of the report on a lens."""
     width, height = camera.image_size
     K, lens = camera.K, camera.distortion
@@ -140,4 +140,4 @@ def lens_taken(which: str, camera: Camera, origin: str) -> Taken:
         f"f {rounded(K[0, 0], 5)} px, centre ({rounded(K[0, 2], 5)}, {rounded(K[1, 2], 5)}), "
         f"{width}x{height} px, {distortion}"
     )
-    return Taken(f"{which} lens", words, origin)
+    return Part(f"{which} lens", words, origin)

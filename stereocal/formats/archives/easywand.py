@@ -13,7 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import (
     THROW,
     Archive,
-    Taken,
+    Part,
     baseline_taken,
     lens_taken,
     points_taken,
@@ -215,27 +215,27 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     if background is not None and len(background.frame):
         bars, words = with_background(bars, background)
         about = f"{len(background.frame)} pairs, {words}"
-        taken.append(Taken("background points", about, "backgroundPts"))
+        taken.append(Part("background points", about, "backgroundPts"))
         note = f"Background points are the {words}, with one target each: they serve matching only."
         notes.append(note)
     throw = file.seen("axisPts", chosen.pair, sizes, origin)
     table = None
     if throw is not None:
         rate, frames = file.frame_rate, len(throw.frame)
-        line = Taken("axis points", "not used", "axisPts, no gravityFreq")
+        line = Part("axis points", "not used", "axisPts, no gravityFreq")
         if rate > 0:
-            line = Taken("thrown object", "not seen by both cameras", "axisPts")
+            line = Part("thrown object", "not seen by both cameras", "axisPts")
         if rate > 0 and frames:
             table = pd.DataFrame(throw.pixels.reshape(-1, 4), columns=list(PIXELS))
             table.insert(0, "frame", throw.frame)
             words = f"{frames} frames at {rate:g} frames a second: {THROW}"
-            line = Taken("thrown object", words, "axisPts, gravityFreq")
+            line = Part("thrown object", words, "axisPts, gravityFreq")
             notes.append(f"{THROW} has a thrown object, recorded at {rate:g} frames a second.")
         taken.append(line)
     taken += [lens_taken(*each, LENS_FIELDS) for each in zip(CAMERAS, cameras, strict=True)]
     distance = file.bar_length(options.unit)
     if distance is not None:
-        taken.append(Taken("distance A-B", f"{distance:g} m", "wandLen"))
+        taken.append(Part("distance A-B", f"{distance:g} m", "wandLen"))
     baseline = file.baseline(*chosen.pair)
     if baseline is not None:
         baseline *= UNITS[options.unit or "m"]

@@ -25,7 +25,7 @@ NEAREST = 0.5
 """Most frame periods between the frames of a pair."""
 FEWEST = 30
 """Parts of a short video of which one pair each is taken, as many as frames serve well."""
-Choice = Literal["every", "still"]
+FrameChoice = Literal["every", "still"]
 STAGES = ("frames looked at", "frames taken")
 LEAST_SECONDS = 120.0
 """Time limit of a segment of a video, on a busy server."""
@@ -42,7 +42,7 @@ a target by 0.001 px (sample_data/README.md) and takes a fifth of the room."""
 class VideoSettings:
     """Which frames to take."""
 
-    choice: Choice = "still"
+    choice: FrameChoice = "still"
     """`every` n-th frame, or in each second the sharpest of the still ones (`stillest`)."""
     n: int = 30
     later_s: float | None = None
