@@ -6,10 +6,11 @@ Detection writes them, review corrects them, and the table of points is made fro
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Any, get_args
 
 import numpy as np
 
+from stereocal.detection.detect import State
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
@@ -19,8 +20,7 @@ from stereocal.system.records import of_plain
 
 LARGEST_PX = 1_000_000
 FRAMES_FORMAT = "stereocal-frames/1"
-State = Literal["found", "doubtful", "refused"]
-STATES: tuple[State, ...] = ("found", "doubtful", "refused")
+STATES: tuple[State, ...] = get_args(State)
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from stereocal.detection.balls import CERTAIN, choose_balls
-from stereocal.detection.detect import Detection
+from stereocal.detection.detect import Detection, State
 from stereocal.detection.fit import Corner
 from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Target
 from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
-from stereocal.frames.frame import Centre, CentrePair, Frame, State
+from stereocal.frames.frame import Centre, CentrePair, Frame
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS, Camera
 

@@ -13,7 +13,6 @@ from stereocal.network.pairs import (
     FEWEST_BARS,
     FURTHER_STEPS,
     Pairs,
-    Progress,
     calibrate_pairs,
     pair_problem,
     reached,
@@ -30,6 +29,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import interpolate
 from stereocal.system.numbers import count
+from stereocal.system.tasks import Progress
 
 WIDE_LENS = LensPrior(0.05, 50.0)
 MOST_ROUNDS = 8

@@ -15,7 +15,6 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.network.fit import lens_places
 from stereocal.network.fuse import pair_covariance
-from stereocal.network.pairs import Progress
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import WrongImage, rows_of
 from stereocal.refined.parameter_file import refined_parameters
@@ -29,6 +28,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import TimeOffset
+from stereocal.system.tasks import Progress
 
 TIED = 1.0 - 1e-9
 """Correlation of fx and fy from which on they share one factor."""

@@ -1,6 +1,6 @@
 """The pairs of a rig that are worth calibrating, and their refined sets."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from stereocal.refined.time_offset import bring_into_step
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import CameraPair, Recording
+from stereocal.system.tasks import Progress
 
 FEWEST_BARS = 8
 """Bars that two cameras must share: with fewer, their pose and lenses can fit wrong points too."""
@@ -26,7 +27,6 @@ MOST_LEFT_OUT = 0.4
 """Of the frames of a sound pair."""
 FURTHER_STEPS = 2
 """Of a rig, after its pairs: the joint fit that screens, and the adjustment."""
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stereocal.detection.detect import State
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.frames.frame import (
     Centre,
     CentrePair,
     Frame,
-    State,
     correspondences_of,
     pack_frames,
     unpack_frames,

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stereocal.detection.detect import State
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.frames.frame import Centre, Frame, State, pack_frames, unpack_frames
+from stereocal.frames.frame import Centre, Frame, pack_frames, unpack_frames
 from stereocal.frames.review import (
     Review,
     centre_at,
