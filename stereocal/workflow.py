@@ -35,10 +35,10 @@ from stereocal.refined.best_reading import check_inputs
 from stereocal.refined.diagnosis import (
     explain_failure,
     frames_to_judge,
+    is_out_of_step,
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.refined.disagreement import what_disagrees
 from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.misplaced_target import misplaced_target
@@ -54,7 +54,7 @@ from stereocal.rig.parameters import FileForecast, RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
-from stereocal.verdict.forecast import Outlook, forecast_files, verdict
+from stereocal.verdict.forecast import Outlook, advice_on_improvements, forecast_files, verdict
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.predictive import predict
@@ -64,7 +64,7 @@ from stereocal.verdict.tradeoff import TradeOff, trade_off
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
 BEFORE = (
-    *("screening", "calibration", "outlook", "inputs", "advice"),
+    *("screening", "calibration", "outlook", "advice"),
     *("note_on_seeds", "maps", "misfit", "curves"),
 )
 """Steps that do not depend on a validation."""
@@ -182,7 +182,8 @@ class Run:
                 warnings += filter(None, [misplaced_target(refined)])
             except StereocalError as error:
                 warnings.append(f"There is no refined set: {error}")
-        return Calibration(dataset, settings, screening, frames, results, tuple(warnings), refined)
+        told, apart = tuple(warnings), bool(offer) and is_out_of_step(screening)
+        return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
 
     @step
     def outlook(self) -> Outlook | None:
@@ -205,20 +206,17 @@ class Run:
     def recommendation(self) -> Recommendation:
         """Which file to use for what, and how good they are."""
         found = recommend(self.calibration, self.outlook, self.validation)
-        moved = moved_lengths(self.outlook.comparison.inputs) if self.outlook else ""
+        moved = moved_lengths(self.inputs) if self.outlook else ""
         note = ""
         if (own := self.evaluation) is not None:
             kept = self.calibration.screening.dataset
             note = note_on_splits(kept, own.settings, own.summaries)
         return replace(found, sentences=tuple(filter(None, (*found.sentences, moved, note))))
 
-    @step
+    @property
     def inputs(self) -> list[Input]:
         """Which input values the images contradict; empty without a refined set."""
-        if self.outlook is not None:
-            return self.outlook.comparison.inputs
-        refined = self.calibration.refined
-        return [] if refined is None else what_disagrees(refined)
+        return self.calibration.inputs
 
     @step
     def forecasts(self) -> dict[Method, FileForecast]:
@@ -233,7 +231,7 @@ class Run:
         for method in FILE_METHODS:
             if method != "refined" or calibration.refined is not None:
                 entries = self.validation.get(method), self.forecasts.get(method)
-                parameters = calibration.parameters(method, *entries, self.inputs)
+                parameters = calibration.parameters(method, *entries)
                 sets[method] = replace(parameters, recommendation=about)
         return sets
 
@@ -246,7 +244,7 @@ class Run:
     def advice(self) -> str:
         """What would lower the errors of the refined set: 9 s for 20,000 frames; empty without a
         forecast."""
-        return "" if self.outlook is None else self.outlook.advice
+        return "" if self.outlook is None else advice_on_improvements(self.outlook.model)
 
     @step
     def maps(self) -> list[AccuracyMap]:
@@ -381,7 +379,7 @@ def conclusions_of_seeds(
     lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
     for seed in seeds:
         files = {**outlook.files, **_files_of_seed(calibration, settings.search.seed + seed)}
-        predictive = predict(outlook.comparison.model, files, draws=FEWER_DRAWS)
+        predictive = predict(outlook.model, files, draws=FEWER_DRAWS)
         found.append(verdict(predictive, frames))
         lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
     files_to_use = {(answer.match_with, answer.measure_with) for answer in found}

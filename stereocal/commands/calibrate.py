@@ -126,10 +126,8 @@ def _notes_on(found: Run) -> list[str]:
         question += f" If not, correct {DESCRIPTION}: no residual shows a wrong unit."
     accused = [item.advice for item in inputs if item.accused]
     timing = calibration.screening.time_note
-    notes = [question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)]
-    if found.outlook:
-        notes += [found.note_on_seeds, found.outlook.advice]
-    return notes
+    told = question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)
+    return [*told, found.note_on_seeds, found.advice]
 
 
 def _validated(run: Run, runs: int) -> Run:

@@ -18,6 +18,7 @@ from stereocal.rig.tracks import TimeOffset
 from stereocal.system.records import of_plain, pack
 
 CALIBRATION_FORMAT = "stereocal-project/1"
+STORED = ("frames", "warnings", "methods", "out_of_step")
 LONGEST_TRACE = 50_000
 """Longer traces of a search are not stored: 2 million moves made a file of 183 MB."""
 _NO_SCREENING = {"left_out": (), "exchanged": (), "together": ""}
@@ -60,7 +61,7 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "settings": calibration.settings.to_json(),
         "screening": _named(screening, _SCREENING)
         | {"time_offset": screening.full_dataset.time_offset},
-        **{name: getattr(calibration, name) for name in ("frames", "warnings", "methods")},
+        **{name: getattr(calibration, name) for name in STORED},
         "refined": calibration.refined and _named(calibration.refined, _REFINED),
     }
     return pack(content)
@@ -94,6 +95,7 @@ def unpack_calibration(
             frames=of_plain(data["frames"], IntArray),
             methods={name: _method(data["methods"][name], name) for name in METHODS},
             warnings=of_plain(data["warnings"], tuple[str, ...]),
+            out_of_step=data.get("out_of_step", False) is True,
         )
         if found.frames.ndim != 1:
             raise ValueError(found.frames)

@@ -32,7 +32,6 @@ EXPLAINED = 0.05
 SMALLEST_CLAIM = 0.01
 """In frames. A smaller offset is not offered: with frames that do not follow each other, other
 errors gave offsets of 0.001 frames with far smaller standard errors."""
-OUT_OF_STEP = "The cameras seem to be out of step"
 WHOLE = 0.02
 """Offsets this near to a whole number of frames are errors of counting."""
 LARGEST_SIGMA = np.radians(3.0)
@@ -118,6 +117,12 @@ def offer_time_offset(screening: Screening) -> str:
     return "" if offset is None else _offer(offset, screening)
 
 
+def is_out_of_step(screening: Screening) -> bool:
+    """Whether the cameras seem to be apart by a part of a frame, for which one can solve."""
+    offset = _claimed_offset(screening)
+    return offset is not None and not _frames_apart(offset)
+
+
 def _claimed_offset(screening: Screening) -> MeasuredOffset | None:
     """The offset by which the cameras seem to be out of step; None if not, or if it was fitted.
 
@@ -152,7 +157,7 @@ def _offer(offset: MeasuredOffset, screening: Screening) -> str:
             "the numbers: one camera has an image less, or one more, at its start."
         )
     return (
-        f"{OUT_OF_STEP}: the residuals follow the motion in the images, as if "
+        f"The cameras seem to be out of step: the residuals follow the motion in the images, as if "
         f"the secondary took its frames {offset.frames:+.2f} ± {offset.sigma:.2f} frame intervals "
         "late. Calibrate with the time offset as an unknown (in the settings of the page "
         "Calibrate; on the command line --time-offset)."

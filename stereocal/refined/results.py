@@ -1,6 +1,6 @@
 """The results of all methods on a data set, with the frames that were left out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings, Errors, FileMethod, Method, errors_of
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import Comparison, compare_inputs
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
@@ -20,6 +20,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
 from stereocal.rig.volume import Volume
+from stereocal.system.latest import step
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,8 @@ class Calibration:
     """Messages for the user."""
     refined: RefinedResult | None = None
     """None if the refined method was not requested or failed."""
+    out_of_step: bool = False
+    """Whether a warning offers to solve for a time offset."""
 
     @cached_property
     def held_out_frames(self) -> IntArray:
@@ -64,6 +67,16 @@ class Calibration:
             errors["refined"] = errors_of(seen, self.refined.pose, left_out)
         return errors
 
+    @step
+    def comparison(self) -> Comparison | None:
+        """What the images say of each stated input; None without a refined set."""
+        return None if self.refined is None else compare_inputs(self.refined)
+
+    @property
+    def inputs(self) -> list[Input]:
+        """Which input values the images contradict; empty without a refined set."""
+        return [] if self.comparison is None else self.comparison.inputs
+
     @property
     def noise_px(self) -> float | None:
         """Standard deviation of an image coordinate by the refined or the screening's fit."""
@@ -76,7 +89,6 @@ class Calibration:
         method: FileMethod,
         validation: Mapping[str, Any] | None = None,
         forecast: FileForecast | None = None,
-        inputs: Sequence[Input] | None = None,
     ) -> RigParameters:
         """The parameter set to save: `2d` to match with, `3d` to measure with, `refined` for both.
 
@@ -84,14 +96,12 @@ class Calibration:
             validation: figures of a validation of this data set; its `threshold_px` becomes the
                 recommended matching threshold.
             forecast: figures on frames to come; its threshold is used if there is no validation.
-            inputs: from `disagreement.what_disagrees`, for the refined set; computed if None.
         """
         if method == "refined":
             if self.refined is None:
                 raise StereocalError("There is no refined set: `warnings` has the reason, if any.")
-            inputs = what_disagrees(self.refined) if inputs is None else inputs
             left_out = self.screening.left_out
-            return refined_parameters(self.refined, inputs, validation, left_out, forecast)
+            return refined_parameters(self.refined, self.inputs, validation, left_out, forecast)
         found, used = self.methods[method], np.isin(self.dataset.correspondences.frame, self.frames)
         points = triangulate_rays(found.pose.R, found.pose.T, self.dataset.rays[:, used])
         return RigParameters(

@@ -21,10 +21,10 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
-from stereocal.refined.diagnosis import OUT_OF_STEP
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.rig.dataset import Dataset
+from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_photograph
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
@@ -32,6 +32,8 @@ from stereocal.ui.messages import callback, readable
 from stereocal.ui.review import look_closely
 
 T = TypeVar("T")
+SCREENINGS: Latest[Screening] = Latest(64)
+"""The last ones, by all that they depend on."""
 NAME = "frame"
 """Of the setting of the chosen frame; the review of photographs has the same."""
 MOST_BUTTONS = 6
@@ -69,7 +71,8 @@ def screenings_of(
         if calibration is not None and known == _key(dataset, own):
             found.append(calibration.screening)
         else:
-            found.append(_screened(_key(dataset, own), dataset, own))
+            make = partial(jobs.compute, screened, dataset, own)
+            found.append(SCREENINGS.once(_key(dataset, own), make))
     return found
 
 
@@ -77,12 +80,6 @@ def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
     names = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
     return json.dumps([*dataset.identity, *(getattr(settings, name) for name in names)])
-
-
-@st.cache_resource(show_spinner="Looking for frames that contradict the others.", max_entries=64)
-def _screened(key: str, _dataset: Dataset, _settings: CalibrationSettings) -> Screening:
-    assert key
-    return jobs.compute(screened, _dataset, _settings)
 
 
 def show_left_out(project: Project, calibration: Calibration, look: Callable[[int], None]) -> None:
@@ -121,7 +118,7 @@ def show_exchanged(project: Project) -> None:
 
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
-    if any(warning.startswith(OUT_OF_STEP) for warning in calibration.warnings):
+    if calibration.out_of_step:
         st.button(
             "Calibrate with the time offset",
             key="bring_into_step",

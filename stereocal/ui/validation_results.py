@@ -1,6 +1,6 @@
 """Results of the Validate page: answer, figure, downloads, table."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import streamlit as st
@@ -17,6 +17,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held
+from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
@@ -37,6 +38,8 @@ COLUMNS = {
 }
 FORMATS = ("SVG", "PNG")
 Summaries = dict[Method, MethodSummary]
+_KEPT: Latest[Any] = Latest(64)
+"""What was made of the last validations, by their digests."""
 
 
 def with_refined(project: Project) -> Field:
@@ -45,30 +48,33 @@ def with_refined(project: Project) -> Field:
     return setting(project, "with_refined", usual, yes_or_no, tabs_own=True)
 
 
-BY_DIGEST: dict[str | type, Callable[[Any], str]] = {Evaluation: lambda found: found.digest}
-
-
-@st.cache_resource(show_spinner=False, max_entries=32, hash_funcs=BY_DIGEST)
 def _summaries(
     evaluation: Evaluation, bin_width: float, refined: bool
 ) -> tuple[Summaries, dict[str, Summaries]]:
     """Pooled and by data set."""
-    if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
-        pooled = dict(evaluation.summaries)  # made once for all pages
-        by_dataset = {evaluation.names[0]: pooled}
-    else:
-        pooled, by_dataset = summarise_all(evaluation.names, evaluation.runs, bin_width)
-    if not refined:
-        for own in (pooled, *by_dataset.values()):
-            own.pop("refined", None)
-    return pooled, by_dataset
+
+    def make() -> tuple[Summaries, dict[str, Summaries]]:
+        if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
+            pooled = evaluation.summaries  # made once for all pages
+            return pooled, {evaluation.names[0]: pooled}
+        return summarise_all(evaluation.names, evaluation.runs, bin_width)
+
+    def shown(of: Summaries) -> Summaries:
+        return {method: own for method, own in of.items() if refined or method != "refined"}
+
+    pooled, by_dataset = _KEPT.once(f"{evaluation.digest} {bin_width}", make)
+    return shown(pooled), {name: shown(own) for name, own in by_dataset.items()}
 
 
-@st.cache_resource(show_spinner="Leaving out the other way.", max_entries=32, hash_funcs=BY_DIGEST)
-def _note(evaluation: Evaluation, _screening: Screening) -> str:
+def _note(evaluation: Evaluation, screening: Screening) -> str:
     """Whether single frames and whole runs left out give different figures."""
-    settings, summaries = evaluation.settings, evaluation.summaries
-    return jobs.compute(note_on_splits, _screening.dataset, settings, summaries)
+    key = f"{evaluation.digest} note"
+    if (found := _KEPT.get(key)) is None:
+        about = screening.dataset, evaluation.settings, evaluation.summaries
+        with st.spinner("Leaving out the other way."):
+            found = jobs.compute(note_on_splits, *about)
+        _KEPT.keep(key, found)
+    return str(found)
 
 
 def show_evaluation(project: Project, evaluation: Evaluation, datasets: Sequence[Dataset]) -> None:

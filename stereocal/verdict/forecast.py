@@ -21,7 +21,6 @@ import numpy as np
 from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.disagreement import Comparison, compare_inputs
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
@@ -142,7 +141,8 @@ class Outlook:
 
     files: Mapping[Method, Rig]
     refined: RefinedResult
-    comparison: Comparison
+    model: RefinedResult
+    """The refined fit without the priors of the accused inputs."""
     predictive: Predictive
     check: ModelCheck | None
     """Whether held-out frames agree with the forecast; None with too few frames."""
@@ -153,18 +153,13 @@ class Outlook:
         frames = len(self.refined.dataset.correspondences.frames)
         return verdict(self.predictive, frames, self.check)
 
-    @cached_property
-    def advice(self) -> str:
-        """What would lower the errors of the refined set."""
-        return advice_on_improvements(self.comparison.model)
-
     def of_file(self, method: Method, threshold_px: float | None = None) -> FileForecast:
         """The entries of one parameter file.
 
         Args:
             threshold_px: at which the shares are given; None: the recommended one.
         """
-        model = self.comparison.model
+        model = self.model
         cameras = model.primary, model.secondary
         noises = {"sigma_px": model.sigma_px, "bar_scatter_m": model.scatter_m}
         return FileForecast(
@@ -191,7 +186,7 @@ class Outlook:
 
         That of the model about the truth, and the deviation of the file from the model.
         """
-        model = self.comparison.model
+        model = self.model
         own = shared_unknowns(self.files[method])
         away = step_between(own, model.q)
         away[BAR] = 0.0
@@ -200,8 +195,8 @@ class Outlook:
 
 def forecast_files(calibration: Calibration) -> Outlook:
     """Forecast the files of a calibration with its refined set."""
-    refined = calibration.refined
-    if refined is None:
+    refined, comparison = calibration.refined, calibration.comparison
+    if refined is None or comparison is None:
         raise StereocalError("A forecast needs the refined method.")
     stated = calibration.dataset
     files: dict[Method, Rig] = {
@@ -209,12 +204,11 @@ def forecast_files(calibration: Calibration) -> Outlook:
         for method, found in calibration.methods.items()
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
-    comparison = compare_inputs(refined)
     predictive = predict(comparison.model, files)
     check = check_model(refined, comparison.model, predictive)
     if check is not None and not check.holds:
         predictive = replace(predictive, excess=check.excess)
-    return Outlook(files, refined, comparison, predictive, check)
+    return Outlook(files, refined, comparison.model, predictive, check)
 
 
 def improvements(model: RefinedResult) -> dict[str, float]:

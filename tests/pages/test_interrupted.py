@@ -121,7 +121,7 @@ def long(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
 
 def forget() -> None:
     """What a server that starts has not in memory."""
-    screening._screened.clear()
+    screening.SCREENINGS.clear()
     KEPT[Run].clear()
     jobs.JOBS.clear()
 

@@ -53,7 +53,7 @@ def test_a_lens_that_the_model_cannot_follow_is_doubted_and_raises_the_intervals
     assert "edges" in outlook.check.text
     images, length = outlook.check.excess
     assert images > 1.15
-    usual = predict(outlook.comparison.model, outlook.files).forecasts["refined"]
+    usual = predict(outlook.model, outlook.files).forecasts["refined"]
     raised = outlook.predictive.forecasts["refined"]
     assert raised.mean_reprojection_px.high == usual.mean_reprojection_px.high * images
     assert raised.median_error_3d.high == usual.median_error_3d.high * length

@@ -57,7 +57,7 @@ def test_the_intervals_hold_the_population() -> None:
 
 def test_same_seed_same_figures_whatever_the_workers() -> None:
     found = outlook()
-    model = found.comparison.model
+    model = found.model
     one, two = (
         predict(model, found.files, seed=5, draws=20, bars=50, workers=n).forecasts for n in (1, 2)
     )
@@ -91,7 +91,7 @@ def test_the_population_is_that_of_a_plain_count() -> None:
 
 
 def test_fresh_bars_are_in_the_volume_and_have_the_length() -> None:
-    model = outlook().comparison.model
+    model = outlook().model
     ends = fresh_bars(model, 8, 200, np.random.default_rng(1))
     assert ends.shape == (8, 200, 2, 3)
     volume = Volume.of_bars(model.points_m)
@@ -206,7 +206,7 @@ def mean_square_z(file: RigParameters, pixels: list[FloatArray], points: FloatAr
 
 def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None:
     found = outlook()
-    away = found.files["3d"].pose.baseline - found.comparison.model.q[BASELINE]
+    away = found.files["3d"].pose.baseline - found.model.q[BASELINE]
     at = (BASELINE, BASELINE)
-    expected = found.comparison.model.covariance[at] + away**2
+    expected = found.model.covariance[at] + away**2
     assert found.covariance("3d")[at] == pytest.approx(expected)
