@@ -7,7 +7,6 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 (the pixel origin, which cameras to use).
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -16,6 +15,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.exchange.options import PixelOrigin
+from stereocal.frames.pairing import natural
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import TARGETS, Correspondences
 from stereocal.system.dialect import Dialect, head_of
@@ -264,7 +264,7 @@ class _Rows:
         numbers = stems.str.extract(r"(\d{1,15})\D*$", expand=False).fillna("")
         if (numbers != "").all() and self._tells_apart(texts, numbers):
             return np.asarray(numbers, dtype=np.int64)
-        known = {name: k for k, name in enumerate(sorted(texts.unique(), key=_natural), 1)}
+        known = {name: k for k, name in enumerate(sorted(texts.unique(), key=natural), 1)}
         return np.asarray(texts.map(known), dtype=np.int64)
 
     def _tells_apart(self, texts: "pd.Series[str]", numbers: "pd.Series[str]") -> bool:
@@ -300,12 +300,6 @@ class _Rows:
             problems = [RowProblem(int(self.raw.index[row]), reasons[row]) for row in reasons]
             raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")
         return values[name]
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorts names by the numbers in them."""
-    parts = re.split(r"(\d+)", name)
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
 def is_number(text: str) -> bool:

@@ -137,8 +137,11 @@ def test_a_point_twice_is_named() -> None:
         bars_of(again, "t.csv", ExchangeOptions(), (None, None))
 
 
-def test_photographs_of_equal_numbers_are_counted_in_order() -> None:
-    content = TABLES["long"].replace(b"IMG_0001", b"b2/IMG_0001").replace(b"IMG_0002", b"b1/0001")
+@pytest.mark.parametrize("number", ["0001", "1\u00b22/1", "9" * 5000 + "/1"])
+def test_photographs_of_equal_numbers_are_counted_in_order(number: str) -> None:
+    """Also where a number has a sign that is no digit, or too many."""
+    content = TABLES["long"].replace(b"IMG_0001", f"b2/IMG_{number}".encode())
+    content = content.replace(b"IMG_0002", f"b1/{number}".encode())
     frames = bars_of(content, "t.csv", ExchangeOptions(), (None, None)).rows.frame
     assert sorted({*frames.tolist()}) == list(range(1, 9))
 
