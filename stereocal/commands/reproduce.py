@@ -13,7 +13,8 @@ from stereocal.paper_kit.reproduction import (
     processor_kind,
     read_archive,
 )
-from stereocal.rig.parameters import RigParameters, software_versions
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.result_file import software_versions
 from stereocal.workflow import Run
 
 DIFFERENT = 1

@@ -27,7 +27,7 @@ from stereocal.refined.screening import Screening
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
-from stereocal.rig.parameters import software_versions
+from stereocal.rig.result_file import software_versions
 from stereocal.system.numbers import rounded
 from stereocal.system.settings import descriptions
 from stereocal.verdict.in_words import left_out_line, listed

@@ -1,17 +1,14 @@
 """`rig.json`: the cameras of a rig in one frame, with their errors and what the pairs say."""
 
-import datetime
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from stereocal.errors import DAMAGED, StereocalError, naming
+from stereocal.errors import StereocalError
 from stereocal.network.fit import camera_at, lens_places
 from stereocal.network.fuse import Fused, PairFit, pair_covariance
 from stereocal.network.pairs import pair_name
@@ -21,14 +18,13 @@ from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters, software_versions
+from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters
 from stereocal.rig.recording import check_camera_names
+from stereocal.rig.result_file import ResultFile
 from stereocal.rig.rig import PlacedCamera, Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
-from stereocal.system.atomic_files import read_whole
-from stereocal.system.json_text import read_json
 
 RIG = "rig.json"
 RIG_FORMAT = "stereocal-rig/1"
@@ -38,8 +34,12 @@ ROTATION = ("turn_x", "turn_y", "turn_z")
 
 
 @dataclass(frozen=True, eq=False)
-class RigFile:
+class RigFile(ResultFile):
     """The content of `rig.json` that is used again; `about` is all the rest of it."""
+
+    CALLED, SOURCE = "rig", RIG
+    READS: ClassVar[Mapping[str, str]] = {"format": RIG_FORMAT, "convention": CONVENTION}
+    INDENT = 1
 
     cameras: Mapping[str, Camera]
     """By name; the first is the reference."""
@@ -125,8 +125,7 @@ class RigFile:
             camera_names=(first, second),
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """The content of the file."""
+    def content(self) -> dict[str, Any]:
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         cameras = {}
         for number, (name, camera) in enumerate(self.cameras.items()):
@@ -152,49 +151,10 @@ class RigFile:
             **self.about,
             "covariance": self.covariance[_written(len(self.cameras))].tolist(),
             "covariance_of": [*of, "object_factor"],
-            "software": software_versions(),
-            "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 
-    @cached_property
-    def digest(self) -> str:
-        """Identifies the rig, independent of date and version."""
-        content = self.to_json()
-        for key in ("created", "software"):
-            del content[key]
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-    def dumps(self) -> str:
-        """The file as text."""
-        return json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
-
     @classmethod
-    def load(cls, path: str | Path) -> "RigFile":
-        """Read a file."""
-        return cls.loads(read_whole(path), str(path))
-
-    @classmethod
-    def loads(cls, text: str | bytes, source: str = "rig.json") -> "RigFile":
-        """As `load`, from text."""
-        data = read_json(text, source)
-        found = data.get("format") if isinstance(data, dict) else None
-        with naming(source):
-            if found != RIG_FORMAT or data.get("convention") != CONVENTION:
-                raise StereocalError(
-                    f'the format is {found!r}; this version reads "{RIG_FORMAT}" with the '
-                    f'convention "{CONVENTION}".'
-                )
-            try:
-                return cls._of(data)
-            except StereocalError:
-                raise
-            except DAMAGED as error:
-                raise StereocalError(
-                    f"the rig is damaged ({type(error).__name__}: {error})."
-                ) from error
-
-    @classmethod
-    def _of(cls, data: Mapping[str, Any]) -> "RigFile":
+    def _of_content(cls, data: Mapping[str, Any]) -> "RigFile":
         cameras = {
             name: Camera.from_json(lens, f"camera {name}") for name, lens in data["cameras"].items()
         }

@@ -16,7 +16,8 @@ from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.paper_kit.digests import ADJUSTED, SEARCHED, Tolerance, differences, digest_of
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters, software_versions
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.result_file import software_versions
 from stereocal.system.json_text import read_json
 from stereocal.system.zip_files import unzip
 from stereocal.workflow import Run

@@ -1,32 +1,22 @@
 """The parameter file of a rig: reading, writing, checking."""
 
-import datetime
-import hashlib
 import json
-import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-import cv2
-import numba
 import numpy as np
-import scipy
 
-from stereocal.errors import DAMAGED, StereocalError, naming, refuse
+from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.recording import check_camera_names
+from stereocal.rig.result_file import ResultFile
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
-from stereocal.system.atomic_files import read_whole, write_atomically
-from stereocal.system.json_text import read_json
-from stereocal.version import __version__
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
@@ -57,11 +47,16 @@ def threshold_of(
 
 
 @dataclass(frozen=True, eq=False)
-class RigParameters(Rig):
+class RigParameters(Rig, ResultFile):
     """One parameter set: a rig, the method and settings that produced it, and its purpose.
 
     The file is self-describing JSON, format `stereocal-parameters/1`.
     """
+
+    CALLED, SOURCE = "parameter file", "parameters"
+    READS: ClassVar[Mapping[str, str]] = {"format": PARAMETERS_FORMAT}
+    INDENT = 2
+    LARGEST = LARGEST_TEXT
 
     method: str
     """`2d`, `3d` or `refined`; `imported` for parameters that another program found."""
@@ -131,8 +126,7 @@ class RigParameters(Rig):
         """`matching` for the 2D set, `reconstruction` for the 3D set, else `both`."""
         return PURPOSES[self.method]
 
-    def to_json(self) -> dict[str, Any]:
-        """The content of the file."""
+    def content(self) -> dict[str, Any]:
         return {
             "format": PARAMETERS_FORMAT,
             "purpose": self.purpose,
@@ -162,59 +156,10 @@ class RigParameters(Rig):
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
             **({} if self.time_offset is None else self.time_offset.to_json()),
-            "software": software_versions(),
-            "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 
-    @cached_property
-    def digest(self) -> str:
-        """Identifies the parameter set, independent of date and version."""
-        content = self.to_json()
-        for key in ("created", "software"):
-            del content[key]
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-    def dumps(self) -> str:
-        """The file as text; equal parameters give equal text, except for `created`."""
-        return json.dumps(self.to_json(), indent=2, allow_nan=False) + "\n"
-
-    def save(self, path: str | Path) -> None:
-        """Write the file, whole or not at all."""
-        write_atomically(Path(path), self.dumps().encode())
-
     @classmethod
-    def load(cls, path: str | Path) -> "RigParameters":
-        """Read a parameter file."""
-        return cls.loads(read_whole(path, LARGEST_TEXT), str(path))
-
-    @classmethod
-    def loads(cls, text: str | bytes, source: str = "parameters") -> "RigParameters":
-        """As `load`, from text."""
-        if len(text) > LARGEST_TEXT:
-            most = f"at most {LARGEST_TEXT}"
-            raise StereocalError(
-                f"{source}: {len(text)} bytes are too many for a parameter file ({most})."
-            )
-        data = read_json(text, source)
-        found = data.get("format") if isinstance(data, dict) else None
-        with naming(source):
-            refuse(
-                (
-                    found != PARAMETERS_FORMAT,
-                    f'the format is {found!r}; this version reads "{PARAMETERS_FORMAT}".',
-                )
-            )
-            try:
-                return cls._from_dict(data)
-            except StereocalError:
-                raise
-            except DAMAGED as error:
-                raise StereocalError(
-                    f"the parameter file is damaged ({type(error).__name__}: {error})."
-                ) from error
-
-    @classmethod
-    def _from_dict(cls, data: Mapping[str, Any]) -> "RigParameters":
+    def _of_content(cls, data: Mapping[str, Any]) -> "RigParameters":
         convention = data["convention"]
         refuse(
             (
@@ -255,18 +200,6 @@ class RigParameters(Rig):
             camera_names=None if named is None else (str(named[0]), str(named[1])),
             **about,
         )
-
-
-def software_versions() -> dict[str, str]:
-    """The `software` entry of a parameter file: versions on which its numbers depend."""
-    return {
-        "stereocal": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "numba": numba.__version__,
-        "opencv": cv2.__version__,
-    }
 
 
 def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
