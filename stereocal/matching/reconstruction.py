@@ -39,31 +39,26 @@ def reconstruct_points(
     secondary_px: npt.ArrayLike,
     world: Pose | None = None,
     sigma_px: float | FloatArray | None = None,
-    pose_covariance: npt.ArrayLike | None = None,
 ) -> Points3D:
     """Reconstruct matched pairs by midpoint triangulation.
+
+    The standard errors contain those of the parameters that the file states. These are common to
+    all points: distances between points are more precise than their positions.
 
     Args:
         primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), their partners row by row.
         world: `world_from_primary`; None: points in the primary's frame.
         sigma_px: standard deviation of one pixel coordinate, of all points or (n, 2) of each point
             in both cameras, for the standard errors; None: that of the file's targets.
-        pose_covariance: (6, 6) of yaw, pitch, roll, delta, epsilon (rad) and baseline (m), or
-            (25, 25) of all shared unknowns of `two_views`, added to the effect of image noise;
-            None: that of the file. Its part is common to all points: distances between points are
-            more precise than their positions.
     """
     rays = stack_rays(rig.primary.undistort(primary_px), rig.secondary.undistort(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
     error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, rig.pixel_scale).mean(axis=1)
     sigma = None
-    of_targets, of_file = noise_of_file(rig)
-    if sigma_px is None and pose_covariance is None:
-        sigma_px = of_targets
-    pose_covariance = of_file if pose_covariance is None else pose_covariance
-    if sigma_px is not None or pose_covariance is not None:
-        noise = 0.0 if sigma_px is None else sigma_px
-        covariance = point_covariances(rig, xyz, noise, pose_covariance)
+    of_targets, of_parameters = noise_of_file(rig)
+    sigma_px = of_targets if sigma_px is None else sigma_px
+    if sigma_px is not None:
+        covariance = _covariances(rig, xyz, sigma_px, of_parameters)
         if world is not None:
             covariance = world.R @ covariance @ world.R.T
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
@@ -94,37 +89,31 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
         ) from error
 
 
-def point_covariances(
+def _covariances(
     rig: RigParameters,
     points_m: FloatArray,
     sigma_px: float | FloatArray,
-    covariance: npt.ArrayLike | None = None,
+    of_parameters: FloatArray | None,
 ) -> FloatArray:
     """Covariances (n, 3, 3) of points (n, 3), m^2 in the primary's frame, first order.
 
     Args:
         sigma_px: of all points, or (n, 2).
-        covariance: of the shared unknowns (25, 25), or of the pose alone (6, 6).
+        of_parameters: covariance (25, 25) of the shared unknowns of `two_views`.
     """
     if not (np.isfinite(sigma_px).all() and np.min(sigma_px, initial=0.0) >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")
     lenses = lenses_of_cameras(rig.primary, rig.secondary)
     own, jacobian = point_errors(shared_unknowns(rig), lenses, sigma_px, points_m)
-    if covariance is None:
+    if of_parameters is None:
         return own
-    whole = np.array(covariance, dtype=np.float64)
-    size = len(whole) if whole.ndim == 2 else 0
-    square = whole.shape in ((POSE, POSE), (SHARED, SHARED))
     # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
-    scale = np.sqrt(np.abs(np.diag(whole))) if square else np.empty(0)
-    if not square or (np.abs(whole - whole.T) > 1e-6 * np.outer(scale, scale)).any():
-        raise StereocalError(
-            "The covariance of the pose must be a symmetric 6x6 table, in the order yaw, "
-            "pitch, roll, delta, epsilon, baseline."
-        )
-    J = jacobian[:, :, :size]
-    whole = (whole + whole.T) / 2
-    return np.asarray(own + J @ whole @ J.transpose(0, 2, 1))
+    scale = np.sqrt(np.abs(np.diag(of_parameters)))
+    uneven = np.abs(of_parameters - of_parameters.T)
+    if (uneven > 1e-6 * np.outer(scale, scale)).any():
+        raise StereocalError("The covariance in the parameter file is not symmetric.")
+    symmetric = (of_parameters + of_parameters.T) / 2
+    return np.asarray(own + jacobian @ symmetric @ jacobian.transpose(0, 2, 1))
 
 
 def name_of_world(world: Pose) -> str:

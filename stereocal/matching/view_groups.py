@@ -132,7 +132,7 @@ def expected_wrong(
     fitter: ViewFitter,
     frames: Sequence[Sequence[FloatArray]],
     sigma_px: float,
-    names: Sequence[Sequence[IntArray]] | None = None,
+    names: Sequence[Sequence[IntArray]],
 ) -> dict[int, float]:
     """The share of wrong ones among groups of each number of views, at most about.
 
@@ -141,8 +141,7 @@ def expected_wrong(
     large; not of points with names, which are taken under different ones.) `names`: as of
     `match_views`, by frame.
     """
-    called: list[IntArray] | None = None
-    most = max((own.max(initial=0) for frame in names or [] for own in frame), default=0)
+    most = max((own.max(initial=0) for frame in names for own in frame), default=0)
     count, cameras = len(frames), len(fitter.cameras)
     found, left = np.zeros((2, cameras + 1)), []
     step = max(count // max(cameras, 2), 1)
@@ -150,8 +149,7 @@ def expected_wrong(
         of_one, mixed = [number] * cameras, [(number + c * step) % count for c in range(cameras)]
         for row, chosen in enumerate((of_one, mixed)):
             own = [frames[frame][c] for c, frame in enumerate(chosen)]
-            if names is not None:
-                called = [_turned(names[frame][c], c * row, most) for c, frame in enumerate(chosen)]
+            called = [_turned(names[frame][c], c * row, most) for c, frame in enumerate(chosen)]
             groups = match_views(fitter, own, sigma_px, called)
             found[row] += np.bincount(groups.views, minlength=cameras + 1)
             if not row:

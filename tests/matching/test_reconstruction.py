@@ -7,6 +7,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.refined.parameter_file import covariance_names
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
@@ -67,22 +68,28 @@ def test_standard_errors_are_the_scatter_of_repeated_images() -> None:
     np.testing.assert_allclose(repeated.std(axis=0), np.asarray(sigma), rtol=0.15)
 
 
+def with_covariance(covariance: FloatArray) -> RigParameters:
+    """The rig with a covariance (6, 6) of its pose, of points without noise."""
+    entry = {"of": covariance_names((PRIMARY, SECONDARY))[:6], "matrix": covariance.tolist()}
+    return replace(RIG_3D, uncertainties={"covariance": entry, "sigma_px": {"value": 0.0}})
+
+
 def test_a_covariance_is_symmetric_within_its_standard_errors() -> None:
     """An entry near 0 has no digits of its own: a sound file of a wrong bar was refused."""
     nearly = np.diag([1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
     nearly[0, 1] = 1e-17
-    sigma = reconstruct_points(RIG_3D, *PIXELS, pose_covariance=nearly).sigma_m
+    sigma = reconstruct_points(with_covariance(nearly), *PIXELS).sigma_m
     assert sigma is not None and np.isfinite(sigma).all()
     nearly[0, 1] = 1e-7
     with pytest.raises(StereocalError, match="symmetric"):
-        reconstruct_points(RIG_3D, *PIXELS, pose_covariance=nearly)
+        reconstruct_points(with_covariance(nearly), *PIXELS)
 
 
 def test_the_covariance_of_the_pose_adds() -> None:
     scatter = np.array([2e-4, 3e-4, 1e-4, 2e-4, 3e-4, 2e-3])
     mixing = np.eye(6) + 0.5 * np.random.default_rng(1).standard_normal((6, 6))
     root = scatter[:, None] * mixing
-    sigma = reconstruct_points(RIG_3D, *PIXELS, pose_covariance=root @ root.T).sigma_m
+    sigma = reconstruct_points(with_covariance(root @ root.T), *PIXELS).sigma_m
     rng = np.random.default_rng(2)
     here = np.array([*ANGLES, BASELINE_M])
     repeated = []

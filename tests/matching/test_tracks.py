@@ -81,7 +81,8 @@ def test_a_third_view_decides(truth: SimulatedRig, rig: RigFile) -> None:
     assert frames_of(truth, rig, 2)[2] > 0.04
     fitter, frames, wrong = frames_of(truth, rig, 3)
     assert wrong <= 0.005
-    assert expected_wrong(fitter, frames, NOISE).get(3, 0.0) <= 0.01
+    unnamed = [[np.zeros(len(own), dtype=np.int64) for own in images] for images in frames]
+    assert expected_wrong(fitter, frames, NOISE, unnamed).get(3, 0.0) <= 0.01
 
 
 def test_images_of_nothing_belong_to_nothing(truth: SimulatedRig, rig: RigFile) -> None:
