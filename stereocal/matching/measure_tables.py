@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,6 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
-from stereocal.rig.volume import Volume
 from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress, Task, run_tasks
 
@@ -77,7 +77,7 @@ def reconstruct(
     if missing:
         raise StereocalError(f"The table of pairs has no column {missing[0]}.")
     pairs, _ = in_step(pairs, PIXELS[2:], rig)
-    return _measured_pairs(rig, pairs, world, noise_of_pairs(rig, pairs, sigma_px))
+    return _Pairs(rig, world, noise_of_pairs(rig, pairs, sigma_px)).points(pairs)
 
 
 def noise_of_pairs(
@@ -140,17 +140,14 @@ def measure_tables(
 
     rows = table.check(look).rows
     blocks: Iterable[pd.DataFrame] = table.blocks()
-    noise: PointNoise | None
+    measuring: _Pairs | _Tracks
     if isinstance(rig, RigFile):
         blocks = [pd.concat(list(blocks))]
-        pixels = _pixels(rig, blocks[0])
-        fitter = ViewFitter(rig)
-        seen = np.isfinite(pixels[..., 0]).sum(axis=1)
-        chi_square = fitter.fit(pixels, fitter.rays(pixels)).chi_square
-        noise = noise_of_tracks(rig, seen, chi_square, sigma_px)
+        measuring = _Tracks.settled(rig, blocks[0], world, sigma_px)
     else:
         noise = noise_of_pairs(rig, pd.concat(sample), sigma_px)
-    tasks = (Task(_measured, (rig, block, world, noise), len(block)) for block in blocks)
+        measuring = _Pairs(rig, world, noise, timing)
+    tasks = (Task(measuring.points, (block,), len(block)) for block in blocks)
     measured = run_tasks(tasks, executor, rows, progress, ahead=AHEAD)
     errors, outside = list[FloatArray](), 0
     with open_table(out) as writer, closing(measured):
@@ -159,111 +156,128 @@ def measure_tables(
             errors.append(points["error_px"].to_numpy(dtype=np.float64))
             if OUTSIDE_VOLUME in points:
                 outside += int((points[OUTSIDE_VOLUME] & points["error_px"].notna()).sum())
-    pooled = np.concatenate(errors)
-    lost = int(np.isnan(pooled).sum())
-    median = float(np.nanmedian(pooled)) if lost < len(pooled) else float("nan")
-    error = f"median reprojection error {rounded(median, 3)} px"
-    if isinstance(rig, RigFile):
-        assert noise is not None
-        sentence = _of_tracks(len(pooled), lost, outside, error, noise)
-        return Report(len(pooled), [sentence], lost=lost)
-    notes = [*filter(None, [timing, purpose_warning(rig, "reconstruction")])]
-    diagonal = float(np.hypot(*rig.primary.image_size))
-    if lost > len(pooled) / 2 or median > FAR_OFF * diagonal:
-        notes.append(
-            "Most pairs do not fit these parameters at all: make sure that both are of the same "
-            "rig, and that primary and secondary are not exchanged."
+    return measuring.report(np.concatenate(errors), outside)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """How pairs are measured."""
+
+    rig: RigParameters
+    world: Pose | None
+    noise: PointNoise | None
+    timing: str = ""
+    """A note on points that were brought into step."""
+
+    def points(self, pairs: pd.DataFrame) -> pd.DataFrame:
+        """As `reconstruct`, of pairs in step."""
+        pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
+        sigmas = None
+        if self.noise is not None:  # of the points of both cameras
+            sigmas = np.full((len(pairs), 2), self.noise.sigma_px)
+            if self.noise.source == "columns":
+                stated = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
+                sigmas = np.where(np.isfinite(stated), stated, sigmas)
+        found = reconstruct_points(self.rig, pixels[:, :2], pixels[:, 2:], self.world, sigmas)
+        passed = pairs.drop(columns=["frame", *PIXELS, *OF_MATCHING, *SIGMAS], errors="ignore")
+        return _table(pairs["frame"], found, self.world, {}, passed, "of_pair")
+
+    def report(self, errors: FloatArray, outside: int) -> Report:
+        """The result, by the errors (n,) of all points, NaN where there is none."""
+        lost, median = _lost_and_median(errors)
+        notes = [*filter(None, [self.timing, purpose_warning(self.rig, "reconstruction")])]
+        diagonal = float(np.hypot(*self.rig.primary.image_size))
+        if lost > len(errors) / 2 or median > FAR_OFF * diagonal:
+            notes.append(
+                "Most pairs do not fit these parameters at all: make sure that both are of the "
+                "same rig, and that primary and secondary are not exchanged."
+            )
+        behind = f"; {count(lost, 'pair', 'do')} not meet in front of both cameras" * bool(lost)
+        found = len(errors) - lost
+        text = (
+            f"{count(found, 'point')}, median reprojection error {rounded(median, 3)} px{behind}."
         )
-    sentences = [_of_pairs(rig.volume, len(pooled), lost, outside, error), _of_errors(noise)]
-    return Report(len(pooled), sentences, notes, lost)
+        if self.rig.volume is not None:
+            filled = f"outside the volume that the bars filled ({self.rig.volume.depths})"
+            beyond = (
+                f"{outside} of {found} points {'lies' if outside == 1 else 'lie'} {filled}; errors "
+                "there can be larger than stated."
+            )
+            text = f"{text} {beyond if outside else f'No point lies {filled}.'}"
+        return Report(len(errors), [text, self._on_errors()], notes, lost)
+
+    def _on_errors(self) -> str:
+        """What the standard errors rest on."""
+        if self.noise is None:
+            return "No standard errors: the noise of the points is unknown. State it in pixels."
+        words = (
+            "The standard errors contain those of pose and lenses, which neighbouring points "
+            f"share; the points are known to {self.noise.in_words}"
+        )
+        if self.noise.source != "calibration":
+            return f"{words}.{self.noise.disagreement}"
+        return (
+            f"{words}: that of the targets, because the pairs do not show their own. If your "
+            "points are less exact, state their noise."
+        )
 
 
-def _of_tracks(points: int, lost: int, outside: int, error: str, noise: PointNoise) -> str:
-    """What was found of tracks, in words; `error` tells the median."""
-    behind = f"; {lost} do not meet in front of the cameras" if lost else ""
-    beyond = (
-        f" {outside} lie outside the volume that the object filled, where errors can be "
-        "larger than stated."
-    )
-    return (
-        f"{points - lost} points, {error}{behind}.{beyond * bool(outside)} Standard errors are for "
-        f"points known to {rounded(noise.sigma_px)} px."
-    )
+@dataclass(frozen=True, eq=False)
+class _Tracks:
+    """How tracks are measured: by all cameras that see each."""
+
+    fitter: ViewFitter
+    world: Pose | None
+    sigma_px: float
+    """The noise of the points."""
+
+    @classmethod
+    def settled(
+        cls, rig: RigFile, tracks: pd.DataFrame, world: Pose | None, sigma_px: float | None
+    ) -> "_Tracks":
+        """With the noise as stated, else by the errors of all tracks."""
+        fitter, pixels = ViewFitter(rig), _pixels(rig, tracks)
+        views = np.isfinite(pixels[..., 0]).sum(axis=1)
+        chi_square = fitter.fit(pixels, fitter.rays(pixels)).chi_square
+        return cls(fitter, world, noise_of_tracks(rig, views, chi_square, sigma_px).sigma_px)
+
+    def points(self, tracks: pd.DataFrame) -> pd.DataFrame:
+        """The table of points."""
+        rig, world = self.fitter.rig, self.world
+        pixels = _pixels(rig, tracks)
+        found = self.fitter.fit(pixels, self.fitter.rays(pixels), max(self.sigma_px, 1e-6))
+        outside = None if rig.volume is None else ~rig.volume.contains(found.xyz)
+        xyz, covariance = found.xyz, found.covariance
+        if world is not None:
+            xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
+        sigmas = np.sqrt(np.einsum("nii->ni", covariance))
+        points = Points3D(xyz, found.error_px, sigmas, outside)
+        further = tracks.drop(columns=["frame", *pixel_columns(rig), *OF_TRACKS], errors="ignore")
+        views = {"views": np.isfinite(pixels[..., 0]).sum(axis=1)}
+        return _table(
+            tracks["frame"], points, world, views, _common(further, rig.names), "of_track"
+        )
+
+    def report(self, errors: FloatArray, outside: int) -> Report:
+        """As that of pairs."""
+        lost, median = _lost_and_median(errors)
+        behind = f"; {lost} do not meet in front of the cameras" if lost else ""
+        beyond = (
+            f" {outside} lie outside the volume that the object filled, where errors can be "
+            "larger than stated."
+        )
+        sentence = (
+            f"{len(errors) - lost} points, median reprojection error {rounded(median, 3)} px"
+            f"{behind}.{beyond * bool(outside)} Standard errors are for points known to "
+            f"{rounded(self.sigma_px)} px."
+        )
+        return Report(len(errors), [sentence], lost=lost)
 
 
-def _of_pairs(volume: Volume | None, pairs: int, lost: int, outside: int, error: str) -> str:
-    """The same of pairs."""
-    behind = f"; {count(lost, 'pair', 'do')} not meet in front of both cameras" * bool(lost)
-    found = pairs - lost
-    text = f"{count(found, 'point')}, {error}{behind}."
-    if volume is None:
-        return text
-    filled = f"outside the volume that the bars filled ({volume.depths})"
-    if not outside:
-        return f"{text} No point lies {filled}."
-    return (
-        f"{text} {outside} of {found} points {'lies' if outside == 1 else 'lie'} "
-        f"{filled}; errors there can be larger than stated."
-    )
-
-
-def _of_errors(noise: PointNoise | None) -> str:
-    """What the standard errors of pairs rest on."""
-    if noise is None:
-        return "No standard errors: the noise of the points is unknown. State it in pixels."
-    words = (
-        "The standard errors contain those of pose and lenses, which neighbouring points "
-        f"share; the points are known to {noise.in_words}"
-    )
-    if noise.source != "calibration":
-        return f"{words}.{noise.disagreement}"
-    return (
-        f"{words}: that of the targets, because the pairs do not show their own. If your "
-        "points are less exact, state their noise."
-    )
-
-
-def _measured(
-    rig: RigParameters | RigFile, rows: pd.DataFrame, world: Pose | None, noise: PointNoise | None
-) -> pd.DataFrame:
-    """The table of points of pairs, or of tracks."""
-    if isinstance(rig, RigFile):
-        assert noise is not None
-        return _measured_tracks(rig, rows, world, noise.sigma_px)
-    return _measured_pairs(rig, rows, world, noise)
-
-
-def _measured_pairs(
-    rig: RigParameters, pairs: pd.DataFrame, world: Pose | None, noise: PointNoise | None
-) -> pd.DataFrame:
-    """As `reconstruct`, of pairs in step and with their noise."""
-    pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
-    sigmas = None
-    if noise is not None:  # of the points of both cameras
-        sigmas = np.full((len(pairs), 2), noise.sigma_px)
-        if noise.source == "columns":
-            own = pairs[list(PAIR_SIGMAS)].to_numpy(dtype=np.float64)
-            sigmas = np.where(np.isfinite(own), own, sigmas)
-    found = reconstruct_points(rig, pixels[:, :2], pixels[:, 2:], world, sigmas)
-    passed = pairs.drop(columns=["frame", *PIXELS, *OF_MATCHING, *SIGMAS], errors="ignore")
-    return _table(pairs["frame"], found, world, {}, passed, "of_pair")
-
-
-def _measured_tracks(
-    rig: RigFile, tracks: pd.DataFrame, world: Pose | None, sigma_px: float
-) -> pd.DataFrame:
-    """The points of tracks, from all cameras that see each."""
-    pixels = _pixels(rig, tracks)
-    fitter = ViewFitter(rig)
-    found = fitter.fit(pixels, fitter.rays(pixels), max(sigma_px, 1e-6))
-    outside = None if rig.volume is None else ~rig.volume.contains(found.xyz)
-    xyz, covariance = found.xyz, found.covariance
-    if world is not None:
-        xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
-    points = Points3D(xyz, found.error_px, np.sqrt(np.einsum("nii->ni", covariance)), outside)
-    further = tracks.drop(columns=["frame", *pixel_columns(rig), *OF_TRACKS], errors="ignore")
-    views = {"views": np.isfinite(pixels[..., 0]).sum(axis=1)}
-    return _table(tracks["frame"], points, world, views, _common(further, rig.names), "of_track")
+def _lost_and_median(errors: FloatArray) -> tuple[int, float]:
+    """The number of points that there are not, and the median error of the others."""
+    lost = int(np.isnan(errors).sum())
+    return lost, float(np.nanmedian(errors)) if lost < len(errors) else float("nan")
 
 
 def _table(

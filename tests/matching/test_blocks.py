@@ -4,7 +4,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -17,6 +16,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
 from tests import known_rig as rig
+from tests.matching.test_point_noise import seen
 
 
 class StopAt:
@@ -36,22 +36,15 @@ class StopAt:
 def scattered(folder: Path) -> Application:
     """60 frames of 6 points each, in an order of their own in either camera, with a further column
     that needs quotes."""
-    rng = np.random.default_rng(5)
-    points = rng.uniform([-1.2, -1.0, 6.0], [1.2, 1.0, 10.0], (360, 3))
-    primary, secondary = rig.images(points)
-    frames = np.repeat(np.arange(60), 6)
-    tables: list[Points] = []
-    for which, pixels in (("p", primary), ("s", secondary)):
-        table = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
+    points: dict[str, Points] = {}
+    for which, table in zip(CAMERAS, seen(0.0, 60, 6, missing=0.0), strict=True):
         table["note"] = [f'"{i}", the {which}\n' for i in range(360)]
-        table = table.sample(frac=1, random_state=len(tables)).sort_values("frame", kind="stable")
-        path = folder / f"{which}.csv"
-        table.to_csv(path, index=False)
-        tables.append(Points(path.name, path.name, 360, 60))
+        table.to_csv(folder / f"{which}.csv", index=False)
+        points[which] = Points(f"{which}.csv", f"{which}.csv", 360, 60)
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     volume = Volume((-0.2, 0.2), (-0.2, 0.2), (6.5, 9.0))
     measuring = replace(params, method="3d", volume=volume)
-    return Application(dict(zip(CAMERAS, tables, strict=True)), params, measuring, Stated(0.5))
+    return Application(points, params, measuring, Stated(0.5))
 
 
 def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,7 +54,7 @@ def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     for folder in folders:
         folder.mkdir()
     tables: dict[str, PointTable] = {
-        which: PointTable(tmp_path / f"{which[0]}.csv") for which in CAMERAS
+        which: PointTable(tmp_path / f"{which}.csv") for which in CAMERAS
     }
     plain = apply_sets(work, tables, folders[0])
     stop = StopAt(90)  # all 60 frames are matched, and some of the pairs measured
