@@ -164,12 +164,18 @@ def test_the_commands(
         given.append(f"{name}={tmp_path / name}.csv")
     (tmp_path / "rig.json").write_text(rig.dumps())
     files = ["--rig", str(tmp_path / "rig.json"), "--out"]
-    assert main(["match", *given, *files, str(tmp_path / "tracks.csv")]) == 0
+    lost = ["--unmatched", str(tmp_path / "lost.csv")]
+    assert main(["match", *given, *files, str(tmp_path / "tracks.csv"), *lost]) == 0
     told = capsys.readouterr().out
     assert "wrong" in told
     tracks = pd.read_csv(tmp_path / "tracks.csv")
     assert {"u_c1", "v_c3", "views", "error_px", "ambiguous"} <= {*tracks.columns}
     assert (tracks["views"] == 3).mean() > 0.6
+    left = pd.read_csv(tmp_path / "lost.csv")
+    assert list(left) == ["camera", "frame", "u", "v"] and (left["camera"] == "c1").any()
+    assert len(left) + tracks["views"].sum() == sum(
+        len(own) for own in map(pd.concat, tables.values())
+    )
 
     tracks_file = str(tmp_path / "tracks.csv")
     assert main(["reconstruct", tracks_file, *files, str(tmp_path / "points.csv")]) == 0
