@@ -216,7 +216,7 @@ def _roles(
         if not layout.columns:
             raise StereocalError(f"{source}: {what_is_missing(layout, content, source)}")
         return None
-    if not point_answers.can_choose_columns(layout):
+    if layout.roles is None:
         raise StereocalError(f"--columns and --roles are for --layout {BY_HAND} and table only.")
     if parsed.columns is None:
         return str(parsed.roles)

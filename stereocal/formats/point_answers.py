@@ -108,11 +108,6 @@ def answers_alike(given: Answers, content: bytes, source: str, of_given: bytes) 
     return replace(given, camera=(others or [given.camera])[0])
 
 
-def can_choose_columns(layout: PointLayout) -> bool:
-    """Whether a person can say what each column holds."""
-    return layout.roles is not None
-
-
 def first_answers(layout: PointLayout, which: int, image_height: int | None = None) -> Answers:
     """Initial answers as proposed by the layout.
 

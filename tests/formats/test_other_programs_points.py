@@ -13,13 +13,7 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.point_answers import (
-    UNKNOWN,
-    answered,
-    can_choose_columns,
-    first_answers,
-    layout_of,
-)
+from stereocal.formats.point_answers import UNKNOWN, answered, first_answers, layout_of
 from stereocal.formats.point_files import read_bars, read_points
 from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
 from stereocal.formats.sleap_h5 import point_text
@@ -187,7 +181,7 @@ class TestWhoWroteIt:
         self, content: bytes
     ) -> None:
         layout = layout_of(content, "points")
-        assert layout.program == UNKNOWN and can_choose_columns(layout)
+        assert layout.program == UNKNOWN and layout.roles is not None
         assert layout.columns == () and layout.frame is None
         with pytest.raises(StereocalError, match=r"(?i)choose the columns|each point needs"):
             pixels(content, 0)
