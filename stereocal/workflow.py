@@ -4,7 +4,7 @@ Screening, the paper's three methods (Section 3) and the refined one, a validati
 the recommendation and the files. Commands, pages, the paper kit and rigs ask it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -16,6 +16,7 @@ from stereocal.calibration import checks
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import (
     FILE_METHODS,
+    METHODS,
     POOR_LENGTH,
     CalibrationSettings,
     Method,
@@ -24,9 +25,8 @@ from stereocal.calibration.methods import (
 from stereocal.calibration.montecarlo import (
     MethodResult,
     Problem,
-    minimise,
     reconstruction_problem,
-    reprojection_problem,
+    two_searches,
 )
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
@@ -51,13 +51,12 @@ from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import FileForecast, RigParameters
-from stereocal.rig.rig import Rig
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
-from stereocal.verdict.forecast import Outlook, advice_on_improvements, forecast_files, verdict
+from stereocal.verdict.forecast import Outlook, advice_on_improvements, forecast_files
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
-from stereocal.verdict.predictive import predict
+from stereocal.verdict.other_seeds import conclusions_of_seeds
 from stereocal.verdict.recommendation import Recommendation, Validated, recommend
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 
@@ -70,11 +69,7 @@ BEFORE = (
 """Steps that do not depend on a validation."""
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
-OTHER_SEEDS = (1, 2, 3, 4)
-"""Added to the seed of the searches."""
 DEFAULT_REFINED = RefineSettings()
-FEWER_DRAWS = 48
-"""Draws of the truth for each further seed."""
 
 
 @dataclass(eq=False)
@@ -147,8 +142,7 @@ class Run:
             check_stated(self.refined, self.dataset)
         screening = self.screening
         dataset, kept = screening.full_dataset, screening.dataset
-        split_seed, seed_2d, seed_3d = np.random.SeedSequence(settings.search.seed).spawn(3)
-        frames = _draw_frames(screening, settings.calibration_frames, split_seed)
+        frames = _draw_frames(screening, settings.calibration_frames, settings.search.seed)
         all_kept = len(frames) == len(kept.correspondences.frames)
         chosen = kept if all_kept else kept.of_frames(frames)
         try:
@@ -165,10 +159,9 @@ class Run:
         start = _essential(chosen, settings, reconstruction, screening)
         offer = offer_time_offset(screening)
         warnings += check_inputs(frames_to_judge(chosen, screening), out_of_step=bool(offer))
-        results: dict[Method, MethodResult] = {"essential": start}
-        for method, (problem, seed) in _searches(chosen, settings, seed_2d, seed_3d).items():
-            self.progress(method)
-            results[method] = minimise(problem, start.pose, settings.search, seed, self.trace)
+        of_searches = settings.search, settings.known_points, self.trace, self.progress
+        found = two_searches(chosen, start.pose, *of_searches)
+        results = dict(zip(METHODS, [start, *found], strict=True))
         poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
         warnings += warnings_about_fit(chosen, screening, poor, offer)
         refined = None
@@ -306,18 +299,6 @@ def calibrate(
     return run.calibration
 
 
-def _searches(
-    dataset: Dataset,
-    settings: CalibrationSettings,
-    seed_2d: np.random.SeedSequence,
-    seed_3d: np.random.SeedSequence,
-) -> dict[Method, tuple[Problem, np.random.SeedSequence]]:
-    return {
-        "2d": (reprojection_problem(dataset), seed_2d),
-        "3d": (reconstruction_problem(dataset, settings.known_points), seed_3d),
-    }
-
-
 def _essential(
     dataset: Dataset, settings: CalibrationSettings, reconstruction: Problem, screening: Screening
 ) -> MethodResult:
@@ -342,7 +323,7 @@ def _essential(
     raise StereocalError(explain_failure(dataset, screening, failure))
 
 
-def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSequence) -> IntArray:
+def _draw_frames(screening: Screening, count: int | None, seed: int) -> IntArray:
     """`count` random frames of those that passed the screening; all of them if fewer are left."""
     total = len(screening.full_dataset.correspondences.frames)
     frames = screening.dataset.correspondences.frames
@@ -352,53 +333,10 @@ def _draw_frames(screening: Screening, count: int | None, seed: np.random.SeedSe
         )
     if count is None or count >= len(frames):
         return frames
-    rng = np.random.Generator(np.random.PCG64(seed))
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed).spawn(1)[0]))
     return np.sort(rng.choice(frames, count, replace=False))
 
 
 def usual_frames(frames: int) -> int:
     """The default number of frames to calibrate with: 4 of 5, as the paper's 20 of 25."""
     return max(4 * frames // 5, 1)
-
-
-def conclusions_of_seeds(
-    calibration: Calibration, outlook: Outlook, seeds: Sequence[int] = OTHER_SEEDS
-) -> str:
-    """A sentence if the files to use depend on the seed of the searches; else empty.
-
-    The 3D search stops somewhere along directions that lengths leave almost free, so that its set
-    differs from seed to seed (docs/method.md).
-
-    Args:
-        seeds: added to the seed of the calibration.
-    """
-    if calibration.settings.calibration_frames is not None:
-        return ""  # another seed would draw other frames
-    frames, settings = len(calibration.frames), calibration.settings
-    found = [verdict(outlook.predictive, frames)]
-    lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
-    for seed in seeds:
-        files = {**outlook.files, **_files_of_seed(calibration, settings.search.seed + seed)}
-        predictive = predict(outlook.model, files, draws=FEWER_DRAWS)
-        found.append(verdict(predictive, frames))
-        lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
-    files_to_use = {(answer.match_with, answer.measure_with) for answer in found}
-    if len(files_to_use) == 1:
-        return ""
-    return (
-        f"Another seed of the search would change which files to use: with {len(found)} seeds, the "
-        f"3D set measures with an error of {100 * min(lengths):.2f} to {100 * max(lengths):.2f} %. "
-        "Where that matters, calibrate with several seeds, or use the refined set."
-    )
-
-
-def _files_of_seed(calibration: Calibration, seed: int) -> dict[Method, Rig]:
-    """The 2D and the 3D set of a calibration with another seed of the searches."""
-    settings, dataset = calibration.settings, calibration.screening.dataset
-    start = calibration.methods["essential"].pose
-    streams = np.random.SeedSequence(seed).spawn(3)[1:]
-    found: dict[Method, Rig] = {}
-    for method, (problem, stream) in _searches(dataset, settings, *streams).items():
-        pose = minimise(problem, start, settings.search, stream).pose
-        found[method] = Rig(dataset.primary, dataset.secondary, pose)
-    return found

@@ -5,6 +5,7 @@ checked; here, after `minimum_moves` trials. After a single trial the ratio is 0
 every rejection would shrink the step; `minimum_moves=1` follows the paper literally.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -253,3 +254,27 @@ def search(
             tried = accepted = 0
             delta *= steps.shrink
     return best, moves + 1, delta < steps.delta_min
+
+
+def two_searches(
+    dataset: Dataset,
+    start: Pose,
+    settings: SearchSettings,
+    known_points: bool = False,
+    trace: bool = False,
+    report: Callable[[str], None] = lambda _: None,
+) -> list[MethodResult]:
+    """The results of the 2D and the 3D search, whose random streams are independent.
+
+    Args:
+        known_points: as for `reconstruction_problem`.
+        trace: record every move.
+        report: called with the name of each when it begins.
+    """
+    _, *streams = np.random.SeedSequence(settings.seed).spawn(3)
+    problems = reprojection_problem(dataset), reconstruction_problem(dataset, known_points)
+    found = []
+    for name, problem, stream in zip(("2d", "3d"), problems, streams, strict=True):
+        report(name)
+        found.append(minimise(problem, start, settings, stream, trace))
+    return found

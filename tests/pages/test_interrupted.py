@@ -104,7 +104,7 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
 
 COMPUTING = (
     (screening, "screened"),
-    *((workflow, name) for name in ("screened", "refine", "minimise", "forecast_files")),
+    *((workflow, name) for name in ("screened", "refine", "two_searches", "forecast_files")),
     *((workflow, name) for name in ("recommend", "trade_off", "misfit_of", "accuracy_map")),
     (results, "pack_dataset"),
 )

@@ -13,7 +13,7 @@ from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_pri
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.refined import refine_settings
 from stereocal.verdict.forecast import Outlook
-from stereocal.workflow import conclusions_of_seeds
+from stereocal.verdict.other_seeds import conclusions_of_seeds
 from tests.pages.stored_projects import (
     FULL,
     again,
