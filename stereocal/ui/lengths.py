@@ -66,7 +66,32 @@ def _give(
         refuse(error, ways=ways)
 
 
-def length_field(project: Project | None, name: str, label: str) -> None:
+def ask_lengths(project: Project | None, of_board: bool) -> None:
+    """The two lengths and the lenses, and how well they are known.
+
+    Args:
+        of_board: whether a board is held, whose squares are the measured lengths.
+    """
+    left, right = st.columns(2)
+    with left:
+        _length_field(project, "baseline_m", "Baseline: distance between the cameras")
+        if project is not None and project.pair is None:
+            _offer_nominal_baseline(project)
+        _length_uncertainty(project, "baseline_m", "± 1 %")
+    with right:
+        if of_board:
+            st.markdown("The squares of the board are the measured lengths.")
+        elif about := _object_in_words(project):
+            st.markdown(about)
+        else:
+            _length_field(project, "target_distance_m", "Distance between targets A and B")
+        _length_uncertainty(project, "target_distance_m", "± 0.1 %")
+    if project is not None:
+        ask_if_measured(project)
+    _lens_uncertainties(project)
+
+
+def _length_field(project: Project | None, name: str, label: str) -> None:
     """A length with its unit; the project stores metres."""
     # Each tab may show the length in its own unit.
     kept = setting(project, f"{name}_unit", "m", one_of(words.METRES_PER), tabs_own=True)
@@ -94,7 +119,7 @@ def length_field(project: Project | None, name: str, label: str) -> None:
     unit.menu("Unit", right)
 
 
-def offer_nominal_baseline(project: Project) -> None:
+def _offer_nominal_baseline(project: Project) -> None:
     """The baseline that the camera files state, until one is entered or left free."""
     inputs = project.inputs
     if inputs.baseline_m is not None or inputs.baseline_free:
@@ -112,7 +137,7 @@ def offer_nominal_baseline(project: Project) -> None:
     st.button(label, key="use_nominal_baseline", on_click=callback(partial(_give, {}, stated)))
 
 
-def length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
+def _length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
     """The fields of a length's uncertainty: a preset, or a typed value; not of a pair of a rig.
 
     Args:
@@ -171,7 +196,7 @@ def _scaled(value: float | None, scale: float) -> float | None:
     return None if value is None else float(f"{scale * value:.6g}")
 
 
-def lens_uncertainties(project: Project | None) -> None:
+def _lens_uncertainties(project: Project | None) -> None:
     """The fields of each lens's uncertainty: from its file, typed, or not stated."""
     if project is None or project.pair is not None:
         return
@@ -248,7 +273,7 @@ def _of_lens(camera: Camera) -> str:
     return f"± {rounded(100 * prior.focal)} % and ± {rounded(prior.centre_px)} px"
 
 
-def object_in_words(project: Project | None) -> str:
+def _object_in_words(project: Project | None) -> str:
     """The object whose targets the table shows; empty for a bar of A and B."""
     dataset = readable(lambda: project.dataset) if project is not None else None
     own = None if dataset is None else dataset.correspondences.rigid_object

@@ -34,10 +34,18 @@ from stereocal.ui.figure import show_figure
 from stereocal.ui.forms import ask, field_of
 from stereocal.ui.holding import board_form
 from stereocal.ui.menu import PRESS_FIRST
-from stereocal.ui.messages import ErrorsShown, callback, readable, refusing, show_stale
+from stereocal.ui.messages import (
+    ErrorsShown,
+    callback,
+    readable,
+    refusing,
+    show_refusal,
+    show_stale,
+)
+from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
-from stereocal.ui.texts import escape_markdown, escaped_table
+from stereocal.ui.texts import BOARDS, escape_markdown, escaped_table
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 STAGES = ("photographs searched", "draws calibrated")
@@ -45,7 +53,26 @@ JOB_KINDS: dict[CameraName, jobs.Kind] = {"primary": "lens_primary", "secondary"
 _ROUND = "boards_round"
 
 
-def show_cameras_in_use(project: Project | None) -> None:
+def show_lenses(project: Project | None) -> None:
+    """The lenses in use, and how a camera's is found or given."""
+    _show_cameras_in_use(project)
+    which, how = _choose_camera(project)
+    if how == FILE:
+        _from_file(project, which)
+        show_refusal()
+        return
+    with st.expander("How to take the photographs"):
+        st.markdown(BOARDS)
+    board_to_print(project)
+    store = _from_photographs(which)
+    show_refusal()
+    if store is None:
+        _tell_what_is_loaded(project, which)
+    else:
+        _show_lens(store)
+
+
+def _show_cameras_in_use(project: Project | None) -> None:
     """Show the project's lens of each camera."""
     cameras = project.cameras if project else (None, None)
     labels = project.inputs.labels if project else {}
@@ -79,7 +106,7 @@ def show_cameras_of_rig(project: Project) -> bool:
     return True
 
 
-def tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
+def _tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
     """What there is to do while there are no photographs of the board."""
     cameras = project.cameras if project else (None, None)
     if all(cameras):
@@ -91,7 +118,7 @@ def tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
     st.info(said)
 
 
-def choose_camera(project: Project | None) -> tuple[CameraName, str]:
+def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)
     shown = partial(choose, place=left, format_func=str.capitalize)
@@ -108,7 +135,7 @@ def choose_camera(project: Project | None) -> tuple[CameraName, str]:
     return which, how
 
 
-def from_file(project: Project | None, which: CameraName) -> None:
+def _from_file(project: Project | None, which: CameraName) -> None:
     """The uploader of a camera file."""
     intake.in_use(project, which)
     upload = st.file_uploader(
@@ -119,7 +146,7 @@ def from_file(project: Project | None, which: CameraName) -> None:
     intake.take_one(upload, partial(intake.store_camera, which))
 
 
-def from_photographs(which: CameraName) -> ProjectLens | None:
+def _from_photographs(which: CameraName) -> ProjectLens | None:
     """The uploader, the forms and the calibration; None while there are no photographs."""
 
     def take(uploads: Sequence[intake.Upload]) -> None:
@@ -221,7 +248,7 @@ def _note_on_model(digest: str, _lens: LensCalibration) -> str:  # noqa: ARG001 
     return quality.note_on_model(_lens.search, _lens.settings)
 
 
-def show_lens(store: ProjectLens) -> None:
+def _show_lens(store: ProjectLens) -> None:
     """The last finished lens of a camera."""
     # Reported above, where it can be calibrated again.
     lens = readable(lambda: store.calibration, told=False)

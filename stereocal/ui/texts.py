@@ -47,6 +47,11 @@ fitted to the images and the lengths at once, and lets lenses and baseline move 
 uncertainty. Where these were a little wrong, one refined set can do both jobs better than both.
 """
 
+PAIR = (
+    "This is the pair {} of a rig: the points that both cameras saw and the rig was fitted to, "
+    "with the lenses and the baseline of the rig. The refined set is the rig's; a frame that you "
+    "leave out here is left out of this pair."
+)
 
 _LINK = re.compile(r"\S*(?:://|www\.|@)\S*", re.IGNORECASE)
 """A word that Streamlit's Markdown makes a link or a mail address even if escaped, unless it is
