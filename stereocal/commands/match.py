@@ -177,20 +177,20 @@ def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> Po
         "camera": _camera(parsed.cameras, layout.cameras, at, source),
         "roles": _roles(parsed, layout, content, source),
     }
-    own = replace(
+    chosen = replace(
         point_answers.first_answers(layout, at, camera.image_size[1]),
         **{name: value for name, value in stated.items() if value is not None},
     )
-    layout = point_answers.answered(layout, own, content, source)
-    table = read_points(content, layout, own.camera, own.image_height, source)
+    layout = point_answers.answered(layout, chosen, content, source)
+    table = read_points(content, layout, chosen.camera, chosen.image_height, source)
     if table.empty:
-        raise StereocalError(f"{source}: there is no point of {own.camera} in the file.")
-    corner = own.corner.replace("-", " ")
-    flip = f", v = {own.flip} - v'" if own.corner == "lower-left" else ""
-    told = f"{source}: read as {layout.program}, {own.camera}, counted from the {corner}{flip}"
-    told += f", first pixel {own.first_pixel:g}"
+        raise StereocalError(f"{source}: there is no point of {chosen.camera} in the file.")
+    corner = chosen.corner.replace("-", " ")
+    flip = f", v = {chosen.flip} - v'" if chosen.corner == "lower-left" else ""
+    told = f"{source}: read as {layout.program}, {chosen.camera}, counted from the {corner}{flip}"
+    told += f", first pixel {chosen.first_pixel:g}"
     if any(each.likelihood is not None for each in layout.columns):
-        told += f", points below likelihood {own.least_likelihood:g} left out"
+        told += f", points below likelihood {chosen.least_likelihood:g} left out"
     print(f"{told}.")
     table.index += 2  # lines, of a table with one line above
     return PointTable(table, label=source)

@@ -109,7 +109,7 @@ class Application:
             return {**labels, "rig": self.matching.digest}
         assert isinstance(self.measuring, RigParameters)
         sets = {"matching": self.matching, "measuring": self.measuring}
-        return labels | {use: [own.method, own.digest] for use, own in sets.items()}
+        return labels | {use: [chosen.method, chosen.digest] for use, chosen in sets.items()}
 
     @property
     def shown_depths_m(self) -> list[float | None]:
@@ -183,9 +183,10 @@ class Outcome:
             return SeveralCameras(
                 {
                     name: PlacedCamera(
-                        Camera.from_json(own, name), Pose(*(np.array(own[key]) for key in "RT"))
+                        Camera.from_json(placed, name),
+                        Pose(*(np.array(placed[key]) for key in "RT")),
                     )
-                    for name, own in several.items()
+                    for name, placed in several.items()
                 }
             )
         first, second = (Camera.from_json(self.measured_with[name], name) for name in CAMERAS)
@@ -287,8 +288,12 @@ def _measured_with(work: Application) -> dict[str, Any]:
     frame = None if world is None else np.column_stack([world.R, world.T]).tolist()
     if isinstance(rig, RigFile):
         placed = {
-            name: {**own.camera.to_json(), "R": own.pose.R.tolist(), "T": own.pose.T.tolist()}
-            for name, own in rig.placed.items()
+            name: {
+                **placed.camera.to_json(),
+                "R": placed.pose.R.tolist(),
+                "T": placed.pose.T.tolist(),
+            }
+            for name, placed in rig.placed.items()
         }
         return {"rig": placed, "world_from_primary": frame}
     return {
@@ -367,4 +372,4 @@ def points_by_camera(recording: Recording) -> dict[str, pd.DataFrame]:
         name: table[recording.camera[table.index] == number]
         for number, name in enumerate(recording.cameras)
     }
-    return {name: own for name, own in found.items() if len(own)}
+    return {name: points for name, points in found.items() if len(points)}

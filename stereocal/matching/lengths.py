@@ -67,8 +67,8 @@ class LengthCheck:
 
 def further_columns(points: pd.DataFrame) -> list[str]:
     """The columns that were passed through."""
-    own = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES, "ambiguous", "views"}
-    return [str(name) for name in points.columns if name not in own]
+    known = {*POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, COORDINATES, "ambiguous", "views"}
+    return [str(name) for name in points.columns if name not in known]
 
 
 def label_columns(points: pd.DataFrame) -> list[str]:
@@ -168,8 +168,8 @@ def frames_follow(points: pd.DataFrame, tracks: list[IntArray]) -> bool:
     if not long:
         return False
     near, far = (
-        np.concatenate([np.linalg.norm(own[step:] - own[:-step], axis=1) for own, step in steps])
-        for steps in ([(own, 1) for own in long], [(own, len(own) // 2) for own in long])
+        np.concatenate([np.linalg.norm(xyz[step:] - xyz[:-step], axis=1) for xyz, step in steps])
+        for steps in ([(xyz, 1) for xyz in long], [(xyz, len(xyz) // 2) for xyz in long])
     )
     return bool(np.median(near) < SMOOTH * np.median(far))
 

@@ -7,8 +7,7 @@ decide: pairs of one name must fit as well as the nearest partners, or better th
 
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +17,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, Matches, match_points
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.point_table import SIGMA
-from stereocal.matching.threshold import FramePixels, ThresholdChoice, choose_threshold
+from stereocal.matching.threshold import FramePixels
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
@@ -64,8 +63,8 @@ class Names:
         none = np.empty(0, dtype=np.int64)
         named = [each for each in sides[0] if each]
         named += [each for each in sides[1] if each and each not in sides[0]]
-        own = [[side.get(name, none) for side in sides] for name in (*named, "")]
-        return [(one, two) for one, two in own]
+        rows = [[side.get(name, none) for side in sides] for name in (*named, "")]
+        return [(one, two) for one, two in rows]
 
     def samples(self, first: pd.DataFrame, second: pd.DataFrame) -> list[FramePixels]:
         """Pixels of one frame by group, with standard deviations if both tables have them."""
@@ -80,8 +79,8 @@ class Names:
         """(n,): the number of each row's name, from 1; 0 without a name."""
         if not self.columns:
             return np.zeros(len(table), dtype=np.int64)
-        own = [self._numbers.get(name, 0) for name in texts(table, self.columns)]
-        return np.array(own, dtype=np.int64)
+        numbers = [self._numbers.get(name, 0) for name in texts(table, self.columns)]
+        return np.array(numbers, dtype=np.int64)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
@@ -96,7 +95,7 @@ class Names:
         rows: dict[str, list[int]] = {}
         for row, name in enumerate(texts(table, self.columns)):
             rows.setdefault(name if name in self.common else "", []).append(row)
-        return {name: np.array(own, dtype=np.int64) for name, own in rows.items()}
+        return {name: np.array(found, dtype=np.int64) for name, found in rows.items()}
 
 
 NO_NAMES = Names()
@@ -105,8 +104,8 @@ NO_NAMES = Names()
 def texts(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
     """The name of each row, empty if it has none."""
     cells = [
-        ["" if each in ("nan", "None") else each.strip().removesuffix(".0") for each in own]
-        for own in (table[column].map(str).tolist() for column in columns)
+        ["" if each in ("nan", "None") else each.strip().removesuffix(".0") for each in cells]
+        for cells in (table[column].map(str).tolist() for column in columns)
     ]
     return [" ".join(filter(None, row)) for row in zip(*cells, strict=True)]
 
@@ -155,9 +154,9 @@ def choose_names(
     columns = tuple(
         each for each in columns if all(any(texts(table, [each])) for table in distinct)
     )
-    for own in dict.fromkeys([columns, columns[:1], columns[1:]]):
-        seen = Counter(name for table in distinct for name in {*texts(table, own)})
-        names = Names(own, frozenset(name for name, count in seen.items() if name and count > 1))
+    for tried in dict.fromkeys([columns, columns[:1], columns[1:]]):
+        seen = Counter(name for table in distinct for name in {*texts(table, tried)})
+        names = Names(tried, frozenset(name for name, count in seen.items() if name and count > 1))
         if not names.common:
             continue
         against = next(filter(None, (_contradiction(two, names) for two in cameras)), "")
@@ -176,15 +175,15 @@ def _contradiction(cameras: TwoCameras, names: Names) -> str:
             continue
         one, two = np.array(pairs).T
         errors = _errors(cameras.rig, first, second)[np.ix_(one, two)]
-        own = np.diag(errors)
-        same.append(own)
+        of_names = np.diag(errors)
+        same.append(of_names)
         nearest.append(errors.min(axis=1))
-        others = errors[~np.eye(len(own), dtype=bool)].reshape(len(own), -1)
-        better.append((others > own[:, None]).ravel())
+        others = errors[~np.eye(len(of_names), dtype=bool)].reshape(len(of_names), -1)
+        better.append((others > of_names[:, None]).ravel())
     if not same:
         return ""
-    own, least, share = (np.concatenate(each) for each in (same, nearest, better))
-    typical, best = float(np.median(own)), float(np.median(least))
+    of_names, least, share = (np.concatenate(each) for each in (same, nearest, better))
+    typical, best = float(np.median(of_names)), float(np.median(least))
     if typical <= WORSE * best + 1e-3 or (len(share) and share.mean() >= BETTER):
         return ""
     return (
@@ -204,33 +203,6 @@ def _errors(rig: RigParameters, first: pd.DataFrame, second: pd.DataFrame) -> Fl
     errors = np.full((len(one), len(two)), np.inf)
     errors[i, j] = found
     return errors
-
-
-def choose_named_threshold(
-    rig: RigParameters,
-    sample: Sample,
-    names: Names,
-    depths_m: tuple[float, float] = ANY_DEPTH,
-    sigma_px: float | None = None,
-    threshold_px: float | None = None,
-) -> ThresholdChoice:
-    """As `choose_threshold`: the noise by pairs of one name, the threshold among all points.
-
-    Beyond the threshold, points of other names fit as well, so a name may be wrong there.
-    """
-    about = depths_m, sigma_px
-    every = [each for own in sample for each in NO_NAMES.samples(*own)]
-    if not names.columns:
-        return choose_threshold(rig, every, *about, threshold_px)
-    named = [each for own in sample for each in names.samples(*own)]
-    found = choose_threshold(rig, named, *about, threshold_px)
-    if threshold_px is not None or found.noise is None:
-        return found
-    with suppress(StereocalError):  # all points may be too dense for one
-        most = choose_threshold(rig, every, depths_m, found.noise.sigma_px).threshold_px
-        chosen = min(most, found.threshold_px)
-        return replace(choose_threshold(rig, named, *about, chosen), is_forced=False)
-    return found
 
 
 def match_groups(
@@ -256,9 +228,9 @@ def match_groups(
     parts = [(one, two, error, np.full(len(one), np.nan), np.zeros(len(one), dtype=bool))]
     for number, (i, j) in enumerate(groups):
         if len(i) and len(j) and (len(i) + len(j) > 2 or number == len(groups) - 1):
-            own = match_points(rig, primary_px[i], secondary_px[j], threshold_px, depths_m)
-            rows = i[own.primary], j[own.secondary]
-            parts.append((*rows, own.error_px, own.runner_up_px, own.ambiguous))
+            matches = match_points(rig, primary_px[i], secondary_px[j], threshold_px, depths_m)
+            rows = i[matches.primary], j[matches.secondary]
+            parts.append((*rows, matches.error_px, matches.runner_up_px, matches.ambiguous))
     one, two, error, second, ambiguous = (np.concatenate(each) for each in zip(*parts, strict=True))
     order = np.argsort(one, kind="stable")
     return Matches(

@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -14,11 +15,11 @@ from stereocal.matching.in_step import in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, match_points, purpose_warning
 from stereocal.matching.names import (
     AUTO,
+    NO_NAMES,
     WITHIN,
     Names,
     Sample,
     TwoCameras,
-    choose_named_threshold,
     choose_names,
     match_groups,
     stated_columns,
@@ -27,7 +28,7 @@ from stereocal.matching.names import (
 from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
 from stereocal.matching.report import Report
 from stereocal.matching.tables_by_camera import TablesByCamera, without_partner
-from stereocal.matching.threshold import ThresholdChoice, sample_of
+from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import count, rounded
@@ -163,9 +164,7 @@ class PairMatching:
         """
         columns, is_forced = tuple(map(str, distinct[0])), stated.names != AUTO
         names, note = choose_names([TwoCameras(rig, sample)], distinct, columns, is_forced)
-        about = stated.depths_m, stated.sigma_px, stated.threshold_px
-        threshold = choose_named_threshold(rig, sample, names, *about)
-        return cls(rig, stated.depths_m, threshold, names, note)
+        return cls(rig, stated.depths_m, _threshold(rig, sample, names, stated), names, note)
 
     @classmethod
     def of_tables(cls, rig: RigParameters, given: TablesByCamera, stated: Stated) -> "PairMatching":
@@ -297,9 +296,9 @@ class PairMatching:
     def _on_tables(self, given: TablesByCamera) -> Iterator[str]:
         """Notes on frames and rows of the tables, and on images that look scaled down."""
         contents = list(given.contents.values())
-        for which, own, other in zip(CAMERAS, contents, contents[::-1], strict=True):
+        for which, content, other in zip(CAMERAS, contents, contents[::-1], strict=True):
             label, left_out = given.tables[which].label, given.left_out
-            alone = np.setdiff1d(own.frames, other.frames)
+            alone = np.setdiff1d(content.frames, other.frames)
             if len(alone):
                 shown = ", ".join(str(frame) for frame in alone[:3])
                 yield (
@@ -308,9 +307,27 @@ class PairMatching:
                 )
             yield left_out.get(which, "")
             width, height = getattr(self.rig, which).image_size
-            u, v = own.largest
-            if own.rows >= MANY_POINTS and u < width / 2 and v < height / 2:
+            u, v = content.largest
+            if content.rows >= MANY_POINTS and u < width / 2 and v < height / 2:
                 yield (
                     f"All points of {label} lie in the upper left quarter of the {which} "
                     f"camera's {width}x{height} px: were the images scaled down?"
                 )
+
+
+def _threshold(rig: RigParameters, sample: Sample, names: Names, stated: Stated) -> ThresholdChoice:
+    """As `choose_threshold`: the noise by pairs of one name, the threshold among all points.
+
+    Beyond the threshold, points of other names fit as well, so a name may be wrong there.
+    """
+    about = stated.depths_m, stated.sigma_px, stated.threshold_px
+    named = [pixels for both in sample for pixels in names.samples(*both)]
+    found = choose_threshold(rig, named, *about)
+    if not names.columns or stated.threshold_px is not None or found.noise is None:
+        return found
+    with suppress(StereocalError):  # all points may be too dense for one
+        every = [pixels for both in sample for pixels in NO_NAMES.samples(*both)]
+        most = choose_threshold(rig, every, stated.depths_m, found.noise.sigma_px).threshold_px
+        chosen = min(most, found.threshold_px)
+        return replace(choose_threshold(rig, named, *about[:2], chosen), is_forced=False)
+    return found

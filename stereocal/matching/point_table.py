@@ -94,8 +94,8 @@ class PointTable:
         self.names = tuple(name.strip() for name in names)
         check_names(self.names, ("frame", *self.numbers), self.names, self.label)
         self.sigmas = tuple(n for n in self.names if n in SIGMAS)
-        own = ("frame", *self.numbers, *self.sigmas)
-        self.further = tuple(n for n in self.names if n not in own)
+        known = ("frame", *self.numbers, *self.sigmas)
+        self.further = tuple(n for n in self.names if n not in known)
         self._left_out = 0
         self._in_order: bool | None = None
 
@@ -268,10 +268,10 @@ class PointTable:
             lines = raw.index.to_numpy()
             problems = [RowProblem(int(lines[row]), reasons[row]) for row in sorted(reasons)]
             raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
-        own = {name: values[name] for name in (*self.numbers, *self.sigmas)}
+        numbers = {name: values[name] for name in (*self.numbers, *self.sigmas)}
         further = {name: raw[name] for name in self.further}
         frames = values["frame"].astype(np.int64)
-        return pd.DataFrame({"frame": frames, **own, **further}, index=raw.index)
+        return pd.DataFrame({"frame": frames, **numbers, **further}, index=raw.index)
 
 
 def pixels_of(table: pd.DataFrame) -> FloatArray:

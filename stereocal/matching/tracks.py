@@ -66,7 +66,9 @@ class TrackMatching:
         if len(given.frames) >= FEWEST_DECOYS:
             points, numbers = zip(*(_images(rig, names, rows) for rows in frames), strict=True)
             wrong = expected_wrong(fitter, points, sigma_px, numbers)
-        further = [f"{own}_{name}" for name, each in given.tables.items() for own in each.further]
+        further = [
+            f"{column}_{name}" for name, each in given.tables.items() for column in each.further
+        ]
         columns = ["frame", *pixel_columns(rig), *OF_TRACKS, *further]
         called = tuple(given.tables)
         return cls(fitter, called, columns, names, stated.sigma_px, sigma_px, wrong, note)
@@ -94,12 +96,12 @@ class TrackMatching:
         tracks["error_px"] = found.error_px.round(ERROR_DECIMALS)
         tracks[CHI_SQUARE] = found.chi_square
         lonely = []
-        for name, own in by_camera.items():
+        for name, table in by_camera.items():
             image = found.images[:, self.rig.names.index(name)]
-            left = np.setdiff1d(np.arange(len(own)), image)
-            lonely.append(without_partner(own, name, left))
-            for column in further_of(own):
-                values = own[column].tolist()
+            left = np.setdiff1d(np.arange(len(table)), image)
+            lonely.append(without_partner(table, name, left))
+            for column in further_of(table):
+                values = table[column].tolist()
                 tracks[f"{column}_{name}"] = [None if k < 0 else values[k] for k in image.tolist()]
         return tracks, pd.concat(lonely)
 
@@ -167,7 +169,7 @@ def _images(rig: RigFile, names: Names, rows: Rows) -> tuple[list[FloatArray], l
     """Pixels (n, 2) of each camera of the rig in one frame, and the numbers (n,) of their names."""
     empty = pd.DataFrame(columns=[*POINT, *names.columns])
     seen = [rows.get(name, empty) for name in rig.names]
-    return [pixels_of(own) for own in seen], [names.numbers(own) for own in seen]
+    return [pixels_of(table) for table in seen], [names.numbers(table) for table in seen]
 
 
 def _samples(
@@ -175,7 +177,9 @@ def _samples(
 ) -> tuple[list[TwoCameras], list[Rows]]:
     """Every two cameras, first those that see most points together; and the rows of some frames."""
     pairs = list(combinations([name for name in rig.names if name in given.tables], 2))
-    order = dict.fromkeys(np.concatenate([own.frames for own in given.contents.values()]).tolist())
+    order = dict.fromkeys(
+        np.concatenate([each.frames for each in given.contents.values()]).tolist()
+    )
     samples: dict[CameraPair, dict[int, tuple[pd.DataFrame, pd.DataFrame]]] = {}
     wanted: dict[CameraPair, list[int]] = {}
     for pair in pairs:
@@ -206,5 +210,5 @@ def _samples(
 
 def _noise_of_two(rig: RigFile, two: TwoCameras, names: Names) -> float:
     """The noise of the points by two cameras, before all are matched."""
-    found = choose_threshold(two.rig, [px for own in two.sample for px in names.samples(*own)])
+    found = choose_threshold(two.rig, [px for both in two.sample for px in names.samples(*both)])
     return found.noise.sigma_px if found.noise else rig.noise_px

@@ -90,7 +90,9 @@ class ViewFitter:
     def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
         """The points of images (n, c, 2); with `sigma_px` their covariances too."""
         cameras = Cameras(self.q, self.R, self.lenses)
-        points, residuals, own, by_shared = fit_points(cameras, pixels, rays, sigma_px is not None)
+        points, residuals, covariance, by_shared = fit_points(
+            cameras, pixels, rays, sigma_px is not None
+        )
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)
@@ -99,8 +101,8 @@ class ViewFitter:
         error[lost], chi_square[lost] = np.nan, np.inf
         if sigma_px:
             shared = by_shared @ self.rig.covariance @ by_shared.transpose(0, 2, 1)
-            own = sigma_px**2 * own + shared
-        return Measured(points, error, own, chi_square)
+            covariance = sigma_px**2 * covariance + shared
+        return Measured(points, error, covariance, chi_square)
 
 
 def match_views(
@@ -117,8 +119,8 @@ def match_views(
         names: of each camera (n,): only points of one number belong together; None: all may.
     """
     if names is None:
-        names = [np.zeros(len(own), dtype=np.int64) for own in points]
-    rays = [camera.undistort(own) for camera, own in zip(fitter.cameras, points, strict=True)]
+        names = [np.zeros(len(pixels), dtype=np.int64) for pixels in points]
+    rays = [camera.undistort(pixels) for camera, pixels in zip(fitter.cameras, points, strict=True)]
     groups = _pairs(fitter, points, rays, names, sigma_px)
     if not len(groups):
         none = np.empty(0)
@@ -141,20 +143,20 @@ def expected_wrong(
     large; not of points with names, which are taken under different ones.) `names`: as of
     `match_views`, by frame.
     """
-    most = max((own.max(initial=0) for frame in names for own in frame), default=0)
+    most = max((numbers.max(initial=0) for frame in names for numbers in frame), default=0)
     count, cameras = len(frames), len(fitter.cameras)
     found, left = np.zeros((2, cameras + 1)), []
     step = max(count // max(cameras, 2), 1)
     for number in range(0, count, max(count // DECOY_FRAMES, 1)):
         of_one, mixed = [number] * cameras, [(number + c * step) % count for c in range(cameras)]
         for row, chosen in enumerate((of_one, mixed)):
-            own = [frames[frame][c] for c, frame in enumerate(chosen)]
+            pixels = [frames[frame][c] for c, frame in enumerate(chosen)]
             called = [_turned(names[frame][c], c * row, most) for c, frame in enumerate(chosen)]
-            groups = match_views(fitter, own, sigma_px, called)
+            groups = match_views(fitter, pixels, sigma_px, called)
             found[row] += np.bincount(groups.views, minlength=cameras + 1)
             if not row:
                 several = groups.images[groups.views > 2]
-                left += [1 - (several >= 0).sum() / max(sum(map(len, own)), 1)]
+                left += [1 - (several >= 0).sum() / max(sum(map(len, pixels)), 1)]
     real, decoy = found
     decoy[2] *= np.square(np.mean(left))  # only images that are not in larger groups are free
     return {
@@ -172,9 +174,9 @@ def _turned(names: IntArray, by: int, most: int) -> IntArray:
 def images_of_groups(groups: IntArray, points: Sequence[FloatArray]) -> FloatArray:
     """(k, c, 2): the pixels, or rays, of groups; NaN where not seen."""
     found = np.full((*groups.shape, 2), np.nan)
-    for c, own in enumerate(points):
+    for c, pixels in enumerate(points):
         seen = groups[:, c] >= 0
-        found[seen, c] = own[groups[seen, c]]
+        found[seen, c] = pixels[groups[seen, c]]
     return found
 
 
@@ -224,9 +226,9 @@ def _joined(
     measured = fitter.fit(images, images_of_groups(pairs, rays))
     groups, poses = pairs.copy(), list(fitter.rig.poses.values())
     called = _names_of(pairs, names)
-    for c, own in enumerate(points):
+    for c, pixels in enumerate(points):
         free = np.flatnonzero((pairs[:, c] < 0) & np.isfinite(measured.xyz[:, 0]))
-        if not (len(own) and len(free)):
+        if not (len(pixels) and len(free)):
             continue
         seen = poses[c].apply(measured.xyz[free])
         predicted = fitter.cameras[c].project(seen)
@@ -241,7 +243,7 @@ def _joined(
         J = fitter.cameras[c].pixel_jacobians(on_plane) @ J
         variance = np.einsum("nij,njk,nik->ni", J, spread, J).max(axis=1)
         # the name is a third coordinate, in which other names are out of reach
-        tree = cKDTree(np.column_stack([own, FAR_PX * names[c]]))
+        tree = cKDTree(np.column_stack([pixels, FAR_PX * names[c]]))
         distance, nearest = tree.query(np.column_stack([predicted, FAR_PX * called[free]]))
         near = distance <= REACH * sigma * np.sqrt(1.0 + variance)
         groups[free[near], c] = np.asarray(nearest)[near]
@@ -251,9 +253,9 @@ def _joined(
 def _names_of(groups: IntArray, names: Sequence[IntArray]) -> IntArray:
     """(k,): the name of each group's images, which is one."""
     found = np.zeros(len(groups), dtype=np.int64)
-    for c, own in enumerate(names):
+    for c, numbers in enumerate(names):
         seen = groups[:, c] >= 0
-        found[seen] = own[groups[seen, c]]
+        found[seen] = numbers[groups[seen, c]]
     return found
 
 
@@ -281,16 +283,16 @@ def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
     taken: dict[tuple[int, int], int] = {}
     chosen, rivals = list[int](), dict[int, int]()
     for k in order.tolist():
-        own = [(c, image) for c, image in enumerate(groups[k].tolist()) if image >= 0]
-        owners = {taken[image] for image in own if image in taken}
+        images = [(c, image) for c, image in enumerate(groups[k].tolist()) if image >= 0]
+        owners = {taken[image] for image in images if image in taken}
         for owner in owners:
             # a part of a group is no rival of it
-            part = all(taken.get(image) == owner for image in own)
+            part = all(taken.get(image) == owner for image in images)
             if not part:
-                rivals[owner] = max(rivals.get(owner, 0), len(own))
+                rivals[owner] = max(rivals.get(owner, 0), len(images))
         if not owners:
             chosen.append(k)
-            taken.update(dict.fromkeys(own, k))
+            taken.update(dict.fromkeys(images, k))
     picked = np.array(chosen, dtype=np.int64)
     ambiguous = [rivals.get(k, 0) >= int((groups[k] >= 0).sum()) for k in chosen]
     return ViewGroups(

@@ -56,12 +56,12 @@ def choose_inputs(project: Project, store: ProjectApplication) -> Inputs | None:
 def _choose_for_pair(project: Project, store: ProjectApplication) -> Inputs | None:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
     source, dataset = Source(project, APPLY_SETS), project.dataset
-    own = None if dataset is None else partial(unlabelled, dataset.correspondences)
+    own_tables = None if dataset is None else partial(unlabelled, dataset.correspondences)
     titles, slots = (
         ("The bar's own points", "Two point files"),
         {str(name): name for name in CAMERAS},
     )
-    form = PointsForm(store, slots, "apply_points", *titles, own)
+    form = PointsForm(store, slots, "apply_points", *titles, own_tables)
     given = store.set_of("matching")
     cameras = {
         which: camera or (getattr(given[1], which) if given else None)
@@ -140,10 +140,10 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> Inputs | Non
         st.page_link("pages/rig.py", label="Calibrate all on the page Rig")
         return None
     found = recording.read() if recording.is_given else None
-    own = None if found is None else partial(points_by_camera, found)
+    own_tables = None if found is None else partial(points_by_camera, found)
     titles = "The object's own points", "A point file of each camera"
     slots = {name: slot_of(name) for name in rig.names}
-    form = PointsForm(store, slots, "apply_points_of_rig", *titles, own)
+    form = PointsForm(store, slots, "apply_points_of_rig", *titles, own_tables)
     form.take({name: camera.image_size[1] for name, camera in rig.cameras.items()})
     points_at, noise_at, rig_at = st.columns([2, 1, 1])
     with points_at:

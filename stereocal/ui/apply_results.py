@@ -256,8 +256,8 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         side: pixels_of(table[table["frame"] == frame])
         for side, table in zip(outcome.cameras, tables, strict=True)
     }
-    own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
-    found = photographs_of(store.project, frame) if own else (None, None)
+    is_own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
+    found = photographs_of(store.project, frame) if is_own else (None, None)
     photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, found, strict=True))
     words = describe_matches(of_frame, seen, frame)
     images, space = st.columns(2)

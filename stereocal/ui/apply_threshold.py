@@ -106,7 +106,7 @@ class ThresholdForm:
                     field.number_input(title, column, format="%.6g")
         with figure:
             threshold = 0.0 if found is None else found.threshold_px
-            sample = [NO_NAMES.samples(*own)[0] for own in _sampled(self)]
+            sample = [NO_NAMES.samples(*both)[0] for both in _sampled(self)]
             nearest = jobs.compute(nearest_errors, self.rig, sample, self.depths)
             words = describe_pair_errors(nearest, threshold, found)
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
