@@ -242,14 +242,11 @@ def read_points_csv(
         codes[column] = codes_of(words, known, allowed, words, rows.reasons)
     points = np.column_stack([rows.values["u"], rows.values["v"]])
     _refuse_twice(rows, codes["camera"], codes["target"])
-    # An image ends 0.5 px beyond the outermost pixel centres.
-    sizes = np.array([camera.image_size for camera in cameras.values()])[codes["camera"]]
-    for row in np.flatnonzero(((points < -0.5) | (points > sizes - 0.5)).any(axis=1)).tolist():
-        (u, v), (width, height) = points[row], sizes[row]
-        rows.reasons.setdefault(
-            row,
-            f"{_at(rows, row)}: the point ({u:g}, {v:g}) is outside the {width}x{height} px image",
-        )
+    for number, camera in enumerate(cameras.values()):
+        of_camera = np.flatnonzero(codes["camera"] == number)
+        for at, what in camera.outside(points[of_camera]):
+            row = int(of_camera[at])
+            rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     if rows.problems:
         raise RefusedRowsError(f"{source}: ", rows.problems, "cannot be used")
     return Recording(

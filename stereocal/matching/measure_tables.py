@@ -338,13 +338,10 @@ def points_outside_images(rig: PlacedCameras, block: pd.DataFrame) -> list[RowPr
     problems = []
     for which, (camera, _) in rig.placed.items():
         pixels = block[[f"u_{which}", f"v_{which}"]].to_numpy(dtype=np.float64)
-        size, lines = np.array(camera.image_size), block.index.to_numpy()
         problems += [
             RowProblem(
-                int(lines[row]),
-                f"the {which} point ({pixels[row, 0]:g}, {pixels[row, 1]:g}) is outside the "
-                f"{size[0]}x{size[1]} px image: are these parameters of other images?",
+                int(block.index[row]), f"the {which} {what}: are these parameters of other images?"
             )
-            for row in np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
+            for row, what in camera.outside(pixels)
         ]
     return sorted(problems, key=lambda problem: problem.line)

@@ -262,6 +262,18 @@ class Camera:
         limit = np.tan(LARGEST_ANGLE) if self.is_fisheye else np.finfo(np.float64).max
         return np.asarray(np.hypot(rays[:, 0], rays[:, 1]) <= limit)
 
+    def outside(self, pixels: FloatArray) -> list[tuple[int, str]]:
+        """The rows of raw pixels (n, 2) outside the image, which ends 0.5 px beyond the outermost
+        pixel centres, and in words: `point (-3, 20) is outside the 1280x1024 px image`."""
+        width, height = self.image_size
+        rows = np.flatnonzero(
+            ((pixels < -0.5) | (pixels > (width - 0.5, height - 0.5))).any(axis=1)
+        )
+        return [
+            (row, f"point ({u:g}, {v:g}) is outside the {width}x{height} px image")
+            for row, (u, v) in zip(rows.tolist(), pixels[rows], strict=True)
+        ]
+
     def sees(self, points_m: FloatArray, margin_px: float = -0.5) -> BoolArray:
         """(n,): whether points (n, 3) in the camera's frame are in its image.
 

@@ -531,21 +531,13 @@ def refuse_points_outside(
 def points_outside(
     rows: Correspondences, primary: Camera | None, secondary: Camera | None
 ) -> list[RowProblem]:
-    """Rows with a point outside its image, which ends 0.5 px beyond the outermost pixel centres.
-
-    A camera that is None is not checked.
-    """
+    """Rows with a point outside its image; a camera that is None is not checked."""
     problems = []
     for which, camera in zip(CAMERAS, (primary, secondary), strict=True):
         if camera is None:
             continue
-        points, (width, height) = getattr(rows, which), camera.image_size
-        outside = ((points < -0.5) | (points > (width - 0.5, height - 0.5))).any(axis=1)
-        for row in np.flatnonzero(outside):
-            u, v = points[row]
-            reason = (
-                f"frame {rows.frame[row]}, target {rows.names[rows.target[row]]}: the {which} "
-                f"point ({u:g}, {v:g}) is outside the {width}x{height} px image"
-            )
+        for row, what in camera.outside(getattr(rows, which)):
+            target = rows.names[rows.target[row]]
+            reason = f"frame {rows.frame[row]}, target {target}: the {which} {what}"
             problems.append(RowProblem(int(rows.line[row]), reason))
     return sorted(problems, key=lambda problem: problem.line)

@@ -76,19 +76,14 @@ class Recording:
         )
 
     def refuse_points_outside(self) -> None:
-        """Raise an error if points are outside their image, which ends 0.5 px beyond the outermost
-        pixel centres."""
-        sizes = np.array([camera.image_size for camera in self.cameras.values()])[self.camera]
-        names, problems = list(self.cameras), []
-        outside = ((self.points < -0.5) | (self.points > sizes - 0.5)).any(axis=1)
-        for row in np.flatnonzero(outside).tolist():
-            (u, v), (width, height) = self.points[row], sizes[row]
-            reason = (
-                f"frame {self.frame[row]}, camera {names[self.camera[row]]}, target "
-                f"{self.object.names[self.target[row]]}: the point ({u:g}, {v:g}) is outside the "
-                f"{width}x{height} px image"
-            )
-            problems.append(RowProblem(0, reason))
+        """Raise an error if points are outside their image."""
+        problems = []
+        for number, (name, camera) in enumerate(self.cameras.items()):
+            own = self.where(self.camera == number)
+            for row, what in camera.outside(own.points):
+                target = self.object.names[own.target[row]]
+                reason = f"frame {own.frame[row]}, camera {name}, target {target}: the {what}"
+                problems.append(RowProblem(0, reason))
         if problems:
             raise RefusedRowsError("", problems, "cannot be used")
 

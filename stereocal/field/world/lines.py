@@ -123,7 +123,7 @@ def _images(rig: Rig, lines: Sequence[frame.Line]) -> list[Image]:
     found = []
     for k, line in enumerate(lines):
         for number, (camera, pixels) in enumerate(zip(_cameras(rig), line.pixels, strict=True)):
-            check_inside(pixels, camera.image_size, CAMERAS[number], (line.name,) * len(pixels))
+            check_inside(pixels, camera, CAMERAS[number], (line.name,) * len(pixels))
             rays = camera.undistort(pixels)
             if len(pixels) < 2 or not np.ptp(rays, axis=0).any():
                 continue

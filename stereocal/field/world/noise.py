@@ -15,7 +15,7 @@ from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import SHARED, shared_unknowns
 from stereocal.refined.uncertainty import point_errors
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -101,7 +101,7 @@ def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> Float
     """Points (n, 3) of raw pixels (n, 4) with their names."""
     seen = pixels[:, :2], pixels[:, 2:]
     for side, camera, at in zip(CAMERAS, (rig.primary, rig.secondary), seen, strict=True):
-        check_inside(at, camera.image_size, side, names)
+        check_inside(at, camera, side, names)
     xyz, error = rig.reconstruct(*seen), rig.reprojection_errors(*seen).mean(axis=1)
     far = LARGEST_MISFIT * float(np.hypot(*rig.primary.image_size))
     bad = np.flatnonzero(~np.isfinite(xyz).all(axis=1) | ~(error < far))
@@ -115,15 +115,9 @@ def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> Float
     return xyz
 
 
-def check_inside(
-    pixels: FloatArray, size: tuple[int, int], side: str, names: tuple[str, ...]
-) -> None:
+def check_inside(pixels: FloatArray, camera: Camera, side: str, names: tuple[str, ...]) -> None:
     """Check that raw pixels (n, 2) are inside their image."""
-    outside = ((pixels < -0.5) | (pixels > np.array(size) - 0.5)).any(axis=1)
-    if outside.any():
-        row = int(np.flatnonzero(outside)[0])
-        u, v = pixels[row]
+    for row, what in camera.outside(pixels):
         raise StereocalError(
-            f"{names[row]}: the {side} point ({u:g}, {v:g}) is outside the {size[0]}x{size[1]} px "
-            "image; are the parameters of these cameras?"
+            f"{names[row]}: the {side} {what}; are the parameters of these cameras?"
         )
