@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -55,10 +54,3 @@ def bar_set(frames: int) -> BarSet:
     bar = BarSettings(board_m=BOARD_M)
     pairs = photograph_bars(scene, (110.0, 110.0), bar, PhotographSettings(), rng)
     return BarSet(rig, tuple(pairs))
-
-
-def write(files: dict[str, bytes], folder: Path) -> None:
-    """The files below `folder`."""
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)

@@ -1,14 +1,35 @@
-"""Photographs and zips as files, and the chunks of a PNG."""
+"""Files, zips and photographs as files, and the chunks of a PNG."""
 
 import io
+import json
 import struct
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy.typing as npt
+
+
+def write(files: Mapping[str, bytes], folder: Path) -> None:
+    """The files below `folder`."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
+def description(name: str, baseline_m: float, distance_m: float) -> bytes:
+    """The `dataset.json` of two cameras."""
+    content = {
+        "format": "stereocal-dataset/1",
+        "name": name,
+        "baseline_m": baseline_m,
+        "target_distance_m": distance_m,
+        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
+    }
+    return json.dumps(content).encode()
 
 
 def encoded(image: npt.NDArray[Any], suffix: str = ".png") -> bytes:

@@ -1,8 +1,7 @@
 """Photographs of boards and of the bar by one small rig, with its truth, for the way end to end."""
 
-import json
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,19 +42,6 @@ class PhotographedRig:
     """primary/0001.png, secondary/0001.png, and so on."""
     boards: dict[str, dict[str, bytes]]
     """For `primary` and `secondary`: 01.png, 02.png, and so on."""
-
-    @cached_property
-    def description(self) -> bytes:
-        """The `dataset.json`."""
-        return json.dumps(
-            {
-                "format": "stereocal-dataset/1",
-                "name": "photographed rig",
-                "baseline_m": BASELINE_M,
-                "target_distance_m": BAR_M,
-                "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
-            }
-        ).encode()
 
 
 @lru_cache(maxsize=2)

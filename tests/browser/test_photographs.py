@@ -8,7 +8,8 @@ from playwright.sync_api import Page, expect
 
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from tests.bar_photographs import bar_set, write
+from tests.bar_photographs import bar_set
+from tests.files import write
 
 pytestmark = pytest.mark.browser
 BARS = bar_set(14)

@@ -12,7 +12,7 @@ from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import place_bars
-from stereocal.system.atomic_files import write_all
+from tests.files import write
 from tests.rigs.bumps import Case, bumped, cases, seen_by
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
@@ -42,7 +42,7 @@ def work(tmp_path: Path) -> Work:
     case.prior.rig.save(found.parameters)
     rig = bumped(case, np.radians(0.5))
     moved = seen_by(case, place_bars(rig, case.rng, 5, BAR_M, DEPTHS_M))
-    write_all({found.moved / name: content for name, content in pack_dataset(moved).items()})
+    write(pack_dataset(moved), found.moved)
     return found
 
 

@@ -13,6 +13,7 @@ from stereocal.cli import main
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.verdict.in_words import digits
+from tests.files import write
 from tests.refined.test_time_offset import moving
 from tests.terminal import sentences
 
@@ -182,9 +183,7 @@ def test_the_time_offset_is_found_and_applied(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     late, out = str(tmp_path / "late"), tmp_path / "out"
-    for name, content in pack_dataset(moving(0.7)).items():
-        (tmp_path / "late").mkdir(exist_ok=True)
-        (tmp_path / "late" / name).write_bytes(content)
+    write(pack_dataset(moving(0.7)), tmp_path / "late")
     options = ["--time-offset", "--no-refined", "--runs", "0"]
     assert main(["calibrate", late, "--out", str(out), *options]) == 0
     assert "frame intervals later than the primary" in capsys.readouterr().out

@@ -20,7 +20,8 @@ from stereocal.refined.unknowns import lens_prior
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import read_photograph
-from tests.bar_photographs import write
+from tests.docs.prepared import videos
+from tests.files import description, write
 from tests.lens import SMALL
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 from tests.rigs.boards import photographs, stereo
@@ -39,7 +40,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Everything that the commands make of the photographs."""
     folder = tmp_path_factory.mktemp("rig")
     taken = photographed_rig(frames=18, boards=15)
-    write(taken.bars | {"dataset.json": taken.description}, folder / "data")
+    described = {"dataset.json": description("photographed", BASELINE_M, BAR_M)}
+    write(taken.bars | described, folder / "data")
     for which, boards in taken.boards.items():
         write(boards, folder / which)
         camera, told = str(folder / "data" / f"{which}.json"), io.StringIO()
@@ -164,17 +166,10 @@ pytest.importorskip("av")
 
 
 def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    data = tmp_path / "data"
-    data.mkdir()
-    for name in ("dataset.json", "primary.json", "secondary.json"):
-        (data / name).write_bytes((SAMPLE / name).read_bytes())
-    paths, times = [], [k / 10 for k in range(len(FRAMES))]
-    for which in ("primary", "secondary"):
-        images = [read_photograph(SAMPLE / which / f"{frame:04d}.jpg") for frame in FRAMES]
-        path = tmp_path / f"{which}.mp4"
-        paths.append(write_video(path, times, draw=images.__getitem__, preset="ultrafast"))
-    out = tmp_path / "correspondences.csv"
-    given = [str(data), "--videos", *map(str, paths), "--every", "1", "--out", str(out)]
+    videos(tmp_path)
+    data, out = tmp_path / "pond", tmp_path / "correspondences.csv"
+    paths = [str(tmp_path / f"{which}.mp4") for which in CAMERAS]
+    given = [str(data), "--videos", *paths, "--every", "1", "--out", str(out)]
     assert main(["detect", *given]) == 0
     assert "6 pairs of frames were taken" in capsys.readouterr().err
     written = sorted(path.name for path in (data / "primary").iterdir())

@@ -11,6 +11,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.rig.parameters import RigParameters
 from tests.archives import easywand_fields, mat
+from tests.files import write
 from tests.known_rig import BASELINE_M
 from tests.known_rig import dataset as known_dataset
 
@@ -63,9 +64,7 @@ def test_lengths_and_sizes_that_cannot_be_are_refused(
 def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exact = known_dataset(25, 0.1)
     folder, wrong = tmp_path / "set", 3.1
-    folder.mkdir()
-    for name, content in pack_dataset(exact).items():
-        (folder / name).write_bytes(content)
+    write(pack_dataset(exact), folder)
     about = json.loads((folder / "dataset.json").read_text())
     about |= {"baseline_m": wrong, "baseline_sigma_m": "free"}
     (folder / "dataset.json").write_text(json.dumps(about))
@@ -74,8 +73,7 @@ def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert found.baseline_m == pytest.approx(BASELINE_M, rel=0.01)
     packed = pack_dataset(found)
     assert b'"baseline_sigma_m": "free"' in packed["dataset.json"]
-    for name, content in packed.items():
-        (folder / name).write_bytes(content)
+    write(packed, folder)
     assert read_dataset(folder).sha256 == found.sha256
     capsys.readouterr()
     out = tmp_path / "parameters"

@@ -21,14 +21,14 @@ from stereocal.rig.dataset import Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.rigs import simulated_rig
 from tests.archives import kalibr_chain, wand_csv
+from tests.files import write
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dataset")
     truth = simulated_rig(np.random.default_rng(30), 3, 60)
-    for name, content in pack_recording(truth.recording).items():
-        (folder / name).write_bytes(content)
+    write(pack_recording(truth.recording), folder)
     return folder
 
 

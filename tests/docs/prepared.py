@@ -14,6 +14,7 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.system.photograph import read_photograph
 from tests.archives import easywand_fields, kalibr_chain, mat, wand_csv
 from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
+from tests.files import write
 from tests.rigs.worlds import common_view, known_places, plumb_lines, surveyed, thrown
 from tests.terminal import ROOT
 from tests.videos import write_video
@@ -67,8 +68,7 @@ def bump(folder: Path) -> None:
         correspondences=replace(rows, secondary=secondary),
         notes="40 bars of the real recording, its secondary camera turned by 0.2 degrees.",
     )
-    for name, content in pack_dataset(moved).items():
-        (folder / name).write_bytes(content)
+    write(pack_dataset(moved), folder)
 
 
 def thin(sample: Path) -> None:

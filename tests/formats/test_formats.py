@@ -21,9 +21,8 @@ from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Correspondences
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
-from stereocal.system.atomic_files import write_all
 from stereocal.system.zip_files import unzip
-from tests.files import zipped
+from tests.files import write, zipped
 from tests.fisheye_rig import fisheye
 from tests.known_rig import PRIMARY, SECONDARY, dataset
 
@@ -378,10 +377,7 @@ class TestDatasetFiles:
         (tmp_path / "survey.zip").write_bytes(zipped(files))
         assert read_dataset(tmp_path / "survey.zip").sha256 == NOISY.sha256
         if inside != "a/b/c/":  # of a folder, direct subfolders are read
-            (folder := tmp_path / "folder" / inside).mkdir(parents=True)
-            for name, content in self.files.items():
-                (folder / name).write_bytes(content)
-            (folder / "notes.txt").write_bytes(b"\xff")
+            write({**self.files, "notes.txt": b"\xff"}, tmp_path / "folder" / inside)
             assert read_dataset(tmp_path / "folder").sha256 == NOISY.sha256
 
     @pytest.mark.parametrize(
@@ -400,7 +396,7 @@ class TestDatasetFiles:
         if packed:
             source.write_bytes(zipped(files))
         else:
-            write_all({source / name: content for name, content in files.items()})
+            write(files, source)
         with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
             read_dataset(source)
         known, whole = read_cameras(source), Recording.of_pair(NOISY)

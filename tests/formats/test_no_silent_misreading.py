@@ -19,6 +19,7 @@ from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.inputs import read_input
 from stereocal.rig.camera import LensModel
 from stereocal.rig.geometry import Pose
+from tests.files import write
 from tests.formats.test_exchange import PLAIN, RICHEST, SIZES
 from tests.formats.test_formats import NODES, with_storage
 from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset
@@ -159,8 +160,7 @@ class TestFourCoefficients:
             "dataset.json": json.dumps(description).encode(),
             "right.yml": opencv_camera(FOUR),
         }
-        for file, content in files.items():
-            (tmp_path / file).write_bytes(content)
+        write(files, tmp_path)
         for command in ("calibrate", "evaluate", "detect"):
             assert main([command, str(tmp_path), "--out", str(tmp_path / "out")]) == 2
             printed = capsys.readouterr().err

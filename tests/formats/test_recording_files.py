@@ -22,6 +22,7 @@ from stereocal.formats.dataset_files import (
 from stereocal.formats.recording_files import pack_recording, parse_recording
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from tests.files import write
 from tests.rigs.objects import BOARD, recorded
 
 FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
@@ -53,8 +54,7 @@ def changed(**keys: Any) -> dict[str, bytes]:
 
 
 def test_two_cameras_are_a_data_set_like_any_other(tmp_path: Path) -> None:
-    for name, content in pack_recording(TWO).items():
-        (tmp_path / name).write_bytes(content)
+    write(pack_recording(TWO), tmp_path)
     found = read_dataset(tmp_path)
     assert found.sha256 == FIELD.sha256
     assert (found.name, found.notes) == (FIELD.name, "windy")
@@ -212,8 +212,7 @@ def test_frames_without_a_common_point_are_named() -> None:
 
 
 def test_read_from_a_folder(tmp_path: Path) -> None:
-    for name, content in FILES.items():
-        (tmp_path / name).write_bytes(content)
+    write(FILES, tmp_path)
     found = read_recording(tmp_path)
     assert found.describe_pairs() == THREE.describe_pairs()
     with pytest.raises(StereocalError, match="format"):

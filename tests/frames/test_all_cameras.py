@@ -24,8 +24,7 @@ from stereocal.frames.all_cameras import (
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
-from tests.bar_photographs import write
-from tests.files import encoded
+from tests.files import encoded, write
 from tests.frames.test_pairing import shots, walk
 from tests.photographed_rig import BAR_M
 from tests.three_cameras import CAMERAS, POSES, TAGS, photographed_bars

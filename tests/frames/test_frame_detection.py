@@ -1,6 +1,5 @@
 """From files on disk to frames with targets, against the truth of rendered photographs."""
 
-import json
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,8 +17,8 @@ from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.rig.camera import Camera
 from stereocal.system.tasks import Progress, StoppedError
-from tests.bar_photographs import bar_set, write
-from tests.files import encoded
+from tests.bar_photographs import bar_set
+from tests.files import description, encoded, write
 
 BARS = bar_set(7)
 CAMERAS = (BARS.rig.primary, BARS.rig.secondary)
@@ -113,13 +112,7 @@ def test_a_compiled_search_finds_the_drawn_boards() -> None:
 
 def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = dict(zip(("primary.json", "secondary.json"), map(write_camera, CAMERAS), strict=True))
-    description = {
-        "format": "stereocal-dataset/1",
-        "baseline_m": 2,
-        "target_distance_m": 0.9,
-        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
-    }
-    write(FILES | files | {"dataset.json": json.dumps(description).encode()}, tmp_path)
+    write(FILES | files | {"dataset.json": description("bar", 2.0, 0.9)}, tmp_path)
     out = tmp_path / "correspondences.csv"
     assert main(["detect", str(tmp_path), "--out", str(out)]) == 0
     said = capsys.readouterr().err

@@ -33,6 +33,7 @@ from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.photograph import read_photograph
 from tests.ball_bars import BAR_M, RIG
+from tests.files import write
 from tests.lens import PATTERN, SMALL, AtOnce
 from tests.rigs.boards import photographs, placings, stereo
 from tools.photographs.bars import BarSettings, photograph_bars
@@ -139,8 +140,7 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     rig = stereo(np.pi - 0.1)
     files = photographs(rig, 11, 3)
     files |= {f"{side}11.png": files[f"{side}02.png"] for side in ("left", "right")}
-    for name, content in files.items():
-        (tmp_path / name).write_bytes(content)
+    write(files, tmp_path)
     half = read_photograph(tmp_path / "right04.png").copy()
     half[:, : half.shape[1] // 2] = 120
     cv2.imwrite(str(tmp_path / "right04.png"), half)
@@ -166,8 +166,7 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In every third frame a part is hidden."""
     rig = stereo(np.pi - 0.2)
-    for name, content in photographs(rig, 10, 2, charuco(PATTERN.square_m), hidden=240).items():
-        (tmp_path / name).write_bytes(content)
+    write(photographs(rig, 10, 2, charuco(PATTERN.square_m), hidden=240), tmp_path)
     out = tmp_path / "found"
     command = ["detect", str(tmp_path), "--out", str(out), "--target"]
     assert main([*command, "charuco:8x6:0.03:4X4_50:0.022"]) == 0
@@ -188,8 +187,7 @@ def test_a_table_with_the_lenses_of_the_data_set(
     """Without baseline in dataset.json it is free; the table alone is written."""
     check_of_the_size = "stereocal.intrinsics.boards._refuse_other_size"  # takes most of the time
     monkeypatch.setattr(check_of_the_size, lambda *_, **__: None)
-    for name, content in photographs(stereo(0.0), 9, 4).items():
-        (tmp_path / name).write_bytes(content)
+    write(photographs(stereo(0.0), 9, 4), tmp_path)
     whole = tmp_path.with_name("whole")
     assert main(["intrinsics", *map(str, sorted(tmp_path.glob("*.png"))), "--board", "8x6",
                  "--square", "0.03", "--repeats", "4", "--out", str(whole)]) == 0  # fmt: off

@@ -1,6 +1,5 @@
 """Photographs on the Data page, without a browser."""
 
-import json
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, CameraName
 from tests.bar_photographs import bar_set
-from tests.files import zipped
+from tests.files import description, zipped
 from tests.pages.stored_projects import (
     again,
     drop,
@@ -109,16 +108,7 @@ def dataset_files() -> dict[str, bytes]:
     files = {f"rig/{name}": content for name, content in FILES.items()}
     for slot in ("primary", "secondary"):
         files[f"rig/{slot}.json"] = write_camera(getattr(BARS.rig, slot))
-    files["rig/dataset.json"] = json.dumps(
-        {
-            "format": "stereocal-dataset/1",
-            "name": "field day",
-            "baseline_m": 2.0,
-            "target_distance_m": 0.9,
-            "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
-        }
-    ).encode()
-    return files
+    return files | {"rig/dataset.json": description("field day", 2.0, 0.9)}
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -13,7 +13,7 @@ from PIL import Image as PillowImage
 from stereocal.errors import StereocalError
 from stereocal.system.photograph import photograph_size, read_photograph
 from stereocal.system.photograph_files import photographs_in, unpack_photographs
-from tests.files import chunks_of, encoded, png_of, zipped
+from tests.files import chunks_of, encoded, png_of, write, zipped
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 WIDTH, HEIGHT = 61, 43
@@ -159,9 +159,7 @@ FOUND = ["rig/cam0/1.png", "rig/cam1/1.PNG"]
 
 
 def test_folder(tmp_path: Path) -> None:
-    for name, content in FILES.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes(content)
+    write(FILES, tmp_path)
     found = photographs_in(tmp_path, tmp_path / "unused")
     assert sorted(found) == FOUND
     assert found[FOUND[0]] == tmp_path / FOUND[0]

@@ -12,6 +12,7 @@ from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
 from tests.docs.pages import code_of
 from tests.docs.prepared import videos
+from tests.files import description, write
 from tests.fisheye_rig import recording
 from tests.rigs.moving_bar import move_bar, record
 from tests.tagged_bars import BAR_M, CAMERA, RIG, tagged_bars
@@ -19,36 +20,21 @@ from tests.tagged_bars import BAR_M, CAMERA, RIG, tagged_bars
 ROOT = Path(__file__).parents[2]
 
 
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-
-
 def _fisheye(folder: Path) -> None:
-    _write(folder, pack_dataset(recording(120.0, seed=1)[0]))
+    write(pack_dataset(recording(120.0, seed=1)[0]), folder)
 
 
 def _moving(folder: Path) -> None:
     """A bar moved by hand; the secondary camera is 0.3 frames late."""
     rng = np.random.default_rng(7)
     bar = move_bar(field_rig(4.5), rng, frames=120, length_m=0.9)
-    _write(folder, pack_dataset(record(bar, rng, 0.15, "moving", offset=TimeOffset(0.3))))
+    write(pack_dataset(record(bar, rng, 0.15, "moving", offset=TimeOffset(0.3))), folder)
 
 
 def _tags(folder: Path) -> None:
-    files = dict(tagged_bars(5)[0])
-    described = {
-        "format": "stereocal-dataset/1",
-        "name": "tags",
-        "baseline_m": RIG.pose.baseline,
-        "target_distance_m": BAR_M,
-        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
-    }
-    lens = {"format": "stereocal-camera/1", **CAMERA.to_json()}
-    for name, content in {"dataset": described, "primary": lens, "secondary": lens}.items():
-        files[f"{name}.json"] = json.dumps(content).encode()
-    _write(folder, files)
+    lens = json.dumps({"format": "stereocal-camera/1", **CAMERA.to_json()}).encode()
+    described = {"dataset.json": description("tags", RIG.pose.baseline, BAR_M)}
+    write({**tagged_bars(5)[0], **described, "primary.json": lens, "secondary.json": lens}, folder)
 
 
 def _plan(folder: Path) -> None:
