@@ -152,7 +152,7 @@ class WholeFit:
         return None
 
 
-_CLUSTERS: Latest[tuple[IntArray | None]] = Latest(100)
+_CLUSTERS: Latest[IntArray | None] = Latest(100)
 
 
 def clusters_to_split(dataset: Dataset) -> IntArray | None:
@@ -162,7 +162,7 @@ def clusters_to_split(dataset: Dataset) -> IntArray | None:
     """
     sigmas = dataset.baseline_sigma_m, dataset.target_distance_sigma_m
     key = f"{dataset.sha256} {sigmas} {dataset.time_offset}"
-    return _CLUSTERS.once(key, lambda: (_clusters_of_fit(dataset),))[0]
+    return _CLUSTERS.once(key, lambda: _clusters_of_fit(dataset))
 
 
 def _clusters_of_fit(dataset: Dataset) -> IntArray | None:

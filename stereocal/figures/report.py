@@ -128,7 +128,7 @@ def _why_two_sets(calibration: Calibration) -> str:
     frame = two_sets.telling_frame(calibration)
     views = two_sets.views_of(calibration, frame)
     columns = []
-    for method in two_sets.PAPERS:
+    for method in two_sets.PAPER_SETS:
         plots = [
             html_plot(
                 two_sets.plot_image(views, method, camera),

@@ -16,7 +16,7 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import Method
 from stereocal.figures import style
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, add, blank
-from stereocal.figures.two_sets import PAPERS
+from stereocal.figures.two_sets import PAPER_SETS
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
@@ -213,7 +213,7 @@ def describe_two_rays(story: Story) -> str:
 
 
 def _gaps_mm(story: Story) -> list[str]:
-    return [rounded(1000 * story.sets[name].gap_m) for name in PAPERS]
+    return [rounded(1000 * story.sets[name].gap_m) for name in PAPER_SETS]
 
 
 def _line(

@@ -26,7 +26,7 @@ from stereocal.rig.rig import Rig
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 
-PAPERS: tuple[Method, ...] = ("2d", "3d")
+PAPER_SETS: tuple[Method, ...] = ("2d", "3d")
 ON_LINE = 200
 """Points of a drawn epipolar line, which distortion bends."""
 HEIGHT = 480
@@ -152,7 +152,7 @@ def views_of(calibration: Calibration, frame: int) -> dict[Method, FrameView]:
         raise StereocalError(f"There is no frame {frame}.")
     rigs: dict[Method, Rig] = {
         method: Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
-        for method in PAPERS
+        for method in PAPER_SETS
     }
     if (refined := calibration.refined) is not None:
         rigs["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
@@ -170,8 +170,8 @@ def telling_frame(calibration: Calibration) -> int:
     if not len(frames):
         return int(every[0])
     of_bars = np.searchsorted(every, frames)
-    px = [frame_reprojection_px(calibration, method)[of_bars] for method in PAPERS]
-    length = [calibration.errors[method].length for method in PAPERS]
+    px = [frame_reprojection_px(calibration, method)[of_bars] for method in PAPER_SETS]
+    length = [calibration.errors[method].length for method in PAPER_SETS]
     gain = sum(
         values / max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300)
         for values in (px[1] - px[0], length[0] - length[1])

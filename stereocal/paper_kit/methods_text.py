@@ -18,7 +18,7 @@ from stereocal.refined.unknowns import (
 from stereocal.rig.dataset import SOURCES, Dataset
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.forecast import sure
-from stereocal.verdict.in_words import digits, interval, listed, percent
+from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent
 from stereocal.verdict.recommendation import NAMES, in_percent
 from stereocal.version import __version__
 from stereocal.workflow import Run
@@ -110,17 +110,13 @@ def _left_out(run: Run) -> Iterator[str]:
         yield f"F{_them(copies)[1:]} left out as copies of other frames."
     if put_back := run.calibration.settings.frames_put_back:
         verb = "were" if len(put_back) > 1 else "was"
-        yield f"F{_frames(put_back)[1:]} {verb} kept by hand."
+        yield f"F{named_frames(put_back, MOST_FRAMES)[1:]} {verb} kept by hand."
     if run.calibration.settings.all_frames:
         yield "No frame was left out for contradicting the others."
 
 
-def _frames(frames: tuple[int, ...]) -> str:
-    return f"frame{'s' * (len(frames) > 1)} {listed(frames, MOST_FRAMES)}"
-
-
 def _them(frames: tuple[int, ...]) -> str:
-    return f"{_frames(frames)} {'were' if len(frames) > 1 else 'was'}"
+    return f"{named_frames(frames, MOST_FRAMES)} {'were' if len(frames) > 1 else 'was'}"
 
 
 def _sets(run: Run) -> Iterator[str]:

@@ -16,7 +16,6 @@ from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.formats.evaluation_files import validation_figures
 from stereocal.network.in_words import rig_errors
 from stereocal.projects.application import POINT_FILES
 from stereocal.projects.database import (
@@ -44,7 +43,6 @@ from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import figures_of
 
 DAY_S = 86_400.0
-PAPERS: tuple[Method, Method] = ("2d", "3d")
 AGAIN = "This project was brought back already, or it was removed for good."
 
 
@@ -269,13 +267,12 @@ def _photographs_of(project: Project) -> str:
 
 def _result_of(project: Project) -> str:
     """The errors of the sets to use, each at its own job, on held-out frames."""
-    if project.calibration is None:
+    if (run := project.run) is None:
         return "not calibrated"
-    if (evaluation := project.calibration_evaluation) is None:
+    if run.evaluation is None:
         return "calibrated, not validated"
-    held_out = validation_figures(evaluation.summaries, evaluation.settings)
-    to_use = project.recommended or PAPERS
-    match, measure = (figures_of(method, None, held_out) for method in to_use)
+    to_use: tuple[Method, Method] = project.recommended or ("2d", "3d")
+    match, measure = (figures_of(method, None, run.validation) for method in to_use)
     lengths, wrong = (
         "unknown" if value is None else f"{percent(value)} %"
         for value in (measure.length_p95.held_out, match.wrong_let_in.held_out)

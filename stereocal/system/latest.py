@@ -65,11 +65,13 @@ class Latest(Generic[Value]):
 
     def once(self, key: str, make: Callable[[], Value]) -> Value:
         """The value of a key; made, and kept, if it is not kept yet."""
-        found = self.get(key)
-        if found is None:
-            found = make()
-            self.keep(key, found)
-        return found
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+        made = make()
+        self.keep(key, made)
+        return made
 
     def keep(self, key: str, value: Value) -> None:
         """Keep a value; that unused for longest makes room."""

@@ -29,7 +29,7 @@ TITLES: dict[Way, str] = {"name": "By name", "time": "By time", "order": "In ord
 FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
 UNDO = ":material/undo:"
-_SLIPS: Latest[tuple[Alone | None]] = Latest(16)
+_SLIPS: Latest[Alone | None] = Latest(16)
 
 
 def show_pairing(store: ProjectPhotographs) -> None:
@@ -146,7 +146,7 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
         return  # paired again since
     key = repr((frames, first.to_json(), second.to_json()))
-    slip = _SLIPS.once(key, lambda: (find_slip(frames, (first, second)),))[0]
+    slip = _SLIPS.once(key, lambda: find_slip(frames, (first, second)))
     if slip is None:
         return
     choice = store.choice

@@ -16,16 +16,16 @@ def left_out_line(screening: Screening) -> str:
     found = []
     if frames := screening.contradicting:
         verb = "contradicts" if len(frames) == 1 else "contradict"
-        found.append(f"Left out: {_named(frames)}, which {verb} the others.")
+        found.append(f"Left out: {named_frames(frames)}, which {verb} the others.")
         if which := screening.exchanged:
-            where = "there" if which == frames else f"in {_named(which)}"
+            where = "there" if which == frames else f"in {named_frames(which)}"
             found.append(f"A and B look exchanged in one camera {where}.")
     if screening.by_user:
-        found.append(f"Left out by you: {_named(screening.by_user)}.")
+        found.append(f"Left out by you: {named_frames(screening.by_user)}.")
     if copies := screening.copies:
         found.append(
-            f"Left out as well: {_named([*copies])}, with exactly the points of "
-            f"{_named(sorted({*copies.values()}))}; a copy adds no information."
+            f"Left out as well: {named_frames([*copies])}, with exactly the points of "
+            f"{named_frames(sorted({*copies.values()}))}; a copy adds no information."
         )
     if alone := screening.without_neighbours:
         found.append(
@@ -35,8 +35,9 @@ def left_out_line(screening: Screening) -> str:
     return " ".join(found)
 
 
-def _named(frames: Sequence[int]) -> str:
-    return f"frame{'s' * (len(frames) > 1)} {listed(frames)}"
+def named_frames(frames: Sequence[int], most: int = 12) -> str:
+    """Frames with their numbers in a sentence: `frame 3`, `frames 3, 8 and 12`."""
+    return f"frame{'s' * (len(frames) > 1)} {listed(frames, most)}"
 
 
 def why_not_trusted(calibration: Calibration) -> str:
