@@ -190,18 +190,20 @@ class RigidObject:
         """(n,) each: as of `Correspondences.parts`, of the rows of some targets in some frames."""
         part, place, count = np.empty_like(frame), np.zeros_like(frame), 0
         order = np.lexsort([target, frame])
-        pairs_of: dict[bytes, IntArray] = {}
+        parts_of_seen: dict[bytes, tuple[IntArray, IntArray]] = {}
         for rows in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1):
             seen = target[rows]
             key = seen.tobytes()
-            if key not in pairs_of:
-                pairs_of[key] = np.searchsorted(seen, self.pairs_among(seen.tolist()))
-            pairs = rows[pairs_of[key]]
-            single = np.setdiff1d(rows, pairs)
-            part[pairs] = count + np.arange(len(pairs))[:, None]
-            place[pairs] = [0, 1]
-            part[single] = count + len(pairs) + np.arange(len(single))
-            count += len(pairs) + len(single)
+            if key not in parts_of_seen:
+                pairs = np.searchsorted(seen, self.pairs_among(seen.tolist()))
+                single = np.setdiff1d(np.arange(len(seen)), pairs)
+                parts, places = np.zeros((2, len(seen)), np.int64)
+                parts[pairs], places[pairs] = np.arange(len(pairs))[:, None], [0, 1]
+                parts[single] = len(pairs) + np.arange(len(single))
+                parts_of_seen[key] = parts, places
+            parts, place[rows] = parts_of_seen[key]
+            part[rows] = count + parts
+            count += len(parts) - int(place[rows].sum())
         return part, place
 
     def _farthest(self, among: IntArray) -> IntArray:
