@@ -1,13 +1,15 @@
-"""Files of other programs with the points and the cameras of the known rig."""
+"""Files of other programs: those that were once misread, and with the cameras of the known rig."""
 
 import io
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from scipy.io import savemat
 
+from stereocal.formats.archives.archive import Archive
 from stereocal.formats.exchange.dlt import dlt_coefficients
 from stereocal.formats.exchange.exchange import export_files
 from stereocal.formats.exchange.matlab import FIRST_PIXEL
@@ -18,10 +20,22 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
+CASES = Path(__file__).parent / "cases"
 LOWER_LEFT = PixelOrigin("lower-left")
 WORLD = Pose.from_angles(RIG.angles, 3.3)
 """Primary from easyWand's world."""
 BACKGROUND = np.array([[-2.0, 0.5, 9.0], [1.1, -0.7, 12.0], [0.3, 1.2, 15.0], [2.0, 0.1, 11.0]])
+
+
+def case(folder: str, *names: str) -> dict[str, bytes]:
+    """Files that were once misread."""
+    return {name: (CASES / folder / name).read_bytes() for name in names}
+
+
+def focal(found: Archive) -> tuple[float, float]:
+    """The focal lengths of both cameras."""
+    assert found.primary is not None and found.secondary is not None
+    return float(found.primary.K[0, 0]), float(found.secondary.K[0, 0])
 
 
 def lens(camera: Camera) -> tuple[float, FloatArray, FloatArray]:

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.archive import Archive
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import ImageSizeError, read_camera
 from stereocal.formats.exchange.exchange import export_files, import_files
@@ -20,10 +19,9 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
-from tests.archives import PLAIN, mat, stereo_struct
+from tests.archives import CASES, PLAIN, case, focal, mat, stereo_struct
 from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY
 
-CASES = Path(__file__).parent.parent / "cases"
 TRUE_R = np.array(
     [
         [0.939793423488, 0.0, 0.341743063087],
@@ -36,19 +34,10 @@ TRUE_T = np.array([-1.1961007208, -0.0468322354155, 0.222822367413])
 HD = ((1920, 1080), (1920, 1080))
 
 
-def case(name: str, *files: str) -> dict[str, bytes]:
-    return {file: (CASES / name / file).read_bytes() for file in files}
-
-
 def same_pose(pose: Pose, tolerance: float, R: FloatArray = TRUE_R, T: FloatArray = TRUE_T) -> None:
     np.testing.assert_allclose(pose.R, R, rtol=0, atol=tolerance)
     np.testing.assert_allclose(pose.T, T, rtol=0, atol=tolerance)
     np.testing.assert_allclose(pose.R @ pose.R.T, np.eye(3), rtol=0, atol=1e-6)
-
-
-def focal(found: Archive) -> list[float]:
-    assert found.primary is not None and found.secondary is not None
-    return [found.primary.K[0, 0], found.secondary.K[0, 0]]
 
 
 def camera_info(k: int, P: FloatArray, R: FloatArray) -> bytes:
@@ -148,12 +137,12 @@ class TestRosFiles:
     def test_the_order_given_is_kept_and_said(self) -> None:
         right, left = case("ros_order_ignored", "right.yaml", "left.yaml").items()
         found = gather(dict([right, left]), ExchangeOptions())
-        assert focal(found) == [2000, 1500]
+        assert focal(found) == (2000, 1500)
         assert ["right.yaml" in found.taken[0].origin, "left.yaml" in found.taken[1].origin]
-        assert focal(gather(dict([left, right]), ExchangeOptions())) == [1500, 2000]
+        assert focal(gather(dict([left, right]), ExchangeOptions())) == (1500, 2000)
         for cameras in (("2", "1"), ("left", "right")):
             chosen = gather(dict([right, left]), ExchangeOptions(cameras=cameras))
-            assert focal(chosen) == [1500, 2000]
+            assert focal(chosen) == (1500, 2000)
 
     def test_the_pose_is_of_the_order(self, tmp_path: Path) -> None:
         """A folder has no order: there, the left camera is the primary, and that is said."""
@@ -172,7 +161,7 @@ class TestRosFiles:
         files = case("ros_topic_echo", *names)
         same_pose(import_files(files, "ros").pose, 1e-9)
         found = gather(files, ExchangeOptions())
-        assert focal(found) == [1500, 1510]
+        assert focal(found) == (1500, 1510)
         assert found.baseline_m == pytest.approx(1.21758, abs=1e-5)
         for file, content in files.items():  # a camera on its own, as the page Data reads it
             assert read_camera(content, file).image_size == (1920, 1080)
@@ -187,7 +176,7 @@ class TestRosFiles:
             files[f"{side}.{suffix}"] = "---\n".join([*three, three[0][:200]]).encode()
         found = gather(files, ExchangeOptions(lens_model="brown"))
         assert found.baseline_m == pytest.approx(BASELINE_M)
-        assert focal(found) == [PRIMARY.K[0, 0], SECONDARY.K[0, 0]]
+        assert focal(found) == (PRIMARY.K[0, 0], SECONDARY.K[0, 0])
         windows = {name: content.replace(b"\n", b"\r\n") for name, content in files.items()}
         assert gather(windows, ExchangeOptions(lens_model="brown")).baseline_m == found.baseline_m
         wide = files[f"l.{suffix}"].decode().encode("utf-16")  # of PowerShell
@@ -255,7 +244,7 @@ class TestOpencv:
         (content,) = case("image_size_option_ignored", "l.yml").values()
         whole = head.encode() + content.split(b"---\n")[1]
         assert read_camera(whole, "l.yml", image_size=HD[0]).K[0, 0] == 1500
-        assert focal(gather({"l.yml": whole}, ExchangeOptions(HD))) == [1500, 1500]
+        assert focal(gather({"l.yml": whole}, ExchangeOptions(HD))) == (1500, 1500)
         xml = b"".join(case("opencv_size_not_seen", "l.xml").values()).partition(b"?>")[2]
         assert read_camera(xml, "l.xml").K[0, 0] == 1500
 
@@ -274,7 +263,7 @@ class TestOpencv:
             nodes[D.replace("left", side)] = camera.distortion.tolist()
         files = {"stereo.json": json.dumps(nodes).encode()}
         found = gather(files, ExchangeOptions(unit="m", lens_model="brown"))
-        assert focal(found) == [PRIMARY.K[0, 0], SECONDARY.K[0, 0]]
+        assert focal(found) == (PRIMARY.K[0, 0], SECONDARY.K[0, 0])
         assert found.baseline_m == pytest.approx(BASELINE_M)
 
 

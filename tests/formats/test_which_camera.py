@@ -1,7 +1,6 @@
 """Which camera of a file is which of a table: by name first, then in their order."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,26 +14,16 @@ from stereocal.formats.exchange.chosen_cameras import camera_indices
 from stereocal.formats.exchange.exchange import import_files
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.rig.camera import Camera
-from tests.archives import kalibr_chain, wand_csv
+from tests.archives import case, focal, kalibr_chain, wand_csv
 
-CASES = Path(__file__).parents[1] / "cases"
-WAND = {"wand.csv": (CASES / "wand/wand.csv").read_bytes()}
+WAND = case("wand", "wand.csv")
 BASELINE_M = 1.21758
 """Of the two cameras of most cases; their focal lengths are 1500 and 1510 px."""
-
-
-def case(folder: str, *names: str) -> dict[str, bytes]:
-    return {name: (CASES / folder / name).read_bytes() for name in names}
 
 
 def read(files: Mapping[str, bytes], cameras: str = "") -> Archive:
     first, _, second = cameras.partition(",")
     return gather(files, ExchangeOptions(cameras=(first, second) if cameras else None, unit="m"))
-
-
-def focal(found: Archive) -> tuple[float, float]:
-    assert found.primary is not None and found.secondary is not None
-    return float(found.primary.K[0, 0]), float(found.secondary.K[0, 0])
 
 
 @pytest.mark.parametrize(
