@@ -73,11 +73,13 @@ def store_of(app: AppTest, home: Path) -> ProjectApplication:
     return ProjectApplication(project_of(app, home))
 
 
-def written(app: AppTest, home: Path) -> list[pd.DataFrame]:
-    """The pairs and the points."""
+def result_of(app: AppTest, home: Path) -> tuple[pd.DataFrame, pd.DataFrame, Pose | None]:
+    """The pairs, the points, and the world frame of these."""
     result = store_of(app, home).result
     assert result is not None
-    return [pd.read_csv(io.BytesIO(result[1][name].read_bytes())) for name in (PAIRS, POINTS)]
+    outcome, files = result
+    pairs, points = (pd.read_csv(io.BytesIO(files[name].read_bytes())) for name in (PAIRS, POINTS))
+    return pairs, points, outcome.world
 
 
 def test_nothing_yet_is_said(app: AppTest) -> None:
@@ -94,7 +96,7 @@ def test_own_points_are_matched_and_measured(pressed: AppTest, home: Path) -> No
     assert answer in told(app, "success")
     assert "50 of 50 pairs have the same target in both cameras" in told(app, "caption")
     assert "50 points, median reprojection error" in told(app, "caption")
-    pairs, points = written(app, home)
+    pairs, points, _ = result_of(app, home)
     assert len(pairs) == len(points) == 50
     assert not points["outside_volume"].any()  # the volume holds the bars that it was found from
     assert (pairs["target_primary"] == pairs["target_secondary"]).all()
@@ -121,17 +123,17 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     assert field.value is None
     assert field.placeholder.startswith("0.8, ")
     assert "cannot be estimated" in told(app, "caption")  # exact points
-    before, _ = written(app, home)
+    before, _, _ = result_of(app, home)
     assert len(before) == 90  # exact points: none is lost, however small the threshold
     app.number_input(key="apply_threshold").set_value(40.0).run()
-    after, _ = written(app, home)
+    after, _, _ = result_of(app, home)
     assert after["ambiguous"].sum() > before["ambiguous"].sum()
     app.segmented_control(key="apply_view").set_value("Threshold and depths").run()
     assert "90 have a partner within 40 px" in told(app, "caption")
     assert "Threshold 40 px" in told(app, "caption")
     app.number_input(key="apply_sigma_px").set_value(0.5).run()
     assert "Your points scatter by 0.5 px, as stated." in told(app, "caption")
-    assert written(app, home)[0]["sigma_primary_px"].eq(0.5).all()
+    assert result_of(app, home)[0]["sigma_primary_px"].eq(0.5).all()
 
     again = go(session(store_of(app, home).project), "apply")
     assert again.number_input(key="apply_threshold").value == 40.0
@@ -145,13 +147,13 @@ def test_names_decide_with_a_switch(app: AppTest, home: Path) -> None:
     first, second = (table.rename(columns={"bird": "point"}) for table in tables().values())
     second["point"] = second["point"].replace({0: 1, 1: 0})
     give_sets(give_points(begun(app), csv(first), csv(second)), SET_2D, SET_3D)
-    pairs, _ = written(app, home)
+    pairs, _, _ = result_of(app, home)
     assert (pairs["point_primary"] == pairs["point_secondary"]).all()
     assert len(pairs) == 89  # an exchanged one meets behind a camera
     assert "2D" in told(app, "caption") and "of points of one name" in told(app, "caption")
     assert set(pairs["point_primary"][~pairs["within_threshold"]]) == {0, 1}
     app.toggle(key="apply_names").set_value(False).run()
-    pairs, _ = written(app, home)
+    pairs, _, _ = result_of(app, home)
     assert (pairs["point_primary"] != pairs["point_secondary"]).sum() == 12
 
 
@@ -187,23 +189,16 @@ def give(app: AppTest, path: Path) -> AppTest:
     return app.file_uploader(key="upload_world").upload(path.name, path.read_bytes()).run()
 
 
-def points(app: AppTest, home: Path) -> tuple[pd.DataFrame, Pose | None]:
-    result = ProjectApplication(project_of(app, home)).result
-    assert result is not None
-    outcome, files = result
-    return pd.read_csv(io.BytesIO(files[POINTS].read_bytes())), outcome.world
-
-
 def test_points_in_the_frame_of_plumb_lines(
     app: AppTest, home: Path, place: Place, tmp_path: Path
 ) -> None:
-    before, world = points(with_files(app), home)
+    _, before, world = result_of(with_files(app), home)
     assert world is None and "coordinates" not in before
     (tmp_path / "plumb.csv").write_bytes(lines_csv(plumb_lines(place)))
     give(app, tmp_path / "plumb.csv")
     assert "World frame of 4 plumb lines: the vertical is known within" in told(app, "success")
     assert "Points are in the world frame." in told(app, "success")
-    after, world = points(app, home)
+    _, after, world = result_of(app, home)
     assert world is not None
     assert np.degrees(np.arccos(world.R[2] @ place.up)) < 0.2
     moved = world.apply(before[["x", "y", "z"]])
@@ -214,7 +209,7 @@ def test_points_in_the_frame_of_plumb_lines(
         app.segmented_control(key="apply_view").set_value(view).run()
     assert "coordinates" not in app.selectbox(key="apply_way").options
     app.selectbox(key="world_x_axis").set_value("baseline").run()
-    turned = points(app, home)[1]
+    turned = result_of(app, home)[2]
     assert turned is not None
     assert turned.apply(SET_3D.pose.inverse().T)[1] == pytest.approx(0, abs=1e-9)
     own = told(app, "success")
@@ -223,7 +218,7 @@ def test_points_in_the_frame_of_plumb_lines(
     app.number_input(key="world_sigma_px").set_value(None).run()
     assert told(app, "success") == own
     app.button(key="forget_world").click().run()
-    assert points(app, home)[1] is None
+    assert result_of(app, home)[2] is None
     assert "Points are in the world frame." not in told(app, "success")
 
 
@@ -242,7 +237,7 @@ def test_a_survey_its_residuals_and_a_mirrored_one(
     give(app, tmp_path / "mirrored.csv")
     assert "left-handed" in told(app, "error")
     assert "in the frame of the primary camera" in told(app, "error")
-    assert points(app, home)[1] is None
+    assert result_of(app, home)[2] is None
 
 
 def test_files_of_other_programs_are_asked_what_they_do_not_say(app: AppTest, home: Path) -> None:
