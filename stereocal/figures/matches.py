@@ -17,7 +17,6 @@ from stereocal.figures.style import (
     count,
     thinned,
 )
-from stereocal.matching.matching import NearestErrors
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.rig import camera_in_words
@@ -141,10 +140,9 @@ def _add_pairs(figure: go.Figure, side: str, pairs: pd.DataFrame, on_photograph:
         )
 
 
-def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
-    """Histograms of the best and the second-best error of each point, and the threshold."""
-    both = np.concatenate([nearest.best_px, nearest.runner_up_px])
-    positive = both[np.isfinite(both) & (both > 0)]
+def plot_pair_errors(nearest: FloatArray, threshold_px: float) -> go.Figure:
+    """Histograms of the best and the second-best error (n, 2) of each point, and the threshold."""
+    positive = nearest[np.isfinite(nearest) & (nearest > 0)]
     if not len(positive):
         return style.sentence_only("No pair of points meets in front of both cameras.")
     top = max(float(positive.max()), 2 * threshold_px)
@@ -154,8 +152,8 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
     edges = np.logspace(*ends, round(decades * BINS_PER_DECADE) + 1)
     figure = style.blank(340)
     for name, errors, colour, fill in (
-        ("Best partner", nearest.best_px, CORRECT_COLOUR, {"fillcolor": style.FILLS["correct"]}),
-        ("Runner-up", nearest.runner_up_px, WRONG_COLOUR, {"fillpattern": HATCH}),
+        ("Best partner", nearest[:, 0], CORRECT_COLOUR, {"fillcolor": style.FILLS["correct"]}),
+        ("Runner-up", nearest[:, 1], WRONG_COLOUR, {"fillpattern": HATCH}),
     ):
         known = errors[np.isfinite(errors)]
         counts, _ = np.histogram(np.clip(known, edges[0], edges[-1]), edges)
@@ -174,16 +172,18 @@ def plot_pair_errors(nearest: NearestErrors, threshold_px: float) -> go.Figure:
 
 
 def describe_pair_errors(
-    nearest: NearestErrors, threshold_px: float, choice: ThresholdChoice | None
+    nearest: FloatArray, frames: int, threshold_px: float, choice: ThresholdChoice | None
 ) -> str:
     """How many points have partners within the threshold, and whether it separates.
 
     Args:
+        nearest: as of `plot_pair_errors`.
+        frames: their number.
         choice: the threshold, and what it does; None if there is none.
     """
-    best, second = nearest.within(threshold_px)
+    best, second = np.count_nonzero(nearest <= threshold_px, axis=0)
     shares = None if choice is None else choice.shares
-    if not np.isfinite(nearest.runner_up_px).any():
+    if not np.isfinite(nearest[:, 1]).any():
         advice = "No point has a second candidate, so the threshold only leaves out poor pairs."
     elif choice is None or shares is None:
         advice = "The two distributions overlap too much: no threshold separates them."
@@ -197,6 +197,6 @@ def describe_pair_errors(
         )
     return (
         f"Of {count(len(nearest), 'point')} of the primary camera in "
-        f"{count(nearest.frames, 'frame')}, {best} have a partner within "
+        f"{count(frames, 'frame')}, {best} have a partner within "
         f"{rounded(threshold_px, 3)} px, and {second} have a second one. {advice}"
     )

@@ -143,48 +143,25 @@ def _solve(first: IntArray, second: IntArray, errors: FloatArray, threshold: flo
     return np.flatnonzero(partner[i] == j)
 
 
-@dataclass(frozen=True, eq=False)
-class NearestErrors:
-    """Errors of n points of the primary camera."""
-
-    best_px: FloatArray
-    """(n,) least reprojection error with any point of the secondary; inf if there is none."""
-    runner_up_px: FloatArray
-    """(n,) second least; inf if there is none."""
-    frames: int
-
-    def __len__(self) -> int:
-        return len(self.best_px)
-
-    def within(self, threshold_px: float) -> tuple[int, int]:
-        """The numbers of points with one and with two partners within the threshold."""
-        one, two = (int((own <= threshold_px).sum()) for own in (self.best_px, self.runner_up_px))
-        return one, two
-
-
 def nearest_errors(
     rig: RigParameters,
     frames: Sequence[tuple[FloatArray, FloatArray]],
     depths_m: tuple[float, float] = ANY_DEPTH,
-) -> NearestErrors:
-    """The two least errors of each primary point.
+) -> FloatArray:
+    """(n, 2): the least and second least reprojection error of each of the primary's points; inf
+    where there is none.
 
     Args:
         frames: as of `threshold.choose_threshold`.
     """
     near, far = check_depths(depths_m)
-    found = [np.empty((0, 2))]
+    least = [np.empty((0, 2))]
     for primary, secondary in frames:
-        if not len(primary):
-            continue
-        first = rig.primary.undistort(primary[:, :2])
-        second = rig.secondary.undistort(secondary[:, :2])
-        _, _, _, least, _ = pairs_within(
-            rig.pose.R, rig.pose.T, first, second, rig.pixel_scale, 0.0, near, far
+        rays = rig.primary.undistort(primary[:, :2]), rig.secondary.undistort(secondary[:, :2])
+        least.append(
+            pairs_within(rig.pose.R, rig.pose.T, *rays, rig.pixel_scale, 0.0, near, far)[3]
         )
-        found.append(least)
-    both = np.concatenate(found)
-    return NearestErrors(both[:, 0], both[:, 1], len(frames))
+    return np.concatenate(least)
 
 
 def purpose_warning(rig: RigParameters, purpose: str) -> str | None:

@@ -108,7 +108,7 @@ class ThresholdForm:
             threshold = 0.0 if found is None else found.threshold_px
             sample = [NO_NAMES.samples(*both)[0] for both in _sampled(self)]
             nearest = jobs.compute(nearest_errors, self.rig, sample, self.depths)
-            words = describe_pair_errors(nearest, threshold, found)
+            words = describe_pair_errors(nearest, len(sample), threshold, found)
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
 
 

@@ -33,6 +33,7 @@ from stereocal.workflow import calibrate
 from tests.field.plans import plan
 from tests.figures.test_apply_figures import (
     CHOICE,
+    FRAMES,
     NEAREST,
     PAIRS,
     POINTS,
@@ -129,7 +130,7 @@ def every_figure() -> dict[str, Drawn]:
             (pairs, {"primary": left, "secondary": right}, 1),
         ),
         "misfit": ((misfit,),),
-        "pair_errors": ((NEAREST, 0.8), (NEAREST, 0.8, CHOICE)),
+        "pair_errors": ((NEAREST, 0.8), (NEAREST, FRAMES, 0.8, CHOICE)),
         "plan_baselines": ((plans[0],),),
         "plan_depths": ((plans,),),
         "plan_map": ((plans[0],),),
