@@ -21,6 +21,8 @@ FILE_METHODS: tuple[FileMethod, ...] = get_args(FileMethod)
 """Those with a parameter file."""
 METHODS: tuple[Method, ...] = ("essential", "2d", "3d")
 """The paper's methods."""
+PAPER_SETS: tuple[Method, Method] = ("2d", "3d")
+"""The paper's two sets: one to match with, one to measure with."""
 ALL_METHODS: tuple[Method, ...] = (*METHODS, "refined")
 METHOD_NAMES: Mapping[Method, str] = {
     "essential": "Essential matrix",

@@ -14,7 +14,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
 
 WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420
-"""Of a map in px: at this width of the page, equal axes fill their room."""
+"""Sizes of a map in px: at this width of the page, equal axes fill their room."""
 LEAST_STEP = 0.12
 """Least distance of two ticks of the scale over its length: numbers nearer than that touch on a
 narrow page."""

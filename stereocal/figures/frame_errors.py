@@ -38,7 +38,7 @@ class FrameKind:
     key: str = ""
     """In the legend."""
     suffix: str = ""
-    """Of Plotly's name of a symbol."""
+    """Ending of Plotly's name of a symbol."""
 
 
 KINDS = (
@@ -84,7 +84,7 @@ class FramePanel:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Of the axis of errors."""
+        """The ends of the axis of errors."""
         if self.is_log:
             return self.lowest / 1.3, 3 * float(self.known.max())
         return 0.0, 1.15 * float(self.known.max(initial=0.0)) or 1.0
@@ -138,12 +138,12 @@ def finite(values: FloatArray) -> FloatArray:
 
 
 def median(values: FloatArray) -> float:
-    """Of the finite values; NaN without any."""
+    """The median of the finite values; NaN without any."""
     return float(np.median(known)) if len(known := finite(values)) else float("nan")
 
 
 def median_and_largest(values: FloatArray) -> str:
-    """Of the finite values, in words."""
+    """Median and maximum of the finite values, in words."""
     if not len(known := finite(values)):
         return "none and none"
     return f"{rounded(np.median(known), 3)} and {rounded(known.max(), 3)}"

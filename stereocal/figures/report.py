@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 import plotly
 
-from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
 from stereocal.figures import two_sets
@@ -128,7 +128,7 @@ def _why_two_sets(calibration: Calibration) -> str:
     frame = two_sets.telling_frame(calibration)
     views = two_sets.views_of(calibration, frame)
     columns = []
-    for method in two_sets.PAPER_SETS:
+    for method in PAPER_SETS:
         plots = [
             html_plot(
                 two_sets.plot_image(views, method, camera),

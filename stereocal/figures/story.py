@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import PAPER_SETS, Method
 from stereocal.figures import style
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, add, blank
-from stereocal.figures.two_sets import PAPER_SETS
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
@@ -168,7 +167,7 @@ def describe_story_lines(story: Story) -> str:
 ON_RAYS = np.array([[4.1, 5.6], [5.9, 5.1]])
 """Where the drawn rays are nearest to each other."""
 IMAGE_AT = 0.4
-"""Of the way from the camera to that place."""
+"""Fraction of the way from the camera to that place."""
 
 
 def plot_two_rays(story: Story) -> go.Figure:

@@ -55,7 +55,7 @@ NOWHERE = np.full((1, 2), np.nan)
 Photograph = npt.NDArray[np.uint8]
 """(height, width), grey."""
 LONGEST_PHOTOGRAPH, JPEG_QUALITY = 1000, 85
-"""Of what is drawn behind a panel: longer side in px, and quality."""
+"""Longer side in px, and quality, of a photograph behind a panel."""
 
 
 LAYOUT: Mapping[str, Any] = {
@@ -165,7 +165,7 @@ def line_of(colour: str = NEUTRAL, width: float = 2, dash: str = "solid") -> dic
 
 
 DASHED = line_of(dash="dash")
-"""Of thresholds and other lines to compare with."""
+"""A threshold or another line to compare with."""
 
 
 def marker_of(method: Method, size: float, **more: Any) -> dict[str, Any]:
@@ -199,7 +199,7 @@ def evenly_drawn(n: int) -> BoolArray:
 
 
 def thinned(n: int, most: int) -> slice:
-    """Of n points, at most so many, evenly spread."""
+    """Selects at most `most` of n points, evenly spread."""
     return slice(None, None, -(-n // most) or 1)
 
 

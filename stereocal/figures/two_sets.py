@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import style
 from stereocal.figures.space import SCENE_AXIS
@@ -26,12 +26,11 @@ from stereocal.rig.rig import Rig
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 
-PAPER_SETS: tuple[Method, ...] = ("2d", "3d")
 ON_LINE = 200
 """Points of a drawn epipolar line, which distortion bends."""
 HEIGHT = 480
 DOMAINS = (((0.0, 1.0), (0.478, 1.0)), ((0.0, 0.47), (0.0, 0.378)), ((0.53, 1.0), (0.0, 0.378)))
-"""Of the panels, in x and y: the image, and a close-up of each target."""
+"""Parts of the width and height for each panel: the image, and a close-up of each target."""
 SMALLEST_WINDOW_PX, SMALLEST_WINDOW_M = 3.0, 1e-4
 
 

@@ -14,7 +14,7 @@ from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 
-from stereocal.calibration.methods import METHOD_NAMES, Method
+from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.network.in_words import rig_errors
 from stereocal.projects.application import POINT_FILES
@@ -271,7 +271,7 @@ def _result_of(project: Project) -> str:
         return "not calibrated"
     if run.evaluation is None:
         return "calibrated, not validated"
-    to_use: tuple[Method, Method] = project.recommended or ("2d", "3d")
+    to_use = project.recommended or PAPER_SETS
     match, measure = (figures_of(method, None, run.validation) for method in to_use)
     lengths, wrong = (
         "unknown" if value is None else f"{percent(value)} %"

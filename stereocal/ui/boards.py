@@ -26,7 +26,7 @@ from stereocal.ui.texts import escape_markdown
 OF_BOARDS = "lens from the boards"
 """Label of a lens that was made from the same photographs."""
 MOST_REFUSED = 0.5
-"""Of the frames without a usable board; with more, it may be no board that is held."""
+"""Share of frames without a usable board; with more, it may be no board that is held."""
 
 
 def press_search(work: jobs.Work, what: str, key: str, found: bool, ready: bool) -> None:

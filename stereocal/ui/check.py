@@ -62,7 +62,7 @@ class Chosen:
     """A recording is checked with a rig."""
     smallest: Smallest
     digest: str
-    """Of parameters and images, as given, and of what is stated of them."""
+    """Identifies parameters and images, as given, and what is stated of them."""
 
 
 def choose_inputs(project: Project) -> Chosen | None:

@@ -54,7 +54,7 @@ class Seen:
     check: ProjectCheck
     cameras: Mapping[str, Camera]
     length_m: float | None
-    """Of the bar that they were calibrated with, if it is known."""
+    """The bar that they were calibrated with, if it is known."""
     keep: Callable[[str, bytes], object]
     """Checks and stores a file."""
     table: str
@@ -131,7 +131,7 @@ def _use(seen: Seen, name: str, content: bytes) -> None:
 
 
 def _give_cameras(own: ProjectGiven, cameras: Mapping[str, Camera]) -> None:
-    """Of a rig: which cameras there are, to tell whose photographs are given."""
+    """Name the cameras of a rig, to tell whose photographs are given."""
     if len(cameras) > len(CAMERAS):
         lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
         own.recording.add_parts(lenses)

@@ -41,9 +41,9 @@ class Field:
     """A widget's value, and where it is stored."""
 
     key: str
-    """Of the widget."""
+    """Identifies the widget."""
     name: str
-    """Of the value: the same widget may show several values in turn."""
+    """Identifies the value: the same widget may show several values in turn."""
     read: Callable[[], Any]
     """Returns the stored value, or the default."""
     write: Callable[[Any], object]

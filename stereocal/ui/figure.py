@@ -16,7 +16,7 @@ WIDE_OR_NARROW = """<style>
   [class*="st-key-narrow"] { display: flex; }
 }
 </style>"""
-"""Of containers whose keys begin with `wide` and `narrow`, those for this screen."""
+"""Shows, of containers whose keys begin with `wide` or `narrow`, those for this screen."""
 
 _TARGET = "scroll_to"
 SCRIPT = """<script>/* {now} */

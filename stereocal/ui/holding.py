@@ -60,7 +60,7 @@ def _kind(project: Project | None) -> Field:
 
 
 def _colours(project: Project) -> Field:
-    """Of A and B; while the user clicks, of A only."""
+    """The colours of A and B; while the user clicks, of A only."""
     return setting(project, "held_balls", "", _text)
 
 

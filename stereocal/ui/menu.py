@@ -29,17 +29,17 @@ RIG = "rig"
 OF_PAIRS = ("calibrate", "validate")
 """Pages that a whole rig has not; they open for a pair of it."""
 OTHER_ADDRESSES = {"one_set": "calibrate", "start": "start", "lenses": "cameras"}
-"""Of bookmarks, and what people type."""
+"""Addresses in bookmarks, and what people type."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _DRAWN = "menu_drawn"
 PRESS_FIRST = "press_first"
-"""Of the session: the page that is drawn has a result that is lost unless a button keeps it."""
+"""Key of the session: the page that is drawn has a result that is lost unless a button keeps it."""
 STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
 
 
 def button_type(stands_out: bool) -> Literal["primary", "secondary"]:
-    """Of a button: the one thing to do next stands out."""
+    """The type of a button: the one thing to do next stands out."""
     return "primary" if stands_out else "secondary"
 
 

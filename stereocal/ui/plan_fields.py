@@ -58,7 +58,7 @@ class _Control:
     usual: float
     bounds: Number = POSITIVE
     options: Sequence[float] = ()
-    """Of a slider."""
+    """Positions of a slider."""
     scale: float = 1
     """From the plan's unit to the field's."""
     step: float = 0.1

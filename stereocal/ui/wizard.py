@@ -53,7 +53,7 @@ class Questions:
 
     project: Project
     key: str
-    """Of the widgets, with {} for the name of a question."""
+    """Key of the widgets, with {} for the name of a question."""
     program: str = ""
     """Each program has answers of its own."""
     tabs_own: bool = False
