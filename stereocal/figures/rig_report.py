@@ -116,17 +116,20 @@ def rig_report(rig: RigFile, name: str) -> str:
     return html_page(f"The rig of {name}", rig_sentence(rig), sections)
 
 
-def lens_table(stated: Mapping[str, Camera], rig: RigFile | None = None) -> pd.DataFrame:
+def lens_table(stated: Mapping[str, Camera | None], rig: RigFile | None = None) -> pd.DataFrame:
     """The lens of each camera, a camera a row: as stated, and as a rig refined it."""
     rows = []
     for name, camera in stated.items():
-        width, height = camera.image_size
-        fisheye = ", fisheye" if camera.is_fisheye else ""
-        row = {"Camera": name, "Image, px": f"{width} × {height}"}
-        row["Focal length, px"] = f"{camera.K[0, 0]:.1f}{fisheye}"
+        row = {"Camera": name, "Image, px": "no lens yet"}
+        if camera is not None:
+            width, height = camera.image_size
+            fisheye = ", fisheye" if camera.is_fisheye else ""
+            error = f" ± {rounded(camera.uncertainty.fx)}" if camera.uncertainty else ""
+            row["Image, px"] = f"{width} × {height}"
+            row["Focal length, px"] = f"{camera.K[0, 0]:.1f}{error}{fisheye}"
         if rig is not None and name in rig.cameras:
-            error = rig.to_json()["cameras"][name]["standard_errors"]["fx"]
-            row["Refined, px"] = f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(error)}"
+            error = rounded(rig.to_json()["cameras"][name]["standard_errors"]["fx"])
+            row["Refined, px"] = f"{rig.cameras[name].K[0, 0]:.1f} ± {error}"
         rows.append(row)
     return pd.DataFrame(rows).fillna("")
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -25,7 +26,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.rigid_object import BoardPattern
-from stereocal.system.numbers import count, rounded
+from stereocal.system.numbers import count
 from stereocal.system.settings import asked
 from stereocal.ui import intake, jobs
 from stereocal.ui.downloads import offer
@@ -55,7 +56,10 @@ _ROUND = "boards_round"
 
 def show_lenses(project: Project | None) -> None:
     """The lenses in use, and how a camera's is found or given."""
-    _show_cameras_in_use(project)
+    found = zip(CAMERAS, project.cameras if project else (None, None), strict=True)
+    labels = project.inputs.labels if project else {}
+    named = {which: f"{which}: {labels[which]}" if which in labels else which for which in CAMERAS}
+    _show_table(lens_table({named[which]: camera for which, camera in found}))
     which, how = _choose_camera(project)
     if how == FILE:
         _from_file(project, which)
@@ -72,22 +76,6 @@ def show_lenses(project: Project | None) -> None:
         _show_lens(store)
 
 
-def _show_cameras_in_use(project: Project | None) -> None:
-    """Show the project's lens of each camera."""
-    cameras = project.cameras if project else (None, None)
-    labels = project.inputs.labels if project else {}
-    for which, camera, column in zip(CAMERAS, cameras, st.columns(2), strict=True):
-        with column.container(border=True, height="stretch"):
-            st.markdown(f"**{which.capitalize()} camera**")
-            if camera is None:
-                st.markdown("No lens yet.")
-                continue
-            width, height = camera.image_size
-            sigma = f" ± {rounded(camera.uncertainty.fx)}" if camera.uncertainty else ""
-            said = f"fx {camera.K[0, 0]:.2f}{sigma} px, image {width} × {height} px"
-            st.markdown(f"{escape_markdown(labels[which])}: {said}")
-
-
 def show_cameras_of_rig(project: Project) -> bool:
     """The lenses of a recording of several cameras, or of the files given for one; with a rig,
     those that it refined too. False if there are none."""
@@ -95,7 +83,7 @@ def show_cameras_of_rig(project: Project) -> bool:
     cameras = readable(lambda: store.cameras) or {}
     if not (store.is_given or len(cameras) > len(CAMERAS)):
         return False
-    st.table(escaped_table(lens_table(cameras, store.rig)).set_index("Camera"))
+    _show_table(lens_table(cameras, store.rig))
     if store.rig is not None:
         st.caption("Refined: by the rig, with its standard errors. Apply and Check use these.")
     st.markdown(
@@ -104,6 +92,10 @@ def show_cameras_of_rig(project: Project) -> bool:
     )
     st.page_link("pages/data.py", label="Camera files on the Data page")
     return True
+
+
+def _show_table(lenses: pd.DataFrame) -> None:
+    st.table(escaped_table(lenses).set_index("Camera"))
 
 
 def _tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
