@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.studies import run_studies
 from stereocal.calibration.readings import changed
 from stereocal.errors import StereocalError
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.rig.camera import Camera
@@ -123,7 +123,7 @@ def said_of(
         found = calibrate(change(data), refined=stated)
     except StereocalError as error:
         return words in str(error), True, False
-    items = what_disagrees(found.refined) if found.refined else []
+    items = found.inputs
     accused = [key for item in items if item.accused for key in (item.key, *item.rivals)]
     return words in " ".join(found.warnings) or words in accused, False, bool(accused)
 
@@ -140,7 +140,7 @@ def inputs(rigs: int) -> None:
     for number in range(rigs):
         _, data, _ = rig(number)
         unstated = replace(data, baseline_sigma_m=None, target_distance_sigma_m=None)
-        asked += bool(undetectable_errors(what_disagrees(refine(unstated))))
+        asked += bool(undetectable_errors(compare_inputs(refine(unstated)).inputs))
     print(f"  nothing stated: asked for in {asked} of {rigs}")
 
 

@@ -89,11 +89,6 @@ class Comparison:
     """The fit without the priors of the accused inputs; the given one if none is accused."""
 
 
-def what_disagrees(result: RefinedResult) -> list[Input]:
-    """The inputs of `compare_inputs`."""
-    return compare_inputs(result).inputs
-
-
 def compare_inputs(result: RefinedResult) -> Comparison:
     """Test all inputs that have a prior, and a fixed distortion; solves again for each test.
 

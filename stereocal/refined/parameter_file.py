@@ -47,7 +47,7 @@ def refined_parameters(
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 
     Args:
-        inputs: from `disagreement.what_disagrees`, if it was computed.
+        inputs: from `disagreement.compare_inputs`, if they were compared.
         validation: figures of a validation; its `threshold_px` becomes the matching threshold.
         forecast: figures on frames to come; its threshold is used if there is no validation.
         left_out: frames left out by the screening, in addition to those that the fit left out.

@@ -27,7 +27,7 @@ from stereocal.matching.matching import nearest_errors
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import costs_of, trade_off
@@ -53,7 +53,7 @@ evaluate_runs(dataset, EvaluationSettings(), 0, [0])
 count_set(dataset, found.methods["2d"].pose)
 refine(dataset, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
 refined = refine(dataset, RefineSettings())
-what_disagrees(refined), accuracy_map(refined, size=5)
+compare_inputs(refined).inputs, accuracy_map(refined, size=5)
 trade_off(dataset, RefineSettings(), points=3)
 costs_of(dataset, {"2d": Rig(dataset.primary, dataset.secondary, found.methods["2d"].pose)})
 forecasts = forecast_files(found).of_files({})

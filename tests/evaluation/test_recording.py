@@ -12,7 +12,7 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings, errors_of
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
@@ -95,7 +95,7 @@ def test_the_frames_left_out_are_bad_detections(recordings: Dataset, even: Datas
 def test_the_typed_baseline_is_doubted(recordings: Dataset) -> None:
     """4.976 m is stated; with 5 mm and 0.5 mm of uncertainty, images and bars want another."""
     settings = RefineSettings(baseline_sigma_m=0.005, distance_sigma_m=0.0005)
-    accused = [item for item in what_disagrees(refine(recordings, settings)) if item.accused]
+    accused = [item for item in compare_inputs(refine(recordings, settings)).inputs if item.accused]
     assert accused
     assert accused[0].key == "baseline"
     assert accused[0].others_say is not None

@@ -22,7 +22,7 @@ from stereocal.figures.two_sets import telling_frame, views_of
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.lengths import check_lengths
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.misfit import misfit_of
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import accuracy_map
@@ -88,7 +88,7 @@ def every_figure() -> dict[str, Drawn]:
     """By the name of the function without `plot_`; of `points` both meanings of its colour."""
     dataset, refined, curves = read_dataset(FIELD), refined_field(), curves_of_field()
     calibration = calibrate(dataset, trace=True)
-    inputs, misfit = what_disagrees(refined), misfit_of(refined)
+    inputs, misfit = compare_inputs(refined).inputs, misfit_of(refined)
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
     settings = EvaluationSettings(CalibrationSettings(), 6, 20, refined=RefineSettings())
     with ThreadPoolExecutor(2) as executor:

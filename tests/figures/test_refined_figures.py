@@ -26,7 +26,7 @@ from stereocal.figures.one_set import (
 )
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.quality import lens_residuals, preview, typical_and_noise_px
-from stereocal.refined.disagreement import ACCUSED, what_disagrees
+from stereocal.refined.disagreement import ACCUSED, compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
@@ -129,7 +129,7 @@ def test_accuracy_shows_both_maps_cameras_and_targets(quantity: Quantity, unit: 
 
 def test_an_accused_input_stands_out() -> None:
     wrong = replace(FIELD, baseline_m=4.7)
-    inputs = what_disagrees(refine(wrong, RefineSettings(baseline_sigma_m=0.005)))
+    inputs = compare_inputs(refine(wrong, RefineSettings(baseline_sigma_m=0.005))).inputs
     figure = plot_disagreement(inputs)
     bars = figure.data[0]
     assert list(bars.y)[-1] == "Baseline"
@@ -141,7 +141,7 @@ def test_an_accused_input_stands_out() -> None:
 
 
 def test_the_table_of_inputs_says_stated_and_estimated() -> None:
-    inputs = what_disagrees(refined_field())
+    inputs = compare_inputs(refined_field()).inputs
     table = disagreement_table(inputs)
     assert len(table) == len(inputs) <= 8
     baseline = next(item for item in inputs if item.key == "baseline")
@@ -150,5 +150,7 @@ def test_the_table_of_inputs_says_stated_and_estimated() -> None:
     value, _, sigma, unit = str(row["Estimated"]).split()
     assert float(value) == pytest.approx(float(baseline.estimate[0]), abs=float(sigma))
     assert float(sigma) == pytest.approx(float(baseline.sigma[0]), rel=0.1) and unit == "m"
-    held = what_disagrees(refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)))
+    held = compare_inputs(
+        refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
+    ).inputs
     assert "held as stated" in set(disagreement_table(held)["Estimated"])

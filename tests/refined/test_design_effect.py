@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
@@ -76,6 +76,6 @@ def test_runs_accuse_no_sound_input() -> None:
     for seed in range(20):
         rng = np.random.default_rng([seed, 77])
         data = stated(waved_scene(random_rig(rng), rng, 150, 15), rng, EXACT)
-        found = what_disagrees(refine(in_runs(data, rng, 15, 0.3), settings))
+        found = compare_inputs(refine(in_runs(data, rng, 15, 0.3), settings)).inputs
         accused += any(item.accused for item in found)
     assert accused <= 3

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.refined.disagreement import compare_inputs, what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import advice_on, moved_lengths, undetectable_errors
 from stereocal.refined.two_views import DISTORTION
@@ -38,7 +38,7 @@ def test_sound_rigs_are_not_accused() -> None:
 def test_what_is_fixed_or_free_is_not_tested() -> None:
     data = rig.dataset(25, 0.2)
     settings = RefineSettings(FIXED_LENS, FIXED_LENS, baseline_sigma_m=np.inf)
-    items = what_disagrees(refine(data, settings))
+    items = compare_inputs(refine(data, settings)).inputs
     distortions = {"primary distortion", "secondary distortion"}
     assert {item.key for item in items} == {"distance", *distortions}
     # Where the baseline is free, the images say nothing about the bar.
@@ -51,7 +51,7 @@ def test_a_wrong_focal_length_does_not_free_both_lengths() -> None:
     rng = np.random.default_rng(5)
     data = stated(random_scene(rng), rng, KNOWN, baseline=1.06, focal=0.05)
     settings = replace(KNOWN.settings(), distance_sigma_m=1e-4)
-    accused = [item.key for item in what_disagrees(refine(data, settings)) if item.accused]
+    accused = [item.key for item in compare_inputs(refine(data, settings)).inputs if item.accused]
     assert accused
     assert not {"baseline", "distance"} <= set(accused)
 
@@ -59,11 +59,11 @@ def test_a_wrong_focal_length_does_not_free_both_lengths() -> None:
 def test_a_measured_length_that_the_fit_leaves_is_said() -> None:
     """A baseline 1.5 % too long with an assumed 1 %: too little to accuse it, not to say it."""
     data = rig.dataset(25, 0.05)
-    assert moved_lengths(what_disagrees(refine(data))) == ""
+    assert moved_lengths(compare_inputs(refine(data)).inputs) == ""
     long = replace(data, baseline_m=1.015 * data.baseline_m, target_distance_sigma_m=1e-5)
     lenses = RefineSettings(primary=LensPrior(1e-4, 0.1), secondary=LensPrior(1e-4, 0.1))
     result = refine(long, lenses)
-    told = moved_lengths(what_disagrees(result))
+    told = moved_lengths(compare_inputs(result).inputs)
     fitted = result.pose.baseline
     assert abs(fitted - data.baseline_m) < 0.2 * abs(fitted - long.baseline_m)
     assert told.startswith(f"The baseline is {fitted:.3f} m in the fit") and "as measured" in told
@@ -72,15 +72,15 @@ def test_a_measured_length_that_the_fit_leaves_is_said() -> None:
 
 def test_what_nobody_stated_is_asked_for() -> None:
     data = rig.dataset(25, 0.2)
-    asked = undetectable_errors(what_disagrees(refine(data)))
+    asked = undetectable_errors(compare_inputs(refine(data)).inputs)
     for word in ("baseline", "distance", "focal length", "image centre", "mm", "px"):
         assert word in asked
     stated_all = replace(data, baseline_sigma_m=0.002, target_distance_sigma_m=0.0005)
     settings = RefineSettings(primary=LensPrior(0.003, 5.0), secondary=LensPrior(0.003, 5.0))
-    items = what_disagrees(refine(stated_all, settings))
+    items = compare_inputs(refine(stated_all, settings)).inputs
     assert undetectable_errors(items) == ""
     assert all(item.sigma_stated for item in items if not item.key.endswith("distortion"))
-    assert "focal" not in undetectable_errors(what_disagrees(refine(data, settings)))
+    assert "focal" not in undetectable_errors(compare_inputs(refine(data, settings)).inputs)
 
 
 def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
@@ -91,10 +91,10 @@ def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
         scene = random_scene(rng)
         sound = stated(scene, rng, replace(KNOWN, baseline_m=0.0, bar_m=0.0))
         fit = refine(sound, KNOWN.settings())
-        noticed = next(i for i in what_disagrees(fit) if i.key == "baseline").detectable[0]
+        noticed = next(i for i in compare_inputs(fit).inputs if i.key == "baseline").detectable[0]
         for part in seen:
             wrong_one = replace(sound, baseline_m=sound.baseline_m + part * noticed)
-            items = what_disagrees(refine(wrong_one, KNOWN.settings()))
+            items = compare_inputs(refine(wrong_one, KNOWN.settings())).inputs
             seen[part] += any(i.accused and "baseline" in (i.key, *i.rivals) for i in items)
     assert seen[0.5] <= 2
     assert seen[2.0] >= 11
@@ -123,7 +123,7 @@ def test_sound_rigs_keep_their_distortion() -> None:
     accused = [
         item.key
         for seed in range(12)
-        for item in what_disagrees(refine(rig.dataset(25, 0.2, seed=seed)))
+        for item in compare_inputs(refine(rig.dataset(25, 0.2, seed=seed))).inputs
         if item.accused
     ]
     assert len(accused) <= 1

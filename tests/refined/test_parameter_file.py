@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import TIME
@@ -24,7 +24,7 @@ def result() -> RefinedResult:
 
 
 def test_there_and_back(result: RefinedResult) -> None:
-    saved = refined_parameters(result, what_disagrees(result))
+    saved = refined_parameters(result, compare_inputs(result).inputs)
     read = RigParameters.loads(saved.dumps())
     assert (read.method, read.purpose) == ("refined", "both")
     np.testing.assert_array_equal(read.primary.K, result.primary.K)
@@ -39,7 +39,7 @@ def test_there_and_back(result: RefinedResult) -> None:
 
 
 def test_what_the_uncertainties_say(result: RefinedResult) -> None:
-    stated_ones = refined_parameters(result, what_disagrees(result)).uncertainties
+    stated_ones = refined_parameters(result, compare_inputs(result).inputs).uncertainties
     assert stated_ones is not None
     errors = stated_ones["standard_errors"]
     assert errors == {name: value.sigma for name, value in standard_errors(result).items()}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.methods import errors_of
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import length_errors, length_sigmas
 from stereocal.refined.unknowns import RefineSettings
@@ -106,7 +106,9 @@ def accusations(rigs: int, wrong: str, seed: int) -> tuple[int, int]:
             baseline=1.03 if wrong == "baseline" else 1.0,
             focal=0.02 if wrong == "primary focal" else 0.0,
         )
-        keys = {item.key for item in what_disagrees(refine(data, off.settings())) if item.accused}
+        keys = {
+            item.key for item in compare_inputs(refine(data, off.settings())).inputs if item.accused
+        }
         named += wrong in keys
         accused += bool(keys - {wrong})
     return named, accused

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.refined.disagreement import what_disagrees
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -254,5 +254,5 @@ def accusations_of(data: Dataset) -> tuple[str, ...]:
         found = calibrate(data)
     except StereocalError as error:
         return (str(error),)
-    inputs = what_disagrees(found.refined) if found.refined else []
+    inputs = compare_inputs(found.refined).inputs if found.refined else []
     return (*found.warnings, *(item.key for item in inputs if item.accused))
