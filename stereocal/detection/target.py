@@ -155,7 +155,7 @@ def _colour(name: str) -> str:
 
 
 def _tags(rest: str) -> Tags:
-    found = re.fullmatch(r"(?:DICT_)?(\w+):\s*(\d+)\s*,\s*(\d+)\s*", rest)
+    found = re.fullmatch(r"(?:DICT_)?(\w+):\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", rest)
     if found is None:
         raise StereocalError("write the dictionary and the numbers of A and B: tags:4X4_50:3,7.")
     dictionary, a, b = found[1], int(found[2]), int(found[3])

@@ -5,6 +5,8 @@ cameras there are is not in the file: two, unless the columns only fit three. A 
 size of the table may have the value 0.
 """
 
+import re
+
 import numpy as np
 import pandas as pd
 
@@ -22,6 +24,7 @@ from stereocal.system.tables import (
 
 CELLS = ("row", "column", "value")
 FEWEST_ROWS = 4
+POSITIVE = re.compile(r"0*[1-9]\d{0,17}")
 
 
 def dense_text(content: bytes, source: str) -> bytes:
@@ -34,7 +37,7 @@ def dense_text(content: bytes, source: str) -> bytes:
     own = [row for row in rows[header:] if any(row)]
     if len(own) < FEWEST_ROWS or any(len(row) != len(CELLS) for row in own):
         return content
-    if not all(row[k].strip().isdigit() and int(row[k]) for row in own for k in (0, 1)):
+    if not all(POSITIVE.fullmatch(row[k].strip()) for row in own for k in (0, 1)):
         return content
     text = text_of(content, source)
     raw, long = rows_below(text, dialect, header, len(CELLS), source)

@@ -104,6 +104,7 @@ def _equal(one: Any, other: Any, tolerance: float, scale: float) -> bool:
         return NUMBER.sub("#", one) == NUMBER.sub("#", other) and all(
             abs(float(a[0]) - float(b[0]))
             <= tolerance * max(float(a[0]), float(b[0])) + 1.001 * max(map(_unit, (a, b)))
+            < math.inf
             for a, b in pairs
         )
     if is_number(one) and is_number(other) and isinstance(one + other, float):
@@ -113,7 +114,7 @@ def _equal(one: Any, other: Any, tolerance: float, scale: float) -> bool:
 
 
 def _unit(number: re.Match[str]) -> float:
-    return 10.0 ** (int(number[2] or 0) - len(number[1] or ""))
+    return float(f"1e{number[2] or 0}") * 10.0 ** -len(number[1] or "")
 
 
 def is_number(value: Any) -> bool:

@@ -57,7 +57,7 @@ NO_TARGETS = """tag bar2x2:4 tags: tags:9X9_50:1,2 tags:4X4_50:3 tags:4X4_50:3,3
 balls balls:red balls:red,blurple balls:bright,red balls:red,blue,red"""
 
 
-@pytest.mark.parametrize("text", ["", *NO_TARGETS.split()])
+@pytest.mark.parametrize("text", ["", f"tags:4X4_50:3,{'9' * 5000}", *NO_TARGETS.split()])
 def test_what_is_no_target_is_refused(text: str) -> None:
     with pytest.raises(StereocalError):
         parse_target(text)

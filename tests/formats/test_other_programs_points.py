@@ -221,7 +221,8 @@ class TestNumbers:
                 expected = np.delete(expected, 9, axis=0)
             np.testing.assert_allclose(table[["u", "v"]].to_numpy(), expected, rtol=0, atol=1e-9)
         plain = b"1,2,3\n1,5,6\n2,2,4\n2,5,4\n3,2,4\n3,5,4\n"
-        assert point_text(plain, "frame, u and v") == plain
+        for other in (plain, "\u00b2,1,2.5\n".encode() * 9):
+            assert point_text(other, "frame, u and v") == other
 
     def test_dltdv_5_counts_as_its_display_does(self) -> None:
         """The first pixel of a 1600x1200 image: column 1, and the top row is at 1200."""

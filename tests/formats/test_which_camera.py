@@ -44,6 +44,7 @@ def read(files: Mapping[str, bytes], cameras: str = "") -> Archive:
         ("1,2", "cam0 cam1 cam2", "cam1,cam2 or cam0,cam1"),
         ("1,4", "left right top", "no camera 4"),
         ("0,1", "left right", "no camera 0"),
+        (f"1,{'9' * 5000}", "left right", "no camera 9"),
         ("left,up", "left right top", "no camera up"),
     ],
 )

@@ -203,3 +203,12 @@ def test_searched_sets_have_a_wider_tolerance() -> None:
     other = {**BASE, "R": [[1.0, 5e-5], [0.0, 1.0]], "cost": 2.05}
     assert len(differences(BASE, other, ADJUSTED)) == 2
     assert not differences(BASE, other, SEARCHED)
+
+
+@pytest.mark.parametrize(("written", "equal"), [("6.1e-01", True), ("1e999", False)])
+def test_numbers_of_a_sentence_may_differ_by_a_unit_of_their_last_digit(
+    written: str, equal: bool
+) -> None:
+    texts = (f"Below 0.91 px, {number} %." for number in ("6.0e-01", written))
+    one, other = ({**BASE, "recommendation": text} for text in texts)
+    assert (differences(one, other, SEARCHED) == []) == equal

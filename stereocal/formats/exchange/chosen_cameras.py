@@ -104,7 +104,7 @@ def _readings(
     words = [each for each in wanted if isinstance(each, str)]
     if len(words) < len(wanted):
         return [], [each for each in wanted if isinstance(each, int)]
-    numbers = [int(each) - 1 for each in words if each.isdecimal()]
+    numbers = [int(each) - 1 for each in words if each.isdecimal() and len(each) < 9]
     known = len(numbers) == len(words) and all(0 <= each < len(names) for each in numbers)
     return namesakes(words, names) or namesakes(words, also), numbers if known else []
 
