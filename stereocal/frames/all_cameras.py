@@ -95,7 +95,8 @@ def _by_name(folders: Mapping[str, Sequence[str]]) -> Moments:
             raise StereocalError(f"Two photographs of {camera} have the same name: remove one.")
         for pair in number_pairs({stem: (stem, "") for stem in own}):
             by_stem.setdefault(pair.primary, {})[camera] = own[pair.primary]
-            if pair.frame in map(int, re.findall("[0-9]+", pair.primary)):  # else it was counted
+            number = rf"(?<![0-9])0*{pair.frame}(?![0-9])"
+            if re.search(number, pair.primary):  # else it was counted
                 by_number.setdefault(pair.frame, {})[camera] = own[pair.primary]
     alike = {stem: own for stem, own in by_stem.items() if len(own) > 1}
     if alike:

@@ -123,6 +123,8 @@ def test_photographs_of_one_moment_have_one_name() -> None:
     }
     two = matched(a="cam1_07 cam1_11", b="cam2_11 cam2_12", c="11_c3 12_c3")
     assert {frame: [*files] for frame, files in two.items()} == {11: [*"abc"], 12: [*"bc"]}
+    long = "9" * 5000  # which Python makes no number of
+    assert len(matched(a=f"1 {long}", b=f"1 {long}", c="1")) == 2
     with pytest.raises(StereocalError, match="name those of one moment alike"):
         matched(a="x y z", b="p q r")  # never by their order
     with pytest.raises(StereocalError, match="same name"):
