@@ -83,7 +83,7 @@ class Predictive:
 
     methods: tuple[Method, ...]
     counts: npt.NDArray[np.uint16]
-    """(draws, halves, methods, 2, 2, BINS + 2): as in `evaluate.Run`."""
+    """(draws, halves, methods, 2, 2, BINS + 2): as in `evaluate.RunCounts`."""
     correct_px: FloatArray
     """(draws, halves, methods): mean reprojection error of the correct pairs."""
     lengths: FloatArray
