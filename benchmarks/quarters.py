@@ -28,7 +28,8 @@ from stereocal.refined.screening import screen
 from stereocal.refined.two_views import BAR
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
+from stereocal.rig.correspondences import TARGETS, Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import calibrate

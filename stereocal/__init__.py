@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from stereocal.matching.measure_tables import reconstruct as reconstruct
     from stereocal.matching.pairs import match as match
     from stereocal.rig.camera import Camera as Camera
-    from stereocal.rig.dataset import Correspondences as Correspondences
+    from stereocal.rig.correspondences import Correspondences as Correspondences
     from stereocal.rig.dataset import Dataset as Dataset
     from stereocal.rig.geometry import Pose as Pose
     from stereocal.rig.parameters import RigParameters as RigParameters

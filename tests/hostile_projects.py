@@ -33,7 +33,8 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, read_review, thumbnail
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import SOURCES, Dataset
+from stereocal.rig.correspondences import SOURCES
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip, unzip
 from stereocal.workflow import calibrate

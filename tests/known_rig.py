@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, stack_rays
 
 PRIMARY = Camera(

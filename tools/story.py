@@ -12,7 +12,8 @@ from stereocal.figures.story import HeldOut, Story, best_mean
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import TARGETS, Dataset
+from stereocal.rig.correspondences import TARGETS
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.atomic_files import write_atomically
 from stereocal.workflow import calibrate

@@ -7,7 +7,8 @@ from stereocal.figures import style
 from stereocal.figures.style import n_drawn
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.residual_field import cells_of
 from stereocal.system.numbers import count
 

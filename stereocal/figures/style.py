@@ -17,7 +17,7 @@ from plotly.subplots import make_subplots
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
 from stereocal.rig.compiled import BoolArray, FloatArray
-from stereocal.rig.dataset import TARGETS, Correspondences
+from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.system.numbers import count as count
 
 METHOD_COLOURS: Mapping[Method, str] = {

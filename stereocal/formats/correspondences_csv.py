@@ -8,7 +8,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, naming
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
+from stereocal.rig.correspondences import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.limits import Limits
 from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows

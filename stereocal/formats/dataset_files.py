@@ -21,7 +21,8 @@ from stereocal.formats.recording_files import (
 )
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import LensModel
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph

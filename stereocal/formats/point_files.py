@@ -17,7 +17,7 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.exchange.options import PixelOrigin
 from stereocal.frames.pairing import natural
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import TARGETS, Correspondences
+from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of

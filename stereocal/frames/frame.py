@@ -14,7 +14,7 @@ from stereocal.detection.detect import State
 from stereocal.errors import DAMAGED, StereocalError, can_be_shown
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import SOURCES, TARGETS, Correspondences
+from stereocal.rig.correspondences import SOURCES, TARGETS, Correspondences
 from stereocal.system.numbers import count
 from stereocal.system.records import of_plain
 

@@ -21,7 +21,7 @@ from stereocal.detection.target import BAR, Balls, Bar2x2, Tags, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.frame import Centre, Frame, correspondences_of, name_in
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import TARGETS
+from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.geometry import stack_rays
 from stereocal.rig.rig import Rig
 

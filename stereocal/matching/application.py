@@ -25,7 +25,7 @@ from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Correspondences
+from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording

@@ -15,7 +15,8 @@ from stereocal.refined.unknowns import (
     DEFAULT_DISTANCE,
     DEFAULT_FOCAL,
 )
-from stereocal.rig.dataset import SOURCES, Dataset
+from stereocal.rig.correspondences import SOURCES
+from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent

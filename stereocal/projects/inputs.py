@@ -10,7 +10,8 @@ import numpy as np
 from stereocal.errors import can_be_shown
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 
 Slot = Literal["primary", "secondary", "correspondences"]
 Length = Literal["baseline_m", "target_distance_m"]

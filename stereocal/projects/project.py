@@ -27,7 +27,8 @@ from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Correspondences, Dataset, check_length, refuse_points_outside
+from stereocal.rig.correspondences import Correspondences, refuse_points_outside
+from stereocal.rig.dataset import Dataset, check_length
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, unpack

@@ -19,7 +19,8 @@ from stereocal.refined.two_views import SHARED, lens_places
 from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 
 WORTH = 2.0

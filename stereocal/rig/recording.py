@@ -11,7 +11,8 @@ import numpy as np
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
-from stereocal.rig.dataset import TARGETS, Correspondences, Dataset
+from stereocal.rig.correspondences import TARGETS, Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 

@@ -14,7 +14,8 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, homogeneous
 from stereocal.rig.rig import Rig
 

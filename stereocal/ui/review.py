@@ -15,7 +15,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import change_review, read_review
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import TARGETS
+from stereocal.rig.correspondences import TARGETS
 from stereocal.ui.contact_sheet import badge, show_contact_sheet
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, one_of, setting, yes_or_no

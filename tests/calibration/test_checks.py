@@ -14,7 +14,8 @@ from stereocal.calibration.checks import (
 from stereocal.calibration.montecarlo import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.workflow import calibrate
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset

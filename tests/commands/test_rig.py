@@ -17,7 +17,7 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import pack_recording
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.dataset import Correspondences
+from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.rigs import simulated_rig
 from tests.archives import kalibr_chain, wand_csv

@@ -18,7 +18,7 @@ from stereocal.formats.camera_file import read_camera, write_camera, write_openc
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_cameras, read_dataset
 from stereocal.rig.camera import Camera, LensUncertainty
-from stereocal.rig.dataset import Correspondences
+from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.zip_files import unzip

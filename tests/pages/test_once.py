@@ -21,7 +21,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.refine import refine
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Correspondences
+from stereocal.rig.correspondences import Correspondences
 from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped

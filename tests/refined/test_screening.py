@@ -12,7 +12,8 @@ from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import explain_failure
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import observe, place_bars
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
 from stereocal.workflow import calibrate

@@ -8,7 +8,8 @@ import pytest
 
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Correspondences, Dataset, points_outside
+from stereocal.rig.correspondences import Correspondences, points_outside
+from stereocal.rig.dataset import Dataset
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences, dataset
 
 EXACT = dataset(6)

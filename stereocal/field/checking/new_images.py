@@ -11,7 +11,8 @@ from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import count

@@ -20,7 +20,8 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.verdict.judging import photograph
 
 BARS = 120

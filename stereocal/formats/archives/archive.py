@@ -9,7 +9,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.point_files import BarPoints
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Correspondences, Dataset
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count, rounded
 
 NOMINAL_SIGMA = 0.02

@@ -28,7 +28,7 @@ from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.formats.recognition import recognise
 from stereocal.formats.sleap_h5 import point_text
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Correspondences
+from stereocal.rig.correspondences import Correspondences
 
 Heights = Sequence[int | None]
 """Heights of the images of the cameras, px."""
