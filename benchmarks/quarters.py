@@ -76,12 +76,12 @@ def forecast(data: Dataset) -> None:
     held: dict[str, list[bool]] = {name: [] for name in FIGURES}
     widths: dict[str, list[float]] = {name: [] for name in FIGURES}
     for number, (own, rest) in enumerate(quarters(data)):
-        outlook = forecast_files(
+        found = forecast_files(
             calibrate(data.of_frames(rest), CalibrationSettings(), refined=RefineSettings())
         )
         for method in METHODS:
-            true = figures_on(data.of_frames(own), outlook.files[method])
-            said = outlook.predictive.forecast(method)
+            true = figures_on(data.of_frames(own), found.files[method])
+            said = found.draws.figures_of(method)
             for name in FIGURES:
                 each = getattr(said, name)
                 held[name].append(each.low <= true[name] <= each.high)

@@ -57,9 +57,9 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
         lens = LensPrior(case.off.focal / case.too_sure, case.off.centre_px / case.too_sure)
         settings = replace(settings, primary=lens, secondary=lens)
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
-    outlook = forecast_files(calibration)
-    files = outlook.files
-    answer = outlook.verdict
+    forecast = forecast_files(calibration)
+    files = forecast.files
+    answer = forecast.verdict
     factor = BAR_M / dataset.target_distance_m
     test = place_bars(scene.rig, rng, 1500, BAR_M, DEPTHS_M)
     true = population(scene.rig, files, test.ends_m, noise, dict.fromkeys(files, 1.0), rng, factor)

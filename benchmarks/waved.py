@@ -37,12 +37,12 @@ def held(length: int, seed: int) -> list[tuple[bool, float]]:
     data = with_waves(stated(scene, rng, off), fields, MISFIT_PX)
     further = waved_scene(cameras, rng, FURTHER, length)
     test = observe(further, rng, NOISE_PX, "further", Nominal.exact(scene))
-    outlook = forecast_files(calibrate(data, refined=RefineSettings()))
+    forecast = forecast_files(calibrate(data, refined=RefineSettings()))
     found = []
     for method in METHODS:
-        true = figures_on(with_waves(test, fields, MISFIT_PX), outlook.files[method])
+        true = figures_on(with_waves(test, fields, MISFIT_PX), forecast.files[method])
         for name in FIGURES:
-            said = getattr(outlook.predictive.forecasts[method], name)
+            said = getattr(forecast.draws.figures[method], name)
             holds = said.low <= true[name] <= said.high
             found.append((holds, (said.high - said.low) / said.value))
     return found

@@ -50,10 +50,10 @@ from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import FileForecast, RigParameters
+from stereocal.rig.parameters import ForecastEntries, RigParameters
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
-from stereocal.verdict.forecast import Outlook, advice_on_improvements, forecast_files
+from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.other_seeds import conclusions_of_seeds
@@ -63,7 +63,7 @@ from stereocal.verdict.tradeoff import TradeOff, trade_off
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
 BEFORE = (
-    *("screening", "calibration", "outlook", "advice"),
+    *("screening", "calibration", "forecast", "advice"),
     *("note_on_seeds", "maps", "misfit", "curves"),
 )
 """Steps that do not depend on a validation."""
@@ -179,7 +179,7 @@ class Run:
         return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
 
     @step
-    def outlook(self) -> Outlook | None:
+    def forecast(self) -> Forecast | None:
         """The forecast of the files; None if there cannot be one."""
         calibration = self.calibration
         self.progress("forecast")
@@ -198,8 +198,8 @@ class Run:
     @step
     def recommendation(self) -> Recommendation:
         """Which file to use for what, and how good they are."""
-        found = recommend(self.calibration, self.outlook, self.validation)
-        moved = moved_lengths(self.inputs) if self.outlook else ""
+        found = recommend(self.calibration, self.forecast, self.validation)
+        moved = moved_lengths(self.inputs) if self.forecast else ""
         note = ""
         if (own := self.evaluation) is not None:
             kept = self.calibration.screening.dataset
@@ -212,9 +212,9 @@ class Run:
         return self.calibration.inputs
 
     @step
-    def forecasts(self) -> dict[Method, FileForecast]:
+    def forecast_entries(self) -> dict[Method, ForecastEntries]:
         """The entries of the files on the forecast, by method; empty without one."""
-        return self.outlook.of_files(self.validation) if self.outlook else {}
+        return self.forecast.of_files(self.validation) if self.forecast else {}
 
     @step
     def sets(self) -> dict[Method, RigParameters]:
@@ -223,7 +223,7 @@ class Run:
         sets: dict[Method, RigParameters] = {}
         for method in FILE_METHODS:
             if method != "refined" or calibration.refined is not None:
-                entries = self.validation.get(method), self.forecasts.get(method)
+                entries = self.validation.get(method), self.forecast_entries.get(method)
                 parameters = calibration.parameters(method, *entries)
                 sets[method] = replace(parameters, recommendation=about)
         return sets
@@ -237,7 +237,7 @@ class Run:
     def advice(self) -> str:
         """What would lower the errors of the refined set: 9 s for 20,000 frames; empty without a
         forecast."""
-        return "" if self.outlook is None else advice_on_improvements(self.outlook.model)
+        return "" if self.forecast is None else advice_on_improvements(self.forecast.model)
 
     @step
     def maps(self) -> list[AccuracyMap]:
@@ -270,8 +270,8 @@ class Run:
     @step
     def note_on_seeds(self) -> str:
         """A sentence if the files to use depend on the seed of the searches; else empty."""
-        outlook = self.outlook
-        return "" if outlook is None else conclusions_of_seeds(self.calibration, outlook)
+        forecast = self.forecast
+        return "" if forecast is None else conclusions_of_seeds(self.calibration, forecast)
 
 
 def calibrate(

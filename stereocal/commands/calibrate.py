@@ -29,8 +29,8 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
+from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import digits, listed
-from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import frames_to_come, in_percent
 from stereocal.workflow import Run, usual_frames
 
@@ -110,9 +110,9 @@ def _lines_of(found: Run) -> list[str]:
         if result.outlying_frames:
             named = listed([str(frame) for frame in result.outlying_frames])
             lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
-    if found.outlook:
-        of = frames_to_come(calibration, found.outlook)
-        lines += _forecast_lines(found.outlook.predictive, found.thresholds_px, of)
+    if found.forecast:
+        of = frames_to_come(calibration, found.forecast)
+        lines += _forecast_lines(found.forecast.draws, found.thresholds_px, of)
     return lines
 
 
@@ -148,10 +148,10 @@ def validate(run: Run, settings: EvaluationSettings) -> Run:
 
 
 def _forecast_lines(
-    predictive: Predictive, thresholds_px: Mapping[Method, float | None], of: str
+    draws: ForecastDraws, thresholds_px: Mapping[Method, float | None], of: str
 ) -> list[str]:
     lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
-    for method, found in predictive.forecasts.items():
+    for method, found in draws.figures.items():
         fcp, length = found.fcp_reprojection, found.p95_error_3d
         lines.append(
             f"{method:<10} overlap of correct and wrong pairs {in_percent(fcp)}, "

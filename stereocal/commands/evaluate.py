@@ -59,7 +59,7 @@ def run(parsed: argparse.Namespace) -> None:
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     for run, own in zip(found, by_dataset.values(), strict=True):
         run.figures = validation_figures(own, settings)
-    forecasts = [run.forecasts if _is_calibrated(run) else {} for run in found]
+    forecasts = [run.forecast_entries if _is_calibrated(run) else {} for run in found]
     only = found[0] if len(found) == 1 and _is_calibrated(found[0]) else None
     recommended = (only.calibration, only.recommendation) if only else None
     about = datasets, settings, screenings

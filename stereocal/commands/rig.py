@@ -38,7 +38,7 @@ def paper_sets(dataset: Dataset, settings: RefineSettings) -> Sets:
     """The refined set of a pair of a rig and the paper's two, with the forecast."""
     # The rig has left out the frames that contradict it.
     found = Run(dataset, CalibrationSettings(all_frames=True), settings)
-    if found.outlook is None:
+    if found.forecast is None:
         raise StereocalError("there is no forecast for it.")
     return found.sets
 

@@ -20,8 +20,8 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import digits, rounded
+from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import interval, percent
-from stereocal.verdict.predictive import Predictive
 
 LENS_TITLES = {
     **{f"f{axis}": f"Focal length f{axis}" for axis in "xy"},
@@ -145,19 +145,17 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
     return pd.DataFrame({"Read": lines}).rename_axis("What")
 
 
-def forecast_table(
-    predictive: Predictive, thresholds: Mapping[Method, float | None]
-) -> pd.DataFrame:
+def forecast_table(draws: ForecastDraws, thresholds: Mapping[Method, float | None]) -> pd.DataFrame:
     """What each file will do on frames to come; a row for each figure.
 
     Args:
         thresholds: of the files, px: a file has one, and the forecast has no other.
     """
     columns = {}
-    for method, forecast in predictive.forecasts.items():
+    for method, figures in draws.figures.items():
         in_file = thresholds.get(method)
         columns[METHOD_NAMES[method]] = {
-            row: _forecast(getattr(forecast, name), name)
+            row: _forecast(getattr(figures, name), name)
             for row, name in FORECAST_ROWS.items()
             if row != THRESHOLD_ROW
         } | {THRESHOLD_ROW: "" if in_file is None else digits(in_file, 2)}

@@ -18,7 +18,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import FileForecast
+from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.arrays import Array, read_arrays, shaped
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
@@ -35,7 +35,7 @@ def summary_json(
     datasets: Sequence[Dataset],
     settings: EvaluationSettings,
     screenings: Sequence[Screening] = (),
-    forecasts: Sequence[Mapping[Method, FileForecast]] = (),
+    forecasts: Sequence[Mapping[Method, ForecastEntries]] = (),
 ) -> bytes:
     """`summary.json`: all figures pooled and by data set; errors as fractions, angles in rad.
 
@@ -77,7 +77,7 @@ def summary_json(
 
 
 def _with_forecasts(
-    summaries: Mapping[Method, MethodSummary], forecasts: Mapping[Method, FileForecast]
+    summaries: Mapping[Method, MethodSummary], forecasts: Mapping[Method, ForecastEntries]
 ) -> dict[str, Any]:
     """The figures by method, with those forecast under `predicted`."""
     found: dict[str, Any] = {method: own.to_json() for method, own in summaries.items()}

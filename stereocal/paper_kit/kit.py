@@ -63,7 +63,7 @@ def table_csv(run: Run) -> bytes:
     """
     rows = []
     for method in ALL_METHODS:
-        forecast = run.forecasts.get(method)
+        forecast = run.forecast_entries.get(method)
         held_out = _flat(run.validation.get(method, {}))
         if row := {**held_out, **_flat(forecast.figures if forecast else {}, "predicted_")}:
             rows.append({"method": method, **row})

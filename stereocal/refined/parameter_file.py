@@ -12,7 +12,7 @@ from stereocal.refined.uncertainty import LENS, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles
-from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
+from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of
 from stereocal.rig.volume import Volume
 
 COVARIANCE_OF = (
@@ -42,7 +42,7 @@ def refined_parameters(
     inputs: Sequence[Input] = (),
     validation: Mapping[str, Any] | None = None,
     left_out: Collection[int] = (),
-    forecast: FileForecast | None = None,
+    forecast: ForecastEntries | None = None,
 ) -> RigParameters:
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 

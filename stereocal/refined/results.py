@@ -18,7 +18,7 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
-from stereocal.rig.parameters import FileForecast, RigParameters, inputs_of, threshold_of
+from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of
 from stereocal.rig.volume import Volume
 from stereocal.system.latest import step
 
@@ -88,7 +88,7 @@ class Calibration:
         self,
         method: FileMethod,
         validation: Mapping[str, Any] | None = None,
-        forecast: FileForecast | None = None,
+        forecast: ForecastEntries | None = None,
     ) -> RigParameters:
         """The parameter set to save: `2d` to match with, `3d` to measure with, `refined` for both.
 

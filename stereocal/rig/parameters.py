@@ -28,8 +28,8 @@ UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_thre
 
 
 @dataclass(frozen=True)
-class FileForecast:
-    """What a parameter file will do on frames to come, as its JSON says it."""
+class ForecastEntries:
+    """The entries of a parameter file on its forecast, as JSON."""
 
     figures: Mapping[str, Any]
     """By figure: value, low and high of the 95 % interval."""
@@ -38,7 +38,7 @@ class FileForecast:
 
 
 def threshold_of(
-    validation: Mapping[str, Any] | None, forecast: FileForecast | None
+    validation: Mapping[str, Any] | None, forecast: ForecastEntries | None
 ) -> float | None:
     """The recommended matching threshold: that of the validation, else the forecast one."""
     if validation:

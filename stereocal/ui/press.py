@@ -59,7 +59,7 @@ class Press:
                 self._calibrate(step)
                 if (found := self.project.run) is not None:
                     step("forecast")
-                    make(found, "outlook")
+                    make(found, "forecast")
             job.begin("runs")
             return self._validate(job)
 

@@ -83,9 +83,9 @@ def show_trade_off(project: Project, run: Run, answer: Run | None) -> None:
     found, result = run.calibration, run.calibration.refined
     if not _has_refined(run) or result is None:
         return
-    if answer is not None and (outlook := answer.outlook) is not None:
-        check = outlook.check.text if outlook.check and outlook.check.holds else ""
-        lines = filter(None, [outlook.verdict.figures, check, answer.advice])
+    if answer is not None and (forecast := answer.forecast) is not None:
+        check = forecast.check.text if forecast.check and forecast.check.holds else ""
+        lines = filter(None, [forecast.verdict.figures, check, answer.advice])
         st.caption(escape_markdown("\n\n".join(lines)))
     dataset = found.screening.dataset
     if not curves_are_ready(project, run):

@@ -108,7 +108,7 @@ def _expected(figure: Figure, answer: Run, counted: str = "") -> tuple[str, str]
     if held_out == 0.0 and counted:
         tested = f"none{counted}"
     if ahead is not None and (answer.recommendation.forecast_holds or held_out is None):
-        of = f"{frames_to_come(answer.calibration, answer.outlook)} ({interval(ahead)} %)"
+        of = f"{frames_to_come(answer.calibration, answer.forecast)} ({interval(ahead)} %)"
         return f"{percent(ahead.value)} %", f"forecast for {of}  \nheld out here: {tested}"
     if held_out is None:
         return "unknown", "no forecast, no held-out frames"
@@ -250,8 +250,8 @@ def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
 
 def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
     found = run.calibration
-    if answer is not None and answer.outlook is not None:
-        st.table(forecast_table(answer.outlook.predictive, answer.thresholds_px))
+    if answer is not None and answer.forecast is not None:
+        st.table(forecast_table(answer.forecast.draws, answer.thresholds_px))
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))

@@ -1,10 +1,10 @@
 """The forecast of all files of a calibration, whether one set is enough, and what would improve it.
 
 Two sets are needed where, on fresh bars, the refined set is more than 10 % worse than the 2D set in
-mean reprojection error, or than the 3D set in mean length error. The forecast (`predictive`) judges
-all three on the same simulated images, so that the verdict is its share of draws. It is right as
-far as the model is: errors on held-out frames are compared with the forecast (`model_check`), and
-where they are larger, the verdict says so and does not decide for one set. For two it still does:
+mean reprojection error, or than the 3D set in mean length error. The forecast judges all three on
+the same simulated images (`forecast_draws`), so that the verdict is its share of draws. It is right
+as far as the model is: errors on held-out frames are compared with it (`model_check`), and where
+they are larger, the verdict says so and does not decide for one set. For two it still does:
 what the model lacks makes one set worse, not better (right in all 6 simulated rigs looked at).
 
 For an improvement, the forecast of the refined set is repeated with a distribution of the truth
@@ -26,12 +26,12 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, carried, shared_unknowns, step_between
 from stereocal.rig.compiled import BoolArray, FloatArray
-from stereocal.rig.parameters import FileForecast
+from stereocal.rig.parameters import ForecastEntries
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import digits, rounded
+from stereocal.verdict.forecast_draws import ForecastDraws, draw_forecast
 from stereocal.verdict.intervals import TAILS
 from stereocal.verdict.model_check import ModelCheck, check_model
-from stereocal.verdict.predictive import Predictive, predict
 
 TOLERANCE = 0.10
 """One set is sufficient if its errors exceed those of the specialised sets by at most this
@@ -77,15 +77,15 @@ class Verdict:
         return self.check is None or self.check.holds
 
 
-def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None) -> Verdict:
+def verdict(draws: ForecastDraws, frames: int, check: ModelCheck | None = None) -> Verdict:
     """The verdict of a forecast of all files, for a calibration of so many frames."""
-    in_images = predictive.ratio(predictive.correct_px, "refined", "2d")
-    in_length = predictive.ratio(predictive.mean_errors_3d, "refined", "3d")
+    in_images = draws.ratio(draws.correct_px, "refined", "2d")
+    in_length = draws.ratio(draws.mean_errors_3d, "refined", "3d")
     limit = 1.0 + TOLERANCE
     matching, measuring = (
         Estimate(float(value), float(low), float(high))
         for low, value, high in (
-            np.nanpercentile(draws, (TAILS[0], 50, TAILS[1])) for draws in (in_images, in_length)
+            np.nanpercentile(ratio, (TAILS[0], 50, TAILS[1])) for ratio in (in_images, in_length)
         )
     )
     chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
@@ -94,7 +94,7 @@ def verdict(predictive: Predictive, frames: int, check: ModelCheck | None = None
     match_with: Method = "2d" if matching.value > limit else "refined"
     measure_with: Method = "3d" if measuring.value > limit else "refined"
     add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
-    figures = _figures(predictive, matching, measuring)
+    figures = _figures(draws, matching, measuring)
     return Verdict(kind, figures, matching, measuring, chance, match_with, measure_with, add, check)
 
 
@@ -103,8 +103,8 @@ def sure(chance: float) -> str:
     return "more than 99 %" if chance > 0.99 else f"{100 * chance:.0f} %"
 
 
-def _figures(predictive: Predictive, matching: Estimate, measuring: Estimate) -> str:
-    of = predictive.forecasts
+def _figures(draws: ForecastDraws, matching: Estimate, measuring: Estimate) -> str:
+    of = draws.figures
     px = {name: f"{digits(of[name].mean_reprojection_px.value, 2)} px" for name in FILE_METHODS}
     length = {name: f"{digits(100 * of[name].mean_error_3d.value, 2)} %" for name in FILE_METHODS}
     times = [
@@ -136,14 +136,14 @@ def _frames_to_add(ratios: Sequence[Estimate], frames: int) -> int | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class Forecast:
     """The forecast of all files of a calibration."""
 
     files: Mapping[Method, Rig]
     refined: RefinedResult
     model: RefinedResult
     """The refined fit without the priors of the accused inputs."""
-    predictive: Predictive
+    draws: ForecastDraws
     check: ModelCheck | None
     """Whether held-out frames agree with the forecast; None with too few frames."""
 
@@ -151,9 +151,9 @@ class Outlook:
     def verdict(self) -> Verdict:
         """Whether two sets are needed, and which files to use."""
         frames = len(self.refined.dataset.correspondences.frames)
-        return verdict(self.predictive, frames, self.check)
+        return verdict(self.draws, frames, self.check)
 
-    def of_file(self, method: Method, threshold_px: float | None = None) -> FileForecast:
+    def of_file(self, method: Method, threshold_px: float | None = None) -> ForecastEntries:
         """The entries of one parameter file.
 
         Args:
@@ -162,8 +162,8 @@ class Outlook:
         model = self.model
         cameras = model.primary, model.secondary
         noises = {"sigma_px": model.sigma_px, "bar_scatter_m": model.scatter_m}
-        return FileForecast(
-            self.predictive.forecast(method, threshold_px).to_json(),
+        return ForecastEntries(
+            self.draws.figures_of(method, threshold_px).to_json(),
             {
                 **{
                     name: {"value": float(each.value), "source": each.source}
@@ -174,7 +174,9 @@ class Outlook:
             },
         )
 
-    def of_files(self, validation: Mapping[Any, Mapping[str, Any]]) -> dict[Method, FileForecast]:
+    def of_files(
+        self, validation: Mapping[Any, Mapping[str, Any]]
+    ) -> dict[Method, ForecastEntries]:
         """The entries of all files, with the shares at the thresholds of a validation, if any."""
         return {
             method: self.of_file(method, validation.get(method, {}).get("threshold_px"))
@@ -193,7 +195,7 @@ class Outlook:
         return carried(model.covariance + np.outer(away, away), model.q, own)
 
 
-def forecast_files(calibration: Calibration) -> Outlook:
+def forecast_files(calibration: Calibration) -> Forecast:
     """Forecast the files of a calibration with its refined set."""
     refined, comparison = calibration.refined, calibration.comparison
     if refined is None or comparison is None:
@@ -204,11 +206,11 @@ def forecast_files(calibration: Calibration) -> Outlook:
         for method, found in calibration.methods.items()
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
-    predictive = predict(comparison.model, files)
-    check = check_model(refined, comparison.model, predictive)
+    draws = draw_forecast(comparison.model, files)
+    check = check_model(refined, comparison.model, draws)
     if check is not None and not check.holds:
-        predictive = replace(predictive, excess=check.excess)
-    return Outlook(files, refined, comparison.model, predictive, check)
+        draws = replace(draws, excess=check.excess)
+    return Forecast(files, refined, comparison.model, draws, check)
 
 
 def improvements(model: RefinedResult) -> dict[str, float]:
@@ -230,7 +232,7 @@ def improvements(model: RefinedResult) -> dict[str, float]:
     files: Mapping[Method, Rig] = {"refined": Rig(model.primary, model.secondary, model.pose)}
     found = {}
     for name, knowledge in cases.items():
-        judged = predict(model, files, 0, DRAWS, BARS, knowledge=knowledge)
+        judged = draw_forecast(model, files, 0, DRAWS, BARS, knowledge=knowledge)
         found[name] = float(np.nanmean(judged.errors_3d))
     return found
 

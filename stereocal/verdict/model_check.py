@@ -23,7 +23,7 @@ from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
-from stereocal.verdict.predictive import Predictive, image_radii
+from stereocal.verdict.forecast_draws import ForecastDraws, image_radii
 
 FOLDS = 5
 MINIMUM_FRAMES = 15
@@ -121,7 +121,7 @@ class ModelCheck:
 
 
 def check_model(
-    refined: RefinedResult, model: RefinedResult, predictive: Predictive
+    refined: RefinedResult, model: RefinedResult, draws: ForecastDraws
 ) -> ModelCheck | None:
     """Compare the forecast of the refined file with held-out frames; None with too few frames.
 
@@ -133,7 +133,7 @@ def check_model(
     if errors is None:
         return None
     px, lengths = errors
-    forecast, table = predictive.forecasts["refined"], data.correspondences
+    figures, table = draws.figures["refined"], data.correspondences
     innovations = bar_innovations(model, model.used_rows)
     bends = model.scatter_m.value if cause_of_scatter(model, innovations) == BENDS else 0.0
 
@@ -145,31 +145,28 @@ def check_model(
     def errors_over_forecast(
         pairs: BoolArray, bars: BoolArray, drawn: BoolArray
     ) -> list[tuple[float, float]]:
-        length = float(np.hypot(predictive.mean_length_error("refined", drawn), of_bar))
+        length = float(np.hypot(draws.mean_length_error("refined", drawn), of_bar))
         return [
-            _ratio(px[pairs], forecast.mean_reprojection_px.value, of_pairs[pairs]),
+            _ratio(px[pairs], figures.mean_reprojection_px.value, of_pairs[pairs]),
             _ratio(lengths[bars], length, of_pairs[table.bars[:, 0]][bars]),
         ]
 
     everywhere = errors_over_forecast(
-        np.isfinite(px), np.isfinite(lengths), np.isfinite(predictive.depths)
+        np.isfinite(px), np.isfinite(lengths), np.isfinite(draws.depths)
     )
     matching, measuring = (
         HeldOutRatio("", what, ratio, float(np.log(ratio) / np.hypot(spread, _log_sigma(own))))
         for what, (ratio, spread), own in zip(
             (IN_IMAGES, IN_LENGTH),
             everywhere,
-            (forecast.mean_reprojection_px, forecast.mean_error_3d),
+            (figures.mean_reprojection_px, figures.mean_error_3d),
             strict=True,
         )
     )
     places: list[HeldOutRatio] = []
     depths = refined.points_m[refined.dataset.correspondences.parts][refined.used_rows, 2]
     radii = image_radii(refined, np.hstack([table.primary, table.secondary]))
-    for names, own, drawn in (
-        (PLACES[:2], depths, predictive.depths),
-        (PLACES[2:], radii, predictive.radii),
-    ):
+    for names, own, drawn in ((PLACES[:2], depths, draws.depths), (PLACES[2:], radii, draws.radii)):
         at_bars, middle = own[table.bars].mean(axis=1), np.median(own)
         halves = (
             errors_over_forecast(*((each <= middle) == inner for each in (own, at_bars, drawn)))

@@ -7,8 +7,8 @@ from stereocal.calibration.methods import Method
 from stereocal.calibration.montecarlo import two_searches
 from stereocal.refined.results import Calibration
 from stereocal.rig.rig import Rig
-from stereocal.verdict.forecast import Outlook, verdict
-from stereocal.verdict.predictive import predict
+from stereocal.verdict.forecast import Forecast, verdict
+from stereocal.verdict.forecast_draws import draw_forecast
 
 OTHER_SEEDS = (1, 2, 3, 4)
 """Added to the seed of the searches."""
@@ -17,7 +17,7 @@ FEWER_DRAWS = 48
 
 
 def conclusions_of_seeds(
-    calibration: Calibration, outlook: Outlook, seeds: Sequence[int] = OTHER_SEEDS
+    calibration: Calibration, forecast: Forecast, seeds: Sequence[int] = OTHER_SEEDS
 ) -> str:
     """A sentence if the files to use depend on the seed of the searches; else empty.
 
@@ -30,13 +30,13 @@ def conclusions_of_seeds(
     if calibration.settings.calibration_frames is not None:
         return ""  # another seed would draw other frames
     frames, settings = len(calibration.frames), calibration.settings
-    found = [verdict(outlook.predictive, frames)]
-    lengths = [outlook.predictive.forecasts["3d"].mean_error_3d.value]
+    found = [verdict(forecast.draws, frames)]
+    lengths = [forecast.draws.figures["3d"].mean_error_3d.value]
     for seed in seeds:
-        files = {**outlook.files, **_files_of_seed(calibration, settings.search.seed + seed)}
-        predictive = predict(outlook.model, files, draws=FEWER_DRAWS)
-        found.append(verdict(predictive, frames))
-        lengths.append(predictive.forecasts["3d"].mean_error_3d.value)
+        files = {**forecast.files, **_files_of_seed(calibration, settings.search.seed + seed)}
+        draws = draw_forecast(forecast.model, files, draws=FEWER_DRAWS)
+        found.append(verdict(draws, frames))
+        lengths.append(draws.figures["3d"].mean_error_3d.value)
     files_to_use = {(answer.match_with, answer.measure_with) for answer in found}
     if len(files_to_use) == 1:
         return ""

@@ -1,7 +1,7 @@
 """The recommendation: which file to match with and which to measure with, and how good they are.
 
 It is made here and nowhere else; pages, report, parameter files and command line show it. It joins
-the forecast (`predictive`), the same figures on the held-out frames of a validation, and the
+the forecast (`forecast_draws`), the same figures on the held-out frames of a validation, and the
 verdict on one or two sets. Forecast and held-out figures differ, so each stands in a sentence of
 its own that begins with what it is of.
 """
@@ -18,7 +18,8 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
-from stereocal.verdict.forecast import Outlook, Verdict, sure
+from stereocal.verdict.forecast import Forecast, Verdict, sure
+from stereocal.verdict.forecast_draws import ForecastFigures
 from stereocal.verdict.in_words import (
     digits,
     distance,
@@ -28,7 +29,6 @@ from stereocal.verdict.in_words import (
     why_held_out_not_trusted,
     why_not_trusted,
 )
-from stereocal.verdict.predictive import Forecast
 
 NAMES: Mapping[Method, str] = {
     "essential": "the essential matrix",
@@ -119,26 +119,26 @@ class Recommendation:
 
 def recommend(
     calibration: Calibration,
-    outlook: Outlook | None,
+    forecast: Forecast | None,
     validation: Mapping[Any, Validated] | None = None,
 ) -> Recommendation:
     """The recommendation for a calibration.
 
     Args:
-        outlook: the forecast of its files; None if there is none: then the paper's two files are
+        forecast: the forecast of its files; None if there is none: then the paper's two files are
             recommended, on held-out frames alone.
         validation: by method, as in the files.
     """
     validation = validation or {}
-    found = None if outlook is None else outlook.verdict
-    match = figures_of(found.match_with if found else "2d", outlook, validation)
-    measure = figures_of(found.measure_with if found else "3d", outlook, validation)
+    found = None if forecast is None else forecast.verdict
+    match = figures_of(found.match_with if found else "2d", forecast, validation)
+    measure = figures_of(found.measure_with if found else "3d", forecast, validation)
     certainty = NO_REFINED if calibration.refined is None else NO_FORECAST
     in_runs = ""
-    if outlook is not None and found is not None:
-        certainty = _how_sure(found, outlook, validation)
-        if outlook.predictive.further:
-            text = outlook.refined.clusters.text
+    if forecast is not None and found is not None:
+        certainty = _how_sure(found, forecast, validation)
+        if forecast.draws.further:
+            text = forecast.refined.clusters.text
             alike = f", and neighbours have alike errors ({text})" if text else ""
             in_runs = (
                 f"The frames follow each other{alike}: the intervals are for a further recording "
@@ -147,7 +147,7 @@ def recommend(
     holds, left_out = found is not None and found.holds, left_out_line(calibration.screening)
     lengths = _length_in_words(calibration.dataset, measure.length_p95, holds)
     use = " ".join(filter(None, (lengths, _use(match, measure))))
-    ahead = frames_to_come(calibration, outlook)
+    ahead = frames_to_come(calibration, forecast)
     figures = _figures_in_words(match, measure, ahead, holds)
     errors = [own["p95_error_3d"] for own in validation.values()]
     if errors:
@@ -159,19 +159,19 @@ def recommend(
 
 
 def figures_of(
-    method: Method, outlook: Outlook | None, validation: Mapping[Any, Validated]
+    method: Method, forecast: Forecast | None, validation: Mapping[Any, Validated]
 ) -> FileFigures:
     """What the file of a method does, by forecast and validation."""
     own: Validated = validation.get(method, {})
     limit = _finite(own.get("threshold_px"))
     usual = at_limit = None
-    if outlook is not None and method in outlook.files:
-        usual = outlook.predictive.forecasts[method]
+    if forecast is not None and method in forecast.files:
+        usual = forecast.draws.figures[method]
         limit = _finite(usual.threshold_px.value) if limit is None else limit
-        at_limit = outlook.predictive.forecast(method, _finite(own.get("threshold_px")))
+        at_limit = forecast.draws.figures_of(method, _finite(own.get("threshold_px")))
 
-    def figure(name: str, forecast: Forecast | None) -> Figure:
-        found = None if forecast is None else getattr(forecast, name)
+    def figure(name: str, figures: ForecastFigures | None) -> Figure:
+        found = None if figures is None else getattr(figures, name)
         known = found is not None and math.isfinite(found.value)
         return Figure(found if known else None, _finite(own.get(name)))
 
@@ -189,9 +189,9 @@ def _finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def frames_to_come(calibration: Calibration, outlook: Outlook | None) -> str:
+def frames_to_come(calibration: Calibration, forecast: Forecast | None) -> str:
     """What the forecast is of."""
-    in_runs = outlook is not None and outlook.predictive.further
+    in_runs = forecast is not None and forecast.draws.further
     return "a further recording" if in_runs else f"similar {word_of(calibration.dataset)}s"
 
 
@@ -246,7 +246,7 @@ def in_percent(figure: Estimate | float) -> str:
     return f"{percent(figure.value)} %" + (f" ({interval(figure)})" if known else "")
 
 
-def _how_sure(found: Verdict, outlook: Outlook, validation: Mapping[Any, Validated]) -> str:
+def _how_sure(found: Verdict, forecast: Forecast, validation: Mapping[Any, Validated]) -> str:
     """How sure the verdict is, and what the alternative does."""
     two = f"Two sets are worth it here ({sure(1 - found.chance_of_one)} sure). "
     if found.check is not None and not found.check.holds:
@@ -258,12 +258,12 @@ def _how_sure(found: Verdict, outlook: Outlook, validation: Mapping[Any, Validat
             "3D set."
         )
     if found.kind == "one":
-        lengths = figures_of("3d", outlook, validation).length_p95.forecast
+        lengths = figures_of("3d", forecast, validation).length_p95.forecast
         within = lengths and f", 95 % of lengths within {in_percent(lengths)} by the forecast"
+        below = figures_of("2d", forecast, validation).below
         return (
             f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
-            f"match with the 2D set{figures_of('2d', outlook, validation).below}, measure with the "
-            f"3D set{within or ''}."
+            f"match with the 2D set{below}, measure with the 3D set{within or ''}."
         )
     more = (
         f"About {found.frames_to_add} more frames would decide it."

@@ -12,7 +12,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.refined import refine_settings
-from stereocal.verdict.forecast import Outlook
+from stereocal.verdict.forecast import Forecast
 from stereocal.verdict.other_seeds import conclusions_of_seeds
 from tests.pages.stored_projects import (
     FULL,
@@ -77,9 +77,9 @@ def test_other_seeds_are_tried_beside_the_page_and_once(
 ) -> None:
     tried = []
 
-    def conclusions(calibration: Calibration, outlook: Outlook) -> str:
-        tried.append(outlook)
-        return conclusions_of_seeds(calibration, outlook, seeds=(1,)) or "Another seed, the same."
+    def conclusions(calibration: Calibration, forecast: Forecast) -> str:
+        tried.append(forecast)
+        return conclusions_of_seeds(calibration, forecast, seeds=(1,)) or "Another seed, the same."
 
     monkeypatch.setattr(workflow, "conclusions_of_seeds", conclusions)
     look(pressed, "Searches")

@@ -119,16 +119,16 @@ def test_angles_without_a_direction_do_not_spoil_the_forecast(name: str) -> None
     found = calibrate(observe(scene, rng, 0.2, name))
     assert found.screening.fit is not None
     assert geometry_warning(found.screening.fit) == ""
-    outlook = forecast_files(found)
-    forecasts = outlook.predictive.forecasts
-    limits = {method: own.threshold_px.value for method, own in forecasts.items()}
-    true = population(cameras, outlook.files, fresh.ends_m, 0.2, limits, rng)["refined"]
-    forecast = forecasts["refined"]
-    assert forecast.p95_error_3d.low < true["p95_error_3d"] < forecast.p95_error_3d.high
-    assert forecast.p95_error_3d.value == pytest.approx(true["p95_error_3d"], rel=0.5)
+    forecast = forecast_files(found)
+    figures = forecast.draws.figures
+    limits = {method: own.threshold_px.value for method, own in figures.items()}
+    true = population(cameras, forecast.files, fresh.ends_m, 0.2, limits, rng)["refined"]
+    refined = figures["refined"]
+    assert refined.p95_error_3d.low < true["p95_error_3d"] < refined.p95_error_3d.high
+    assert refined.p95_error_3d.value == pytest.approx(true["p95_error_3d"], rel=0.5)
     assert limits["refined"] < 1.0
     # What the file carries is the same at its own angles.
-    q, C = shared_unknowns(outlook.files["2d"]), outlook.covariance("2d")
+    q, C = shared_unknowns(forecast.files["2d"]), forecast.covariance("2d")
     assert largest_turn_sigma(q, C) < np.radians(1.0)
 
 

@@ -17,10 +17,10 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import forecast_files
+from stereocal.verdict.forecast_draws import ForecastFigures, bin_edge, partners_in_groups
 from stereocal.verdict.fresh_frames import GROUP
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge
-from stereocal.verdict.predictive import Forecast, bin_edge, partners_in_groups
 from stereocal.workflow import calibrate
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
@@ -34,7 +34,7 @@ def population(
     rng: np.random.Generator,
     bar_factor: float = 1.0,
 ) -> dict[Method, dict[str, float]]:
-    """The figures of files on a large test whose truth is known, under the names of `Forecast`.
+    """The figures of files on a large test whose truth is known, named as in `ForecastFigures`.
 
     Args:
         truth: the true cameras, with the distortion model of the files.
@@ -122,21 +122,21 @@ def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tu
     dataset = stated(scene, rng, replace(off, noise_px=noise))
     settings = off.settings() if off.focal else RefineSettings()
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
-    outlook = forecast_files(calibration)
-    files, forecasts = outlook.files, outlook.predictive.forecasts
+    forecast = forecast_files(calibration)
+    files, figures = forecast.files, forecast.draws.figures
     factor = BAR_M / dataset.target_distance_m
     test = place_bars(scene.rig, rng, TEST_BARS, BAR_M, DEPTHS_M)
-    thresholds = {method: found.threshold_px.value for method, found in forecasts.items()}
+    thresholds = {method: found.threshold_px.value for method, found in figures.items()}
     truths = population(scene.rig, files, test.ends_m, noise, thresholds, rng, factor)
     return {
         method: {
-            figure: (truths[method][figure], *_numbers(forecasts[method], figure))
+            figure: (truths[method][figure], *_numbers(figures[method], figure))
             for figure in FIGURES
         }
-        for method in forecasts
+        for method in figures
     }
 
 
-def _numbers(forecast: Forecast, figure: str) -> tuple[float, float, float]:
-    estimate = getattr(forecast, figure)
+def _numbers(figures: ForecastFigures, figure: str) -> tuple[float, float, float]:
+    estimate = getattr(figures, figure)
     return estimate.value, estimate.low, estimate.high

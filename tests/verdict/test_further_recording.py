@@ -67,14 +67,14 @@ def test_the_first_quarter_of_a_recording_is_as_the_others_forecast() -> None:
     data = screen(read_dataset(RECORDING)).dataset
     frames = data.correspondences.frames
     rest = data.of_frames(frames[len(frames) // 4 :])
-    outlook = forecast_files(calibrate(rest, refined=RefineSettings()))
-    assert outlook.predictive.further
-    assert all(each.of_pairs >= each.in_images > 0 for each in outlook.predictive.further.values())
+    forecast = forecast_files(calibrate(rest, refined=RefineSettings()))
+    assert forecast.draws.further
+    assert all(each.of_pairs >= each.in_images > 0 for each in forecast.draws.further.values())
     held, widths = [], []
     for method in ("2d", "3d", "refined"):
-        true = figures_on(data.of_frames(frames[: len(frames) // 4]), outlook.files[method])
+        true = figures_on(data.of_frames(frames[: len(frames) // 4]), forecast.files[method])
         for name in FIGURES:
-            said = getattr(outlook.predictive.forecasts[method], name)
+            said = getattr(forecast.draws.figures[method], name)
             held.append(said.low <= true[name] <= said.high)
             widths.append((said.high - said.low) / said.value)
     # Measured: all 12, and 4 of 12 for independent frames; benchmarks/quarters.py has all quarters.
@@ -87,7 +87,7 @@ def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() 
     rng = np.random.default_rng([3, 27])
     scene = waved_scene(random_rig(rng), rng, 200, 40)
     data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, 0.2))
-    found = forecast_files(calibrate(data, refined=RefineSettings())).predictive.further["2d"]
+    found = forecast_files(calibrate(data, refined=RefineSettings())).draws.further["2d"]
     assert found.of("fcp_reprojection") > 2 * found.of("mean_reprojection_px") > 0
     assert found.of("wrong_let_in_at_threshold") == found.of("fcp_reprojection")
 

@@ -11,8 +11,8 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import advice_on_improvements, forecast_files, improvements
+from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.model_check import ALONG, BENDS, ModelCheck, cause_of_scatter
-from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
@@ -47,14 +47,14 @@ def test_a_lens_that_the_model_cannot_follow_is_doubted_and_raises_the_intervals
     ripple = 15.0 * radius**4 * np.sin(9.0 * away[:, ::-1])
     moved = replace(table, primary=table.primary + ripple)
     spoiled = replace(data, correspondences=moved)
-    outlook = forecast_files(calibrate(spoiled, refined=SETTINGS))
-    assert outlook.check is not None and not outlook.check.holds
-    assert outlook.check.worst.where == "near the image edges"
-    assert "edges" in outlook.check.text
-    images, length = outlook.check.excess
+    forecast = forecast_files(calibrate(spoiled, refined=SETTINGS))
+    assert forecast.check is not None and not forecast.check.holds
+    assert forecast.check.worst.where == "near the image edges"
+    assert "edges" in forecast.check.text
+    images, length = forecast.check.excess
     assert images > 1.15
-    usual = predict(outlook.model, outlook.files).forecasts["refined"]
-    raised = outlook.predictive.forecasts["refined"]
+    usual = draw_forecast(forecast.model, forecast.files).figures["refined"]
+    raised = forecast.draws.figures["refined"]
     assert raised.mean_reprojection_px.high == usual.mean_reprojection_px.high * images
     assert raised.median_error_3d.high == usual.median_error_3d.high * length
     assert raised.median_error_3d.low == usual.median_error_3d.low

@@ -13,10 +13,10 @@ from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
-from stereocal.verdict.forecast import Outlook, forecast_files, verdict
+from stereocal.verdict.forecast import Forecast, forecast_files, verdict
+from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
-from stereocal.verdict.predictive import Predictive
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
 from stereocal.workflow import Run, calibrate
 from tests import known_rig as rig
@@ -30,24 +30,24 @@ def calibration() -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def outlook(calibration: Calibration) -> Outlook:
+def forecast(calibration: Calibration) -> Forecast:
     return forecast_files(calibration)
 
 
-def run_of(calibration: Calibration, outlook: Outlook) -> Run:
+def run_of(calibration: Calibration, forecast: Forecast) -> Run:
     run = Run.of(calibration)
-    vars(run)["outlook"] = outlook
+    vars(run)["forecast"] = forecast
     return run
 
 
 def told(
     calibration: Calibration,
-    outlook: Outlook,
-    predictive: Predictive,
+    forecast: Forecast,
+    draws: ForecastDraws,
     validation: Any = None,
     check: ModelCheck | None = None,
 ) -> Recommendation:
-    return recommend(calibration, replace(outlook, predictive=predictive, check=check), validation)
+    return recommend(calibration, replace(forecast, draws=draws, check=check), validation)
 
 
 def entry(threshold: float, **more: Any) -> dict[str, Any]:
@@ -69,8 +69,8 @@ VALIDATION: dict[Method, dict[str, Any]] = {
 }
 
 
-def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
-    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02))
+def test_one_set(calibration: Calibration, forecast: Forecast) -> None:
+    found = told(calibration, forecast, forecast_with(0.8, 0.9, 0.02))
     assert (found.match.method, found.measure.method) == ("refined", "refined")
     first, ahead, sure = found.sentences
     assert "Use the refined set for both: match below " in first
@@ -81,26 +81,26 @@ def test_one_set(calibration: Calibration, outlook: Outlook) -> None:
     assert found.forecast_holds and not found.caution
 
 
-def test_two_sets(calibration: Calibration, outlook: Outlook) -> None:
-    found = told(calibration, outlook, forecast_with(2.0, 1.5, 0.02))
+def test_two_sets(calibration: Calibration, forecast: Forecast) -> None:
+    found = told(calibration, forecast, forecast_with(2.0, 1.5, 0.02))
     assert (found.match.method, found.measure.method) == ("2d", "3d")
     assert found.verdict is not None and found.verdict.kind == "two"
     assert "Two sets are worth it here (more than 99 % sure)." in found.text
     assert f"{found.verdict.measuring.value:.2f} times the length error of the 3D set" in found.text
 
 
-def test_not_decided(calibration: Calibration, outlook: Outlook) -> None:
-    found = told(calibration, outlook, forecast_with(0.9, 0.9, 0.15))
+def test_not_decided(calibration: Calibration, forecast: Forecast) -> None:
+    found = told(calibration, forecast, forecast_with(0.9, 0.9, 0.15))
     assert found.verdict is not None and found.verdict.kind == "level"
     assert "One set or two is not decided" in found.text
     assert f"About {found.verdict.frames_to_add} more frames would decide it." in found.text
 
 
 def test_figures_and_threshold_are_those_of_the_file(
-    calibration: Calibration, outlook: Outlook
+    calibration: Calibration, forecast: Forecast
 ) -> None:
-    found = recommend(calibration, outlook, VALIDATION)
-    run = run_of(calibration, outlook)
+    found = recommend(calibration, forecast, VALIDATION)
+    run = run_of(calibration, forecast)
     run.figures = VALIDATION
     sets = run.sets
     file = sets[found.match.method]
@@ -115,17 +115,17 @@ def test_figures_and_threshold_are_those_of_the_file(
     assert any(s.startswith("Held out here: 0.40 % of wrong") for s in found.sentences)
     of = f"Forecast for similar bars: {percent(ahead.value)} %"
     assert any(s.startswith(of) for s in found.sentences)
-    without = recommend(calibration, outlook)
-    forecast = outlook.predictive.forecasts[without.match.method]
-    assert without.match.threshold_px == forecast.threshold_px.value
+    without = recommend(calibration, forecast)
+    figures = forecast.draws.figures[without.match.method]
+    assert without.match.threshold_px == figures.threshold_px.value
     assert without.match.wrong_let_in.held_out is None
 
 
 def test_a_doubted_model_lets_held_out_frames_speak(
-    calibration: Calibration, outlook: Outlook
+    calibration: Calibration, forecast: Forecast
 ) -> None:
     doubted = held_out(2.0, 1.0)
-    found = told(calibration, outlook, forecast_with(0.8, 0.9, 0.02), VALIDATION, doubted)
+    found = told(calibration, forecast, forecast_with(0.8, 0.9, 0.02), VALIDATION, doubted)
     assert not found.forecast_holds
     of_length, held_out_here, ahead = found.sentences[0], *found.sentences[1:3]
     assert of_length.startswith("A length of 1 m is right to 6 mm, 95 % of the time.")
@@ -147,8 +147,8 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     assert nothing.sentences == ("Match with the 2D set, and measure with the 3D set.", NO_REFINED)
 
 
-def test_files_carry_it(calibration: Calibration, outlook: Outlook) -> None:
-    found = run_of(calibration, outlook)
+def test_files_carry_it(calibration: Calibration, forecast: Forecast) -> None:
+    found = run_of(calibration, forecast)
     for rig_file in found.sets.values():
         read = RigParameters.loads(rig_file.dumps())
         assert read.recommendation == json.loads(json.dumps(found.recommendation.to_json()))
@@ -157,7 +157,9 @@ def test_files_carry_it(calibration: Calibration, outlook: Outlook) -> None:
 SETS: tuple[Method, ...] = ("2d", "3d", "refined")
 
 
-def forecast_with(matching: float, measuring: float, spread: float, draws: int = 400) -> Predictive:
+def forecast_with(
+    matching: float, measuring: float, spread: float, draws: int = 400
+) -> ForecastDraws:
     """Draws in which the refined set is worse by these factors than each job's own set."""
     rng = np.random.default_rng(1)
     noise = np.exp(spread * rng.normal(size=(2, draws, 1)))
@@ -169,7 +171,7 @@ def forecast_with(matching: float, measuring: float, spread: float, draws: int =
     error[:, :, 2] *= measuring * noise[1]
     lengths = 1.0 + np.repeat(error[..., None], 20, axis=3)
     depths, radii = rng.uniform(4, 10, (draws, 2, 20)), rng.uniform(0, 1, (draws, 2, 20))
-    return Predictive(SETS, counts, px, lengths, depths, radii, recorded=25)
+    return ForecastDraws(SETS, counts, px, lengths, depths, radii, recorded=25)
 
 
 def held_out(px: float, length: float) -> ModelCheck:
@@ -228,8 +230,8 @@ def test_from_data_to_verdict() -> None:
     """Lenses off: one set does both, for it alone can move the lenses."""
     rng = np.random.default_rng(21)
     data = stated(random_scene(rng, 60), rng, Misjudged(noise_px=0.05))
-    outlook = forecast_files(calibrate(data, refined=RefineSettings()))
-    answer = outlook.verdict
+    forecast = forecast_files(calibrate(data, refined=RefineSettings()))
+    answer = forecast.verdict
     assert answer.kind == "one"
     assert answer.matching.value < 1
     assert answer.check is not None

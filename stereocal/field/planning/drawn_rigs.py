@@ -34,9 +34,9 @@ from stereocal.refined.two_views import (
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
+from stereocal.verdict.forecast_draws import partners_in_groups
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge, photograph
-from stereocal.verdict.predictive import partners_in_groups
 
 FIGURES = (
     "mean_length_error",

@@ -23,10 +23,10 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
-from stereocal.verdict.forecast import Outlook, forecast_files
+from stereocal.verdict.forecast import Forecast, forecast_files
+from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import fresh_bars, noise_given
 from stereocal.verdict.judging import add_noise
-from stereocal.verdict.predictive import predict
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.population import CASES, one_rig, population
@@ -36,7 +36,7 @@ FIGURES = ("fcp_reprojection", "mean_reprojection_px", "median_error_3d", "p95_e
 
 
 @lru_cache(maxsize=1)
-def outlook() -> Outlook:
+def forecast() -> Forecast:
     return forecast_files(calibrate(rig.dataset(25, 0.2), refined=RefineSettings()))
 
 
@@ -56,19 +56,20 @@ def test_the_intervals_hold_the_population() -> None:
 
 
 def test_same_seed_same_figures_whatever_the_workers() -> None:
-    found = outlook()
+    found = forecast()
     model = found.model
     one, two = (
-        predict(model, found.files, seed=5, draws=20, bars=50, workers=n).forecasts for n in (1, 2)
+        draw_forecast(model, found.files, seed=5, draws=20, bars=50, workers=n).figures
+        for n in (1, 2)
     )
     assert one == two
-    other = predict(model, found.files, seed=6, draws=20, bars=50).forecasts
+    other = draw_forecast(model, found.files, seed=6, draws=20, bars=50).figures
     assert other != one
 
 
 def test_the_shares_are_those_at_the_threshold() -> None:
-    predictive = outlook().predictive
-    loose, tight = (predictive.forecast("2d", px) for px in (5.0, 0.05))
+    draws = forecast().draws
+    loose, tight = (draws.figures_of("2d", px) for px in (5.0, 0.05))
     assert loose.correct_lost_at_threshold.value < tight.correct_lost_at_threshold.value
     assert loose.wrong_let_in_at_threshold.value > tight.wrong_let_in_at_threshold.value
     assert loose.threshold_px == tight.threshold_px
@@ -81,7 +82,7 @@ def test_the_population_is_that_of_a_plain_count() -> None:
     """The judgement of files against `count_set`, the count of the validation."""
     rng = np.random.default_rng(3)
     scene = place_bars(Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG), rng, 400, BAR_M, DEPTHS_M)
-    files = outlook().files
+    files = forecast().files
     true = population(scene.rig, files, scene.ends_m, 0.2, dict.fromkeys(files, 1.0), rng)
     data = observe(scene, rng, 0.2, "test", Nominal.exact(scene))
     fcp, median = figures_of_set(count_set(data, files["2d"].pose))
@@ -91,7 +92,7 @@ def test_the_population_is_that_of_a_plain_count() -> None:
 
 
 def test_fresh_bars_are_in_the_volume_and_have_the_length() -> None:
-    model = outlook().model
+    model = forecast().model
     ends = fresh_bars(model, 8, 200, np.random.default_rng(1))
     assert ends.shape == (8, 200, 2, 3)
     volume = Volume.of_bars(model.points_m)
@@ -125,7 +126,7 @@ def test_tails_of_the_noise_are_found() -> None:
 
 def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
     """The derivative of the residual is found by its definition, by central differences."""
-    fitted, points = outlook().refined, rig.bar_ends(3)
+    fitted, points = forecast().refined, rig.bar_ends(3)
     pixels, start, rays = np.zeros((6, 4)), np.empty((4, 6)), np.ones((6, 2, 3))
     noise = np.random.default_rng(4).standard_normal((6, 4))
     add_noise(fitted.q, fitted.lenses, points, 2.5, noise, pixels, start)
@@ -205,7 +206,7 @@ def mean_square_z(file: RigParameters, pixels: list[FloatArray], points: FloatAr
 
 
 def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None:
-    found = outlook()
+    found = forecast()
     away = found.files["3d"].pose.baseline - found.model.q[BASELINE]
     at = (BASELINE, BASELINE)
     expected = found.model.covariance[at] + away**2

@@ -37,7 +37,7 @@ WRONG_PARTNERS = 3
 
 
 @dataclass(frozen=True)
-class Forecast:
+class ForecastFigures:
     """The figures of one file on frames to come, each with its 95 % interval."""
 
     fcp_residual: Estimate
@@ -54,11 +54,11 @@ class Forecast:
         """Each figure as `{"value", "low", "high"}`; errors are fractions."""
         return {name: without_nan(vars(estimate)) for name, estimate in vars(self).items()}
 
-    def further(self, spread: Further) -> "Forecast":
+    def further(self, spread: Further) -> "ForecastFigures":
         """With the intervals widened to what a further recording may show."""
         return self._changed(lambda name, own: widened(own, spread.of(name)))
 
-    def raised(self, in_images: float, in_length: float) -> "Forecast":
+    def raised(self, in_images: float, in_length: float) -> "ForecastFigures":
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""
         return self._changed(
             lambda name, own: replace(
@@ -66,7 +66,7 @@ class Forecast:
             )
         )
 
-    def _changed(self, change: Callable[[str, Estimate], Estimate]) -> "Forecast":
+    def _changed(self, change: Callable[[str, Estimate], Estimate]) -> "ForecastFigures":
         """With another interval of each figure; no share is above 1."""
         found = {name: change(name, own) for name, own in vars(self).items()}
         shares = {
@@ -74,11 +74,11 @@ class Forecast:
             for name, own in found.items()
             if not name.endswith(("_3d", "_px"))
         }
-        return Forecast(**{**found, **shares})
+        return ForecastFigures(**{**found, **shares})
 
 
 @dataclass(frozen=True, eq=False)
-class Predictive:
+class ForecastDraws:
     """All draws of the judgement of all files."""
 
     methods: tuple[Method, ...]
@@ -106,8 +106,8 @@ class Predictive:
         return np.abs(self.lengths - 1.0)
 
     @cached_property
-    def forecasts(self) -> Mapping[Method, Forecast]:
-        return {method: self.forecast(method) for method in self.methods}
+    def figures(self) -> Mapping[Method, ForecastFigures]:
+        return {method: self.figures_of(method) for method in self.methods}
 
     def ratio(self, quantity: FloatArray, of: Method, to: Method) -> FloatArray:
         """(draws,): a quantity (draws, halves, methods) of one file over that of another."""
@@ -126,10 +126,10 @@ class Predictive:
         return float(np.nanmean(errors)) if np.isfinite(errors).any() else float("nan")
 
     @cached_property
-    def _known(self) -> dict[tuple[Method, float | None], Forecast]:
+    def _known(self) -> dict[tuple[Method, float | None], ForecastFigures]:
         return {}
 
-    def forecast(self, method: Method, threshold_px: float | None = None) -> Forecast:
+    def figures_of(self, method: Method, threshold_px: float | None = None) -> ForecastFigures:
         """The figures of one file.
 
         Args:
@@ -137,10 +137,10 @@ class Predictive:
         """
         key = method, threshold_px
         if key not in self._known:
-            self._known[key] = self._forecast(method, threshold_px)
+            self._known[key] = self._figures_of(method, threshold_px)
         return self._known[key]
 
-    def _forecast(self, method: Method, threshold_px: float | None) -> Forecast:
+    def _figures_of(self, method: Method, threshold_px: float | None) -> ForecastFigures:
         at = self.methods.index(method)
         counts, errors = self.counts[:, :, at].astype(np.int64), self.errors_3d[:, :, at]
         of_px, px = counts[:, :, compiled_run.REPROJECTION], self.correct_px[:, :, at]
@@ -154,7 +154,7 @@ class Predictive:
         value = float(10 ** (compiled_run.LOWEST + recommended * compiled_run.BIN_WIDTH))
         middle = intervals.interval_of(thresholds[:, 2], thresholds[:, :2], intervals.LOG)
         whole = intervals.mean_of(errors.reshape(len(errors), -1))
-        found = Forecast(
+        found = ForecastFigures(
             fcp_residual=intervals.fcp_interval(counts[:, :, compiled_run.RESIDUAL]),
             fcp_reprojection=intervals.fcp_interval(of_px),
             threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
@@ -181,7 +181,7 @@ def image_radii(rig: RefinedResult, pixels: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(found[:, 0], found[:, 1])))
 
 
-def predict(
+def draw_forecast(
     model: RefinedResult,
     files: Mapping[Method, Rig],
     seed: int = 0,
@@ -189,7 +189,7 @@ def predict(
     bars: int = BARS,
     workers: int = 2,
     knowledge: RefinedResult | None = None,
-) -> Predictive:
+) -> ForecastDraws:
     """Judge files on draws of the truth.
 
     Args:
@@ -237,7 +237,7 @@ def predict(
     recorded = int(np.isfinite(model.used_points_m).all(axis=(1, 2)).sum())
     further = further_recordings(model, files, seed)
     narrow = counts.astype(np.uint16)
-    return Predictive(methods, narrow, correct_px, lengths, depths, radii, recorded, further)
+    return ForecastDraws(methods, narrow, correct_px, lengths, depths, radii, recorded, further)
 
 
 def bin_edge(threshold_px: float) -> int:
