@@ -5,7 +5,7 @@ from stereocal.ui.menu import page_head
 page_head("Apply", "Which points belong together, and where are they?")
 
 from stereocal.projects.application import ProjectApplication
-from stereocal.ui.apply import bring_up_to_date, choose_inputs
+from stereocal.ui.apply import bring_up_to_date, choose_apply_inputs
 from stereocal.ui.apply_results import show_application
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.prerequisites import project_or_begin
@@ -14,7 +14,7 @@ project = project_or_begin("points of both cameras and parameter files", "apply_
 store = ProjectApplication(project)
 chosen = None
 with ErrorsShown():
-    chosen = choose_inputs(project, store)
+    chosen = choose_apply_inputs(project, store)
     if chosen is not None and chosen.work is not None:
         bring_up_to_date(project, store, chosen.work)
 show_application(project, store, chosen)

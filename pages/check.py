@@ -8,5 +8,5 @@ from stereocal.ui import check
 from stereocal.ui.prerequisites import project_or_begin
 
 needs = "the parameters of the rig, and a few new bars or matched points"
-if (chosen := check.choose_inputs(project_or_begin(needs, "check_begin"))) is not None:
+if (chosen := check.choose_check_inputs(project_or_begin(needs, "check_begin"))) is not None:
     check.show_check(chosen)

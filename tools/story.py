@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.calibration.methods import Method, errors_of
-from stereocal.figures.story import HeldOut, Story, best_mean
+from stereocal.figures.story import HeldOutSet, Story, best_mean
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
@@ -52,12 +52,12 @@ def tell_story() -> Story:
 
 def _held_out(
     tested: Dataset, pose: Pose, row: int, foot: FloatArray, along: FloatArray
-) -> HeldOut:
+) -> HeldOutSet:
     lengths = tested.reconstructed_lengths_m(pose) / tested.bar_distances_m - 1.0
     x1, y1, x2, y2 = tested.rays[:, row]
     across = np.cross([x1, y1, 1.0], pose.R.T @ [x2, y2, 1.0])  # of both rays
     gap_m = float(abs(pose.R.T @ pose.T @ across) / np.linalg.norm(across))
-    return HeldOut(
+    return HeldOutSet(
         length_errors=tuple(lengths.round(6).tolist()),
         reprojection_px=round(best_mean(errors_of(tested, pose).reprojection_px), 4),
         line_px=(tuple(foot.round(4).tolist()), tuple(along.round(6).tolist())),

@@ -7,7 +7,7 @@ from stereocal.commands.console import Options
 from stereocal.commands.options import finish
 from stereocal.commands.warming import compile_apart
 from stereocal.paper_kit.reproduction import (
-    Comparison,
+    FileComparison,
     ReproducibleResult,
     compare,
     processor_kind,
@@ -50,7 +50,7 @@ def _computed_again(archived: ReproducibleResult) -> dict[str, RigParameters]:
     return {name: sets[method] for name, method in methods.items() if method in sets}
 
 
-def _line_of(found: Comparison) -> str:
+def _line_of(found: FileComparison) -> str:
     if found.identical:
         return f"{found.name}: identical (SHA-256 {found.digest})"
     if found.agrees:

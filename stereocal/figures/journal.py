@@ -27,7 +27,7 @@ from stereocal.figures.frame_errors import KINDS, FrameKind, frame_panels
 from stereocal.figures.rig import scene_of
 from stereocal.figures.space import frusta
 from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, NEUTRAL, WRONG_COLOUR
-from stereocal.figures.validation_panels import COLUMNS, Column, Panel
+from stereocal.figures.validation_panels import COLUMNS, Panel, PanelColumn
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray
 
@@ -150,7 +150,7 @@ def _draw_pdfs(axes: Axes, panel: Panel, most: float) -> None:
     axes.set_ylim(0, 1.25 * most)
 
 
-def _set_axes(axes: Axes, column: Column, panel: Panel) -> None:
+def _set_axes(axes: Axes, column: PanelColumn, panel: Panel) -> None:
     axes.set_xscale("log")
     axes.set_xlim(*(10**end for end in column.span))
     axes.xaxis.set_major_locator(LogLocator(10.0 if column.labels_all else 100.0, numticks=20))

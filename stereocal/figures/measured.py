@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from stereocal.figures.space import VIEWS, Scene, add_cameras, eye_of, frusta, set_scene
+from stereocal.figures.space import VIEWS, SceneFrame, add_cameras, eye_of, frusta, set_scene
 from stereocal.figures.style import DASHED, add, blank, marker_of, sentence_only, thinned
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -66,7 +66,7 @@ class PointCloud:
 
     points: pd.DataFrame
     """Rows of `points.csv`."""
-    scene: Scene
+    scene: SceneFrame
 
     @cached_property
     def xyz(self) -> FloatArray:
@@ -117,7 +117,7 @@ def plot_points(
         frame: a frame to mark.
         world: `world_from_primary` of the points; None: they are in the primary's frame.
     """
-    cloud = PointCloud(points, Scene.of_world(world))
+    cloud = PointCloud(points, SceneFrame.of_world(world))
     seen, xyz = np.flatnonzero(cloud.seen), cloud.xyz
     shown = seen[thinned(len(seen), MAXIMUM_DRAWN)]
     if not len(shown):
@@ -219,7 +219,7 @@ def describe_points(
     points: pd.DataFrame, tracks: Sequence[IntArray] = (), world: Pose | None = None
 ) -> str:
     """Extents of the points in view, and how many are not drawn."""
-    cloud = PointCloud(points, Scene())  # in the axes of the table
+    cloud = PointCloud(points, SceneFrame())  # in the axes of the table
     shown = cloud.seen
     if not shown.any():
         return "No pair meets in front of both cameras."

@@ -43,14 +43,14 @@ Z_UP = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.z
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class SceneFrame:
     """The frame of a scene, whose y axis points down: the primary's, or one of a world frame."""
 
     from_primary: Pose = field(default_factory=lambda: Pose(np.eye(3), np.zeros(3)))
     is_world: bool = False
 
     @classmethod
-    def of_world(cls, world: Pose | None) -> "Scene":
+    def of_world(cls, world: Pose | None) -> "SceneFrame":
         """The scene of points in a world frame (`world_from_primary`), else in the primary's."""
         return cls() if world is None else cls(Z_UP @ world, True)
 
@@ -70,7 +70,7 @@ class Scene:
         return ", ".join(f"{name} {value:.3f} m{words}" for name, value, words in parts)
 
 
-IN_CAMERA = Scene()
+IN_CAMERA = SceneFrame()
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def eye_of(
     view: str,
     rig: PlacedCameras,
     target: FloatArray,
-    scene: Scene = IN_CAMERA,
+    scene: SceneFrame = IN_CAMERA,
     whole: FloatArray | None = None,
     shape: float = NARROW,
 ) -> Eye:
@@ -127,7 +127,7 @@ def add_cameras(
     figure: go.Figure,
     rig: PlacedCameras,
     depth: float,
-    scene: Scene = IN_CAMERA,
+    scene: SceneFrame = IN_CAMERA,
     named: bool = True,
 ) -> None:
     """Draw all frusta in proportion to a depth in metres, with optical centres, which have their
@@ -166,7 +166,7 @@ def above_or_below(up: FloatArray) -> list[str]:
 
 
 def frusta(
-    rig: PlacedCameras, depth: float, scene: Scene = IN_CAMERA
+    rig: PlacedCameras, depth: float, scene: SceneFrame = IN_CAMERA
 ) -> list[tuple[str, Camera, FloatArray]]:
     """Name, camera and outline of each frustum in proportion to a depth in metres.
 
@@ -189,7 +189,7 @@ def outline_of(camera: Camera, pose: Pose, depth: float) -> FloatArray:
     return np.array([pose.T, a, b, pose.T, gap, pose.T, c, d, pose.T, gap, b, c, gap, d, a])
 
 
-def set_scene(figure: go.Figure, eye: Eye | None = None, scene: Scene = IN_CAMERA) -> None:
+def set_scene(figure: go.Figure, eye: Eye | None = None, scene: SceneFrame = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
     values = [np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz"]
     ends = np.array([[pick(each) for each in values] for pick in (np.nanmin, np.nanmax)])

@@ -37,7 +37,7 @@ REACH_PX = 12.0
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutSet:
     """One parameter set on the held-out frames."""
 
     length_errors: tuple[float, ...]
@@ -70,7 +70,7 @@ class Story:
     frame: int
     """The example: a held-out frame."""
     target: str
-    sets: Mapping[Method, HeldOut]
+    sets: Mapping[Method, HeldOutSet]
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), separators=(",", ":")) + "\n"
@@ -79,7 +79,7 @@ class Story:
 def read_story(path: Path) -> Story:
     """The numbers as written by `Story.to_json`."""
     content = json.loads(path.read_text(encoding="utf-8"))
-    return Story(**content | {"sets": {key: HeldOut(**s) for key, s in content["sets"].items()}})
+    return Story(**content | {"sets": {key: HeldOutSet(**s) for key, s in content["sets"].items()}})
 
 
 def best_mean(errors: FloatArray) -> float:

@@ -11,7 +11,7 @@ from stereocal.evaluation.summary import MethodSummary, Pdf
 from stereocal.figures import style
 from stereocal.figures import validation_panels as data
 from stereocal.figures.style import CORRECT_COLOUR, WRONG_COLOUR, scatter
-from stereocal.figures.validation_panels import Column, Panel
+from stereocal.figures.validation_panels import Panel, PanelColumn
 
 PANEL_HEIGHT, SPACING = 190, 0.065
 LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 80
@@ -64,7 +64,7 @@ def plot_validation(
 
 
 def _axes(
-    column: Column, panel: Panel, across: list[float], up: list[float]
+    column: PanelColumn, panel: Panel, across: list[float], up: list[float]
 ) -> dict[str, dict[str, Any]]:
     """Both axes of a panel and their part of the figure; of the residual labelled as powers."""
     lowest, first = panel is column.panels[-1], panel.column == 0
@@ -98,7 +98,7 @@ def _frame(panel: Panel) -> dict[str, Any]:
     return {**box, "name": f"best {panel.quantity}", "line": line}
 
 
-def _traces(column: Column, panel: Panel) -> list[dict[str, Any]]:
+def _traces(column: PanelColumn, panel: Panel) -> list[dict[str, Any]]:
     """The PDFs of a panel; and the threshold, or the line at 1 %, with its value above them."""
     span = column.span
     relative = (np.log10(panel.line) - span[0]) / (span[1] - span[0])

@@ -133,7 +133,7 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class PanelColumn:
     """The panels of one quantity, and the axes that they share."""
 
     panels: list[Panel]
@@ -178,7 +178,9 @@ class Column:
         return [*title, f"Not in view: {beyond} values"] if beyond else title
 
 
-def columns_of(summaries: Mapping[Method, MethodSummary], names: Sequence[str]) -> list[Column]:
+def columns_of(
+    summaries: Mapping[Method, MethodSummary], names: Sequence[str]
+) -> list[PanelColumn]:
     """The panels of each quantity, a row for each method."""
     if unknown := [name for name in names if name not in COLUMNS]:
         raise StereocalError(f'The column "{unknown[0]}" is not known: {", ".join(COLUMNS)}.')
@@ -189,7 +191,7 @@ def columns_of(summaries: Mapping[Method, MethodSummary], names: Sequence[str]) 
             number = len(names) * row + column
             standing, axis = marks.get(method, ""), str(number + 1) if number else ""
             panels.append(Panel(method, name, summaries[method], standing, row, column, axis))
-        found.append(Column(panels))
+        found.append(PanelColumn(panels))
     return found
 
 

@@ -17,7 +17,7 @@ SideAndKey = tuple[int, str]
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class NameReading:
     """One way to read the names."""
 
     words: tuple[str, str]
@@ -29,11 +29,11 @@ class Reading:
     twin: Callable[[str, int], str]
     """From a name and its camera to the expected name of the other camera's photograph."""
 
-    def exchanged(self) -> "Reading":
+    def exchanged(self) -> "NameReading":
         """With the other camera as the primary."""
         first, second = self.words
         found = {name: (1 - side, key) for name, (side, key) in self.found.items()}
-        return Reading((second, first), self.rank, found, lambda n, i: self.twin(n, 1 - i))
+        return NameReading((second, first), self.rank, found, lambda n, i: self.twin(n, 1 - i))
 
 
 FOLDERS, BEGINNINGS, NUMBERS = 4, 5, 6
@@ -88,7 +88,7 @@ _Used = tuple[_Convention | None, _Convention | None]
 """The convention used in the folder and in the stem of a name; at least one is not None."""
 
 
-def readings_by_words(names: Sequence[str]) -> list[Reading]:
+def readings_by_words(names: Sequence[str]) -> list[NameReading]:
     """The combinations of folder and stem conventions of which both words occur."""
     folders, stems = (
         [
@@ -103,12 +103,12 @@ def readings_by_words(names: Sequence[str]) -> list[Reading]:
     return [_by_words(names, used) for used in both[1:]]
 
 
-def _by_words(names: Sequence[str], used: _Used) -> Reading:
+def _by_words(names: Sequence[str], used: _Used) -> NameReading:
     own = [convention for convention in used if convention]
     one, other = (" with ".join(dict.fromkeys(each.words[i] for each in own)) for i in (0, 1))
     read = {name: _side_and_key(name, used) for name in names}
     found = {name: known for name, known in read.items() if known is not None}
-    return Reading((one, other), min(each.rank for each in own), found, partial(_twin_of, used))
+    return NameReading((one, other), min(each.rank for each in own), found, partial(_twin_of, used))
 
 
 def _side_and_key(name: str, used: _Used) -> SideAndKey | None:
@@ -159,7 +159,7 @@ def _exchanged(written: str, word: str) -> str:
     return word.capitalize() if written[0].isupper() else word
 
 
-def readings_by_divisions(names: Sequence[str]) -> list[Reading]:
+def readings_by_divisions(names: Sequence[str]) -> list[NameReading]:
     """Readings by two folders of any names, two beginnings of names, or two numbers in them."""
     paths = {name: PurePosixPath(name.replace("\\", "/")) for name in names}
     depth = max((len(path.parts) for path in paths.values()), default=1) - 1
@@ -174,7 +174,7 @@ def readings_by_divisions(names: Sequence[str]) -> list[Reading]:
     digits = {name: re.findall("[0-9]+", path.stem) for name, path in paths.items()}
     forms = {name: re.sub("[0-9]+", "#", path.stem) for name, path in paths.items()}
 
-    def divide(words: Mapping[str, str], rest: Mapping[str, str], rank: int) -> list[Reading]:
+    def divide(words: Mapping[str, str], rest: Mapping[str, str], rank: int) -> list[NameReading]:
         # Folders that divide them alike are left out of the key.
         others = [one for one in levels if len({(words[n], one[n]) for n in names}) > 2]
         return _divided(words, _joined([*others, rest]), rank, "{}", lambda *_: "")
@@ -198,7 +198,7 @@ def _divided(
     rank: int,
     shown: str,
     twin: Callable[[str, str], str],
-) -> list[Reading]:
+) -> list[NameReading]:
     """The reading by words, by name, if there are two of them."""
     own = {word.lower(): word for word in words.values()}
     if len(own) != 2:
@@ -210,7 +210,7 @@ def _divided(
         return twin(name, own[order[1 - side]])
 
     one, two = (shown.format(own[word]).strip("#") or "no folder" for word in order)
-    return [Reading((one, two), rank, found, other)]
+    return [NameReading((one, two), rank, found, other)]
 
 
 def _in_folder(level: int, name: str, folder: str) -> str:

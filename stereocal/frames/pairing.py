@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
 
-from stereocal.frames.conventions import Reading, readings_by_words
+from stereocal.frames.conventions import NameReading, readings_by_words
 from stereocal.rig.camera import CAMERAS
 
 MAXIMUM_DIGITS = 15
@@ -74,7 +74,7 @@ class _Read:
     rivals: tuple[str, ...]
     """Photographs with the same camera and frame as another."""
     unknown: tuple[str, ...]
-    reading: Reading
+    reading: NameReading
 
     @property
     def merit(self) -> tuple[int, int, int]:
@@ -101,7 +101,7 @@ def pair_names(names: Iterable[str]) -> Pairing:
     return best_reading(ordered, readings_by_words(ordered))
 
 
-def best_reading(names: Sequence[str], readings: Iterable[Reading]) -> Pairing:
+def best_reading(names: Sequence[str], readings: Iterable[NameReading]) -> Pairing:
     """The pairs of the reading that pairs most names, as `pair_names`.
 
     Args:
@@ -185,7 +185,7 @@ def missing(alone: Sequence[Alone]) -> list[str]:
     return [f"{'; '.join(map(str, alone[:3]))}{more}."]
 
 
-def _read(names: Sequence[str], reading: Reading) -> _Read:
+def _read(names: Sequence[str], reading: NameReading) -> _Read:
     sides: dict[str, tuple[list[str], list[str]]] = {}
     unknown = []
     for name in names:

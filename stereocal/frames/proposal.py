@@ -9,7 +9,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stereocal.frames.by_time import Alignment, Times, aligned_clocks, times_of
-from stereocal.frames.conventions import FOLDERS, Reading, readings_by_divisions, readings_by_words
+from stereocal.frames.conventions import (
+    FOLDERS,
+    NameReading,
+    readings_by_divisions,
+    readings_by_words,
+)
 from stereocal.frames.pairing import (
     Alone,
     Pair,
@@ -100,7 +105,7 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
     return Proposal(ways, best, way, ways["time"].alone if sure else (), named)
 
 
-def _as_in(division: Reading, words: Sequence[Reading]) -> Reading:
+def _as_in(division: NameReading, words: Sequence[NameReading]) -> NameReading:
     """A division with the primary camera that words name, if they divide alike."""
     for reading in words:
         same = [
@@ -113,7 +118,7 @@ def _as_in(division: Reading, words: Sequence[Reading]) -> Reading:
 
 
 def _by_name(
-    names: Sequence[str], words: Sequence[Reading], divisions: Sequence[Reading]
+    names: Sequence[str], words: Sequence[NameReading], divisions: Sequence[NameReading]
 ) -> Pairing:
     """By words and folders; else by two beginnings or numbers of names, if these pair all."""
     named = best_reading(names, [*words, *(one for one in divisions if one.rank <= FOLDERS)])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from stereocal.frames.conventions import FOLDERS, Reading
+from stereocal.frames.conventions import FOLDERS, NameReading
 from stereocal.frames.pairing import natural, short_names
 from stereocal.system.taken import Taken
 
@@ -45,7 +45,7 @@ class Sides:
         return f"Primary: {first}; secondary: {second}."
 
 
-def sides_of(taken: Mapping[str, Taken], readings: Sequence[Reading]) -> Sides | None:
+def sides_of(taken: Mapping[str, Taken], readings: Sequence[NameReading]) -> Sides | None:
     """Divide photographs between two cameras: by words or folders, the camera that the files name,
     the beginnings of the names, the sizes of the images, or two runs of numbers; None if none of
     these does.

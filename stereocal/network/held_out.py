@@ -23,7 +23,7 @@ SEED = 0
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutErrors:
     """Errors of frames measured with a rig that was fitted without them."""
 
     frames: int
@@ -63,7 +63,7 @@ def length_errors(points: FloatArray, distances: FloatArray) -> FloatArray:
     return np.asarray(found[np.isfinite(found)])
 
 
-def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOut]:
+def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOutErrors]:
     """The errors with frames drawn at random left out (`frames`), and for a recording of frames
     that follow each other with whole runs left out (`runs`); empty for fewer than `FEWEST`.
 
@@ -75,7 +75,7 @@ def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOut]:
     groups = {"frames": np.arange(count)}
     if clusters.has_runs:
         groups["runs"] = clusters.of_frames
-    found: dict[str, HeldOut] = {}
+    found: dict[str, HeldOutErrors] = {}
     for name, of_frames in groups.items():
         number = int(of_frames.max(initial=-1)) + 1
         if number < FEWEST:
@@ -87,7 +87,7 @@ def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOut]:
     return found
 
 
-def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
+def _errors(fit: RigFit, parts: IntArray) -> HeldOutErrors | None:
     """The errors of all parts (f,) of the used frames; None if a fit fails."""
     seen, used = fit.seen, fit.used
     start = fit.unknowns.named(fit.p)
@@ -105,7 +105,7 @@ def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
         pixels.append(frame_errors(residuals, seen.frame_of[units], len(seen.frames))[out])
         lengths.append(length_errors(points, seen.distances[units]))
     every, relative = np.concatenate(pixels), np.concatenate(lengths)
-    return HeldOut(
+    return HeldOutErrors(
         len(every),
         float(np.sqrt(np.nanmean(np.square(every)))),
         float(np.quantile(np.abs(relative), 0.95)) if len(relative) else None,

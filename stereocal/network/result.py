@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from stereocal.network.fit import RigFit, camera_at
-from stereocal.network.held_out import HeldOut, frame_errors, held_out, length_errors, point_fits
+from stereocal.network.held_out import (
+    HeldOutErrors,
+    frame_errors,
+    held_out,
+    length_errors,
+    point_fits,
+)
 from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
@@ -141,7 +147,7 @@ class RigCalibration:
         return length_errors(self.point_fits[0][units], self.fit.seen.distances[units])
 
     @cached_property
-    def held_out(self) -> dict[str, HeldOut]:
+    def held_out(self) -> dict[str, HeldOutErrors]:
         """Errors on frames not fitted, as of `held_out.held_out`."""
         return held_out(self.fit, self.clusters)
 

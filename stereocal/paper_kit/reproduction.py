@@ -61,7 +61,7 @@ class ReproducibleResult:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class FileComparison:
     """How a parameter file that was computed again compares with that of an archive."""
 
     name: str
@@ -169,7 +169,9 @@ def tolerance_of(content: Mapping[str, Any]) -> Tolerance:
     return ADJUSTED if content["method"] == "refined" else SEARCHED
 
 
-def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> list[Comparison]:
+def compare(
+    archived: ReproducibleResult, sets: Mapping[str, RigParameters]
+) -> list[FileComparison]:
     """Each parameter file of an archive beside the one that was computed again.
 
     Args:
@@ -181,5 +183,5 @@ def compare(archived: ReproducibleResult, sets: Mapping[str, RigParameters]) -> 
         digest, tolerance = digest_of(now), tolerance_of(content)
         identical = digest == digest_of(content)
         unequal = () if identical else tuple(differences(content, now, tolerance))
-        found.append(Comparison(name, digest, identical, tolerance, unequal))
+        found.append(FileComparison(name, digest, identical, tolerance, unequal))
     return found

@@ -63,7 +63,7 @@ MOST_ALTERNATIVES = 3
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedReading:
     """A reading and the noise that it leaves."""
 
     reading: Reading
@@ -134,7 +134,7 @@ def _fewer_frames(dataset: Dataset) -> Dataset:
     return dataset.of_frames(frames[at])
 
 
-def _every_reading(dataset: Dataset, out_of_step: bool) -> list[Judged]:
+def _every_reading(dataset: Dataset, out_of_step: bool) -> list[JudgedReading]:
     """All readings, the best first: those of estimated values must leave less noise than others."""
     judged = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
     if not out_of_step:
@@ -143,14 +143,14 @@ def _every_reading(dataset: Dataset, out_of_step: bool) -> list[Judged]:
     return sorted(judged, key=lambda it: it.rank)
 
 
-def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged]:
+def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[JudgedReading]:
     found = []
     for reading in readings:
         with suppress(StereocalError):
             data = _fewer_frames(reading.corrected())  # an order is that of all frames
             noise = noise_of(data) if _is_near(data) else float("inf")
             fits = handicap * noise < fitting_px(data)
-            found.append(Judged(reading, noise, fits, handicap * noise))
+            found.append(JudgedReading(reading, noise, fits, handicap * noise))
     return found
 
 
@@ -216,12 +216,12 @@ def _centred_readings(dataset: Dataset) -> Iterator[Reading]:
         )
 
 
-def _named(nominal: float, judged: list[Judged], gain: float) -> list[Judged]:
+def _named(nominal: float, judged: list[JudgedReading], gain: float) -> list[JudgedReading]:
     """The readings that fit, and so many times better than what was given; the best first."""
     return [it for it in judged if it.fits and gain * it.noise_px < nominal]
 
 
-def _message(nominal: float, judged: list[Judged], gain: float) -> str:
+def _message(nominal: float, judged: list[JudgedReading], gain: float) -> str:
     """The reading with the least noise, and those that explain as much; or empty."""
     named = _named(nominal, judged, gain)
     if not named:

@@ -80,7 +80,7 @@ INPUTS: Mapping[str, tuple[tuple[str, ...], list[int]]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class InputComparison:
     """All inputs compared with the other data."""
 
     inputs: list[Input]
@@ -89,13 +89,13 @@ class Comparison:
     """The fit without the priors of the accused inputs; the given one if none is accused."""
 
 
-def compare_inputs(result: RefinedResult) -> Comparison:
+def compare_inputs(result: RefinedResult) -> InputComparison:
     """Test all inputs that have a prior, and a fixed distortion; solves again for each test.
 
     Those of a pair of a rig are the rig's, which tests its own.
     """
     if result.settings.rest is not None:
-        return Comparison([], result)
+        return InputComparison([], result)
     current = _with_its_noise(result)
     tests = _tests(current)
     found = {key: _input(result, key, value) for key, (value, _) in tests.items()}
@@ -137,7 +137,7 @@ def compare_inputs(result: RefinedResult) -> Comparison:
             current.settings, sigma_px=result.settings.sigma_px, scatter_m=result.settings.scatter_m
         )
         model = refine(result.dataset, settings, current.pose, result.rows)
-    return Comparison([found[key] for key in [*named, *rest]], model)
+    return InputComparison([found[key] for key in [*named, *rest]], model)
 
 
 def _with_its_noise(result: RefinedResult) -> RefinedResult:

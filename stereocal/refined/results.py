@@ -10,7 +10,7 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings, Errors, FileMethod, Method, errors_of
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
-from stereocal.refined.disagreement import Comparison, compare_inputs
+from stereocal.refined.disagreement import InputComparison, compare_inputs
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
@@ -68,7 +68,7 @@ class Calibration:
         return errors
 
     @step
-    def comparison(self) -> Comparison | None:
+    def comparison(self) -> InputComparison | None:
         """What the images say of each stated input; None without a refined set."""
         return None if self.refined is None else compare_inputs(self.refined)
 

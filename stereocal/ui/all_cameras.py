@@ -259,7 +259,7 @@ def moment_search(
     held: HeldTarget | None,
     keep: Callable[[all_cameras.FoundRecording, str], None],
     **more: float | None,
-) -> jobs.Work:
+) -> jobs.PageWork:
     """The search, for a button.
 
     Args:
@@ -292,4 +292,4 @@ def moment_search(
         keep(found, job.work.digest)
 
     stages = (BOARDS_STAGE,) if isinstance(held, BoardPattern) else STAGES
-    return jobs.Work(store.project, "photographs", stages, run, jobs.digest_of(about))
+    return jobs.PageWork(store.project, "photographs", stages, run, jobs.digest_of(about))

@@ -97,7 +97,7 @@ def _compute_in_job(
     project: Project, kind: jobs.Kind, counted: str, compute: Callable[[jobs.Job], None]
 ) -> None:
     """Start the job, unless it has failed or was cancelled, and show it."""
-    work, last = jobs.Work(project, kind, (counted,), compute), jobs.job_of(project, kind)
+    work, last = jobs.PageWork(project, kind, (counted,), compute), jobs.job_of(project, kind)
     ended = last is not None and last.state in ("failed", "cancelled")
     if not ended:  # what was made is kept in memory: after a restart it is made again
         jobs.start(work)

@@ -37,7 +37,7 @@ INSTANT_S = 2.0
 """Shorter computations run as the controls move."""
 
 
-class Inputs(NamedTuple):
+class ApplyInputs(NamedTuple):
     """The inputs, complete but for the threshold."""
 
     work: Application | None
@@ -46,14 +46,14 @@ class Inputs(NamedTuple):
     """Draws what the threshold depends on; None for a rig, which has none."""
 
 
-def choose_inputs(project: Project, store: ProjectApplication) -> Inputs | None:
+def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Uploaders of points, and the inputs; None if something is missing."""
     if project.pair is None and (ProjectRecording(project).is_given or store.rig_given):
         return _choose_for_rig(project, store)
     return _choose_for_pair(project, store)
 
 
-def _choose_for_pair(project: Project, store: ProjectApplication) -> Inputs | None:
+def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
     source, dataset = Source(project, APPLY_SETS), project.dataset
     own_tables = None if dataset is None else partial(unlabelled, dataset.correspondences)
@@ -104,7 +104,7 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> Inputs | No
     if threshold is not None and depths is not None:
         forced = threshold.threshold_px if threshold.is_forced else None
         work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
-    return Inputs(work, partial(thresholds.show, threshold))
+    return ApplyInputs(work, partial(thresholds.show, threshold))
 
 
 def _choose_sets(
@@ -126,7 +126,7 @@ def _choose_sets(
     return (found[0], found[1]) if len(found) == len(USES) else None
 
 
-def _choose_for_rig(project: Project, store: ProjectApplication) -> Inputs | None:
+def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Points of three cameras and more, and the rig that matches and measures them."""
     recording = ProjectRecording(project)
     rig, label = recording.rig, "the rig of this project"
@@ -159,7 +159,7 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> Inputs | Non
         st.info("Still missing: the points of two cameras at least.")
         return None
     stated = Stated(sigma_px=sigma_px, names=names)
-    return Inputs(Application(points, rig, rig, stated, world), None)
+    return ApplyInputs(Application(points, rig, rig, stated, world), None)
 
 
 def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
@@ -170,7 +170,7 @@ def bring_up_to_date(project: Project, store: ProjectApplication, work: Applicat
 
     result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
     current = result is not None and result[0].digest == work.digest
-    job = jobs.Work(project, "apply", STAGES, run)
+    job = jobs.PageWork(project, "apply", STAGES, run)
     label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
     short, doing = work.expected_seconds <= INSTANT_S, "Matching and measuring."
     last = "Cancelled. What is shown is the last finished result."

@@ -41,7 +41,7 @@ from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
 from stereocal.ui.answer import PAPERS_SET
-from stereocal.ui.apply import Inputs
+from stereocal.ui.apply import ApplyInputs
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
@@ -73,7 +73,9 @@ class Tables(NamedTuple):
     usual_tracks: str | None
 
 
-def show_application(project: Project, store: ProjectApplication, chosen: Inputs | None) -> None:
+def show_application(
+    project: Project, store: ProjectApplication, chosen: ApplyInputs | None
+) -> None:
     """The last finished result, even if the form has changed since, and closer looks.
 
     One look at a time, or none; only what is shown is computed.

@@ -29,7 +29,7 @@ MOST_REFUSED = 0.5
 """Share of frames without a usable board; with more, it may be no board that is held."""
 
 
-def press_search(work: jobs.Work, what: str, key: str, found: bool, ready: bool) -> None:
+def press_search(work: jobs.PageWork, what: str, key: str, found: bool, ready: bool) -> None:
     """The button that begins a search in the photographs, and its progress."""
     again = " again" * found
     jobs.start_button(work, f"Find the {what}{again}", key, primary=not found, disabled=not ready)
@@ -68,7 +68,7 @@ def boards_in(store: ProjectPhotographs) -> None:
         "cameras": [camera.to_json() for camera in given or ()],
     }
     run = partial(_find, store, pairing, pattern, given)
-    work = jobs.Work(project, "photographs", stereo_boards.STAGES, run, jobs.digest_of(about))
+    work = jobs.PageWork(project, "photographs", stereo_boards.STAGES, run, jobs.digest_of(about))
     press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
     refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
     if refused if found else jobs.has_failed(project, "photographs"):

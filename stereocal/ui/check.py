@@ -51,7 +51,7 @@ VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class CheckInputs:
     """The inputs of a check, complete."""
 
     project: Project
@@ -65,7 +65,7 @@ class Chosen:
     """Identifies parameters and images, as given, and what is stated of them."""
 
 
-def choose_inputs(project: Project) -> Chosen | None:
+def choose_check_inputs(project: Project) -> CheckInputs | None:
     """The parameters, and the place for new images; None if something is missing."""
     store, given = ProjectCheck(project), ProjectCheck(project).file(PARAMETERS)
     recording, source = ProjectRecording(project), Source(project, "check_parameters")
@@ -113,7 +113,7 @@ def choose_inputs(project: Project) -> Chosen | None:
         )
         stated = ask_noise(noise_field(project, "check_sigma_px"), usual, otherwise)
         images, digest = images.stating(stated), f"{digest} {stated}"
-    return Chosen(project, rig, file, images, smallest, digest)
+    return CheckInputs(project, rig, file, images, smallest, digest)
 
 
 def _set_in(given: StoredFile | None) -> tuple[Parameters | None, str]:
@@ -166,7 +166,7 @@ def ask_smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) 
     return Smallest(float(np.radians(turn)), change / 100)
 
 
-def show_check(chosen: Chosen) -> None:
+def show_check(chosen: CheckInputs) -> None:
     """The answer as a sentence, the errors frame by frame, the repaired parameters."""
     found, residuals = _checked(chosen)
     if isinstance(found, RigCheck):
@@ -226,9 +226,9 @@ def _are_in_use(project: Project, repaired: Callable[[], str]) -> bool:
 @st.cache_resource(
     show_spinner="Checking.",
     max_entries=16,
-    hash_funcs={Chosen: lambda chosen: (chosen.digest, chosen.smallest)},
+    hash_funcs={CheckInputs: lambda chosen: (chosen.digest, chosen.smallest)},
 )
-def _checked(chosen: Chosen) -> tuple[Recheck | RigCheck, dict[str, Residuals]]:
+def _checked(chosen: CheckInputs) -> tuple[Recheck | RigCheck, dict[str, Residuals]]:
     """The answer, and the errors by pair; of two cameras the only pair has no name."""
     rig, images = chosen.rig, chosen.images
     if isinstance(rig, RigFile):

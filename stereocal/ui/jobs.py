@@ -53,7 +53,7 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Work:
+class PageWork:
     """The work that a page asks for."""
 
     project: Project
@@ -77,7 +77,7 @@ def digest_of(about: Mapping[str, Any]) -> str:
 class Job:
     """Work that this server does. Its thread writes; pages only read."""
 
-    work: Work
+    work: PageWork
     executor: Executor
     """Computes its tasks."""
     at: int = 0
@@ -153,7 +153,7 @@ def has_failed(project: Project, kind: Kind) -> bool:
     return job is not None and job.state == "failed"
 
 
-def start(work: Work) -> None:
+def start(work: PageWork) -> None:
     """Begin a job, unless one of its kind is running (a callback)."""
     job = Job(work, pool())
     with _STARTING:
@@ -170,7 +170,7 @@ def start(work: Work) -> None:
 
 
 def start_button(
-    work: Work, label: str, key: str, *, primary: bool = True, disabled: bool = False
+    work: PageWork, label: str, key: str, *, primary: bool = True, disabled: bool = False
 ) -> None:
     """The button that begins a job."""
 
@@ -209,7 +209,7 @@ def _end(job: Job, state: Literal["done", "cancelled", "failed"], sentence: str 
 
 
 def bring_up_to_date(
-    work: Work,
+    work: PageWork,
     current: bool,
     short: bool,
     spinner: str,

@@ -204,7 +204,7 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> N
         current = made_with == (settings, left)
     kind = JOB_KINDS[store.which]
     run = partial(_calibrate, store, pattern, settings, leave_out)
-    work = jobs.Work(store.project, kind, STAGES, run)
+    work = jobs.PageWork(store.project, kind, STAGES, run)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     if lens is not None and not current and not jobs.is_running(store.project, kind):
         show_stale("form or photographs")

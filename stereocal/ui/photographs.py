@@ -70,7 +70,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
             " to tell A from B."
         )
     run = partial(_find, store, pairs, target or BAR, holding.held_text(project))
-    work = jobs.Work(project, "photographs", STAGES, run)
+    work = jobs.PageWork(project, "photographs", STAGES, run)
     ready = bool(rows) and not lacking and target is not None
     press_search(work, "targets", "find_targets", frames is not None, ready)
     if frames is None:

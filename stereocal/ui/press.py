@@ -46,7 +46,7 @@ class Press:
         return kept_protocol(self.project, [self.dataset])
 
     @cached_property
-    def work(self) -> jobs.Work:
+    def work(self) -> jobs.PageWork:
         """As a job."""
         large = is_long(self.dataset)
 
@@ -63,7 +63,7 @@ class Press:
             job.begin("runs")
             return self._validate(job)
 
-        return jobs.Work(self.project, KIND, STAGES if large else STAGES[1:], run)
+        return jobs.PageWork(self.project, KIND, STAGES if large else STAGES[1:], run)
 
     def show(self, only_if_stale: bool = False) -> None:
         """Do what was pressed; what has changed since the result, and the button.
@@ -80,7 +80,7 @@ class Press:
         with place.container():
             self._show_button(work, only_if_stale)
 
-    def _show_button(self, work: jobs.Work | None, only_if_stale: bool) -> None:
+    def _show_button(self, work: jobs.PageWork | None, only_if_stale: bool) -> None:
         if not only_if_stale:
             show_progress(self.project, work)
         if jobs.is_running(self.project, KIND):
@@ -175,7 +175,7 @@ def offer_again(project: Project, inputs: Inputs, dataset: Dataset) -> None:
         Press(project, inputs, dataset, settings).show(only_if_stale=True)
 
 
-def show_progress(project: Project, work: jobs.Work | None) -> None:
+def show_progress(project: Project, work: jobs.PageWork | None) -> None:
     """Show the job of a press, if there is one.
 
     A result that was stored while the last job was ending was too late for it, and too early for a

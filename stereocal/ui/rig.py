@@ -32,7 +32,7 @@ GRAPH = "rig_graph"
 TIME_OFFSETS = "rig_time_offsets"
 
 
-def rig_work(project: Project, time_offsets: bool) -> jobs.Work:
+def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
     """The work of a press."""
     store = ProjectRecording(project)
 
@@ -46,7 +46,7 @@ def rig_work(project: Project, time_offsets: bool) -> jobs.Work:
         sets, _ = sets_of_pairs(recording, found)
         store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))
 
-    return jobs.Work(project, KIND, ("steps",), run)
+    return jobs.PageWork(project, KIND, ("steps",), run)
 
 
 def show_page() -> None:

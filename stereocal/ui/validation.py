@@ -157,7 +157,7 @@ def bring_up_to_date(
     if not (current or short) and wait_for_answer(project):
         return  # the press on Calibrate ends in a validation
     run = partial(_validate, project, datasets, settings)
-    work = jobs.Work(project, "evaluation", STAGES, run)
+    work = jobs.PageWork(project, "evaluation", STAGES, run)
     label = f"Validate ({settings.runs * len(datasets)} runs)"
     cancelled, stale = "Cancelled. What is shown is the last finished validation.", ""
     if last is not None and not current:

@@ -107,7 +107,7 @@ def take_videos(
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
-        jobs.start(jobs.Work(project, "video", STAGES, run))
+        jobs.start(jobs.PageWork(project, "video", STAGES, run))
         job = jobs.job_of(project, "video")
         if job is not None and job.state != "failed":  # else it may not have been started
             undo.pop_all()

@@ -28,7 +28,7 @@ from stereocal.system.numbers import without_nan
 from stereocal.verdict import intervals
 from stereocal.verdict.fresh_frames import GROUP, draw_noise, fresh_bars, noise_of_points
 from stereocal.verdict.further_recording import Further, further_recordings, widened
-from stereocal.verdict.judging import Judged, add_noise, judge, photograph
+from stereocal.verdict.judging import JudgedSets, add_noise, judge, photograph
 
 DRAWS, BARS = 128, 200
 """Draws of the truth, and fresh bars of each half of a draw."""
@@ -214,7 +214,7 @@ def draw_forecast(
     distances /= truths[:, [BAR]]  # as measured, with the error of the bar at hand
     pixels = np.empty(noise.shape)
 
-    def judge_draw(draw: int) -> list[Judged]:
+    def judge_draw(draw: int) -> list[JudgedSets]:
         points, seen, start = ends[draw].reshape(-1, 3), pixels[draw], np.empty((4, 4 * bars))
         photograph(truths[draw], lenses, points, seen)
         add_noise(model.q, lenses, points, of_noise.along[draw], noise[draw], seen, start)
@@ -229,7 +229,7 @@ def draw_forecast(
         judged = list(pool.map(judge_draw, range(draws)))
     counts, lengths, correct_px = (
         np.array([[getattr(half, name) for half in each] for each in judged])
-        for name in Judged._fields
+        for name in JudgedSets._fields
     )
     halves = (draws, 2, bars, 2)
     radii = image_radii(model, pixels.reshape(-1, 4)).reshape(halves).mean(axis=-1)

@@ -86,7 +86,7 @@ def add_noise(
             pixels[k, i] += part + along * (noise[k, i] - part)
 
 
-class Judged(NamedTuple):
+class JudgedSets(NamedTuple):
     """What `judge` counted and measured with s sets."""
 
     counts: CountArray
@@ -104,7 +104,7 @@ def judge(
     start: FloatArray,
     distances: FloatArray,
     partners: IntArray,
-) -> Judged:
+) -> JudgedSets:
     """Count the errors of all pairs with each set, and measure the bars.
 
     Args:
@@ -116,7 +116,7 @@ def judge(
         partners: (n, p): the secondary points paired with each primary point.
     """
     s = len(sets)
-    found = Judged(
+    found = JudgedSets(
         np.zeros((s, 2, 2, BINS + 2), dtype=np.int32), np.empty((s, len(distances))), np.empty(s)
     )
     scale, nans = empty_pixel_scale(stated_lenses), np.zeros((s, 2), dtype=np.int64)

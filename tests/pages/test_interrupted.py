@@ -75,7 +75,7 @@ def test_a_removed_project_stops_its_job(validating: AppTest, home: Path) -> Non
             job.progress(0, 1)
             begun.set()
 
-    jobs.start(jobs.Work(project, "evaluation", ("runs",), until_cancelled))
+    jobs.start(jobs.PageWork(project, "evaluation", ("runs",), until_cancelled))
     assert begun.wait(SLOW)
     remove(home, project.id)
     assert ended(project, "evaluation").state == "cancelled"
@@ -162,7 +162,7 @@ def test_the_press_and_a_restart(
         assert not long.exception
     forget()  # the server starts again
     pages = ("calibrate", "apply", "check")
-    begun: list[jobs.Work] = []
+    begun: list[jobs.PageWork] = []
     with monkeypatch.context() as patch:
         patch.setattr(jobs, "start", begun.append)
         forbid(patch)

@@ -214,7 +214,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
         wait_until(lambda: job.cancelled)
         return False
 
-    jobs.start(jobs.Work(project, "photographs", ("photographs",), until_cancelled))
+    jobs.start(jobs.PageWork(project, "photographs", ("photographs",), until_cancelled))
     give_zip(app, pack_dataset(read_dataset(FIELD)))
     assert not app.exception
     assert ended(project, "photographs").state == "cancelled"

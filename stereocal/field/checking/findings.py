@@ -185,7 +185,7 @@ class Recheck:
         return self.explanations[0].fit if self.refocused else self.pose
 
     @cached_property
-    def held_out(self) -> fits.HeldOutErrors:
+    def held_out(self) -> fits.RepairErrors:
         """The errors of held-out groups with the old and with repaired parameters."""
         return fits.measured_held_out(self.prior, self.after, self.best)
 

@@ -204,7 +204,7 @@ class ImageNoise:
 
 
 @dataclass(frozen=True)
-class HeldOutErrors:
+class RepairErrors:
     """Mean errors of groups that were held out, before and after the repair."""
 
     px: tuple[float, float]
@@ -221,7 +221,7 @@ class HeldOutErrors:
         return now < was or (after < CLEARLY * before and now < NOT_WORSE * was)
 
 
-def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOutErrors:
+def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> RepairErrors:
     """The errors of each run of groups with the old parameters, and repaired by the other runs.
 
     Groups that are outlying in `best`, the fit of all of them, are not used. If fewer than two are
@@ -230,7 +230,7 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOutErro
     kept = np.flatnonzero(~best.outlying)
     errors = []
     if len(kept) < 2:
-        return HeldOutErrors((0.0, 0.0), None)
+        return RepairErrors((0.0, 0.0), None)
     for held in np.array_split(kept, min(FOLDS, len(kept))):
         fit = Fit(prior, images, best.change, best.sigma_px)
         fit.p[:] = best.p
@@ -243,7 +243,7 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> HeldOutErro
     whole = np.concatenate(errors, axis=2)
     known = np.isfinite(whole[1]).any(axis=1).all()
     (px, new_px), *lengths = np.nanmean(whole[: 2 if known else 1], axis=2).tolist()
-    return HeldOutErrors((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
+    return RepairErrors((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
 
 
 @dataclass(frozen=True)
