@@ -122,11 +122,7 @@ def write_plan(plan: Plan) -> bytes:
             "primary": _camera_entry(plan.stated_primary),
             "secondary": _camera_entry(plan.stated_secondary),
         },
-        **(
-            {"pose": asdict(pose)}
-            if isinstance(pose, AimedPose)
-            else {"R": pose.R.tolist(), "T": pose.T.tolist()}
-        ),
+        **({"pose": asdict(pose)} if isinstance(pose, AimedPose) else pose.to_json()),
         "volume": {"near_m": plan.near_m, "far_m": plan.far_m},
         "bar_m": plan.bar_m,
         "frames": plan.frames,

@@ -179,19 +179,13 @@ class Outcome:
     @property
     def rig(self) -> PlacedCameras:
         """The cameras that measured, and their poses."""
-        if (several := self.measured_with.get("rig")) is not None:
+        stored = self.measured_with
+        if (several := stored.get("rig")) is not None:
             return SeveralCameras(
-                {
-                    name: PlacedCamera(
-                        Camera.from_json(placed, name),
-                        Pose(*(np.array(placed[key]) for key in "RT")),
-                    )
-                    for name, placed in several.items()
-                }
+                {name: PlacedCamera.from_json(placed, name) for name, placed in several.items()}
             )
-        first, second = (Camera.from_json(self.measured_with[name], name) for name in CAMERAS)
-        R, T = (np.array(self.measured_with[key], dtype=np.float64) for key in "RT")
-        return Rig(first, second, Pose(R, T))
+        first, second = (Camera.from_json(stored[name], name) for name in CAMERAS)
+        return Rig(first, second, Pose.from_json(stored))
 
     @property
     def world(self) -> Pose | None:
@@ -220,11 +214,10 @@ def apply_sets(
     rig, measuring, stated = work.matching, work.measuring, work.stated
     if isinstance(rig, RigParameters) and isinstance(measuring, RigParameters):
         refuse_different_rigs(rig, measuring)
-    how: dict[str, Any] = {"progress": progress, "executor": executor}
     begin(STAGES[0])
     rows: list[pd.DataFrame] = []
     out = folder / work.matched
-    matched = match_tables(rig, tables, out, stated, passed_on=rows, **how)
+    matched = match_tables(rig, tables, out, stated, None, progress, executor, passed_on=rows)
     if not matched.found:
         raise StereocalError(_none_found(work, matched.threshold_px))
     begin(STAGES[1])
@@ -232,7 +225,9 @@ def apply_sets(
     columns = pixel_columns(measuring)
     together = PointTable(pd.concat(rows), columns, work.matched, may_be_empty=is_rig)
     sigma_px = stated.sigma_px if is_rig else None
-    measured = measure_tables(measuring, together, folder / POINTS, work.world, sigma_px, **how)
+    measured = measure_tables(
+        measuring, together, folder / POINTS, work.world, sigma_px, progress, executor
+    )
     first, *others = measured.sentences
     if isinstance(measuring, RigParameters) and measuring.purpose == "reconstruction":
         first += LARGE_ERRORS
@@ -287,22 +282,10 @@ def _measured_with(work: Application) -> dict[str, Any]:
     world, rig = work.world, work.measuring
     frame = None if world is None else np.column_stack([world.R, world.T]).tolist()
     if isinstance(rig, RigFile):
-        placed = {
-            name: {
-                **placed.camera.to_json(),
-                "R": placed.pose.R.tolist(),
-                "T": placed.pose.T.tolist(),
-            }
-            for name, placed in rig.placed.items()
-        }
+        placed = {name: placed.to_json() for name, placed in rig.placed.items()}
         return {"rig": placed, "world_from_primary": frame}
-    return {
-        "primary": rig.primary.to_json(),
-        "secondary": rig.secondary.to_json(),
-        "R": rig.pose.R.tolist(),
-        "T": rig.pose.T.tolist(),
-        "world_from_primary": frame,
-    }
+    cameras = {"primary": rig.primary.to_json(), "secondary": rig.secondary.to_json()}
+    return {**cameras, **rig.pose.to_json(), "world_from_primary": frame}
 
 
 def unlabelled(rows: Correspondences) -> dict[str, pd.DataFrame]:

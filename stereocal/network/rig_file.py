@@ -128,13 +128,11 @@ class RigFile(ResultFile):
     def content(self) -> dict[str, Any]:
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         cameras = {}
-        for number, (name, camera) in enumerate(self.cameras.items()):
-            names = _unknowns(camera)
+        for number, (name, placed) in enumerate(self.placed.items()):
+            names = _unknowns(placed.camera)
             own = errors[EACH * number : EACH * number + len(names)].tolist()
             cameras[name] = {
-                **camera.to_json(),
-                "R": self.poses[name].R.tolist(),
-                "T": self.poses[name].T.tolist(),
+                **placed.to_json(),
                 "time_offset_frames": self.time_offsets[name],
                 "standard_errors": dict(zip(names, own, strict=True)),
             }
@@ -172,10 +170,7 @@ class RigFile(ResultFile):
         _check_figures(data)
         return cls(
             cameras,
-            {
-                name: Pose(np.array(each["R"], float), np.array(each["T"], float))
-                for name, each in data["cameras"].items()
-            },
+            {name: Pose.from_json(each) for name, each in data["cameras"].items()},
             {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()},
             covariance,
             float(data["noise_px"]),

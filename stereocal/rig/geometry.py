@@ -13,8 +13,9 @@
   Q^R, Section 2.3). Parallel rays and points behind a camera give NaN, never 0.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -99,6 +100,15 @@ class Pose:
         if not EXACT_ROTATION < error <= NEAREST_TOLERANCE:
             return cls(R, T)
         return cls(nearest_rotation(R), T, rounding=error)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "Pose":
+        """The inverse of `to_json`."""
+        return cls(data["R"], data["T"])
+
+    def to_json(self) -> dict[str, Any]:
+        """R and T; not `rounding`."""
+        return {"R": self.R.tolist(), "T": self.T.tolist()}
 
     @property
     def baseline(self) -> float:

@@ -136,8 +136,7 @@ class RigParameters(Rig, ResultFile):
             "pixel_origin": PIXEL_ORIGIN,
             "cameras": {"primary": self.primary.to_json(), "secondary": self.secondary.to_json()},
             **({} if self.camera_names is None else {"camera_names": list(self.camera_names)}),
-            "R": self.pose.R.tolist(),
-            "T": self.pose.T.tolist(),
+            **self.pose.to_json(),
             "E": self.pose.essential.tolist(),
             "angles": self.pose.angles._asdict(),
             "baseline_m": self.pose.baseline,
@@ -167,7 +166,7 @@ class RigParameters(Rig, ResultFile):
                 f'the convention {convention!r} is unknown; this version reads "{CONVENTION}".',
             )
         )
-        pose = Pose(np.array(data["R"], float), np.array(data["T"], float))
+        pose = Pose.from_json(data)
         stated = Pose.from_angles(Angles(**data["angles"]), pose.baseline)
         refuse(
             (  # "not <=" rejects NaN too.

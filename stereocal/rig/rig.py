@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,15 @@ class PlacedCamera(NamedTuple):
     camera: Camera
     pose: Pose
     """`camera_from_reference`."""
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any], name: str) -> "PlacedCamera":
+        """The inverse of `to_json`; `name` is for messages."""
+        return cls(Camera.from_json(data, name), Pose.from_json(data))
+
+    def to_json(self) -> dict[str, Any]:
+        """The entries of the camera and of the pose."""
+        return {**self.camera.to_json(), **self.pose.to_json()}
 
 
 class PlacedCameras(Protocol):

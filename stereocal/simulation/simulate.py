@@ -220,8 +220,7 @@ def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
     return {
         "format": TRUTH_FORMAT,
         "convention": "x_secondary = R @ x_primary + T; metres, radians",
-        "R": pose.R.tolist(),
-        "T": pose.T.tolist(),
+        **pose.to_json(),
         "angles": pose.angles._asdict(),
         "baseline_m": pose.baseline,
         "target_distance_m": scene.bar_length_m,

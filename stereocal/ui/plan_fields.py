@@ -1,12 +1,11 @@
 """The controls of the Plan page, and the plan that they state."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
 
-import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -92,13 +91,9 @@ _SENSOR = {
 
 def _pose_or_none(value: Any) -> Any:
     try:
-        return None if value is None else _pose_of(value) and value
+        return None if value is None else Pose.from_json(value) and value
     except DAMAGED as error:
         raise ValueError(value) from error
-
-
-def _pose_of(value: Mapping[str, Any]) -> Pose:
-    return Pose(*(np.array(value[key], dtype=np.float64) for key in ("R", "T")))
 
 
 _FIELDS: dict[str, tuple[Any, Fit]] = {
@@ -171,7 +166,7 @@ def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str)
 def show_plan(project: Project | None, plan: Plan) -> None:
     """Set all controls to a plan."""
     pose, cameras = plan.stated_pose, (plan.stated_primary, plan.stated_secondary)
-    stated = None if isinstance(pose, AimedPose) else {"R": pose.R.tolist(), "T": pose.T.tolist()}
+    stated = None if isinstance(pose, AimedPose) else pose.to_json()
     values = {"name": plan.name, "alike": cameras[0] == cameras[1], "stated_pose": stated}
     for name, asked in _NUMBERS.items():
         if stated is None or not asked.of.startswith("stated_pose."):
@@ -240,7 +235,7 @@ def _from_file(project: Project | None, which: CameraName) -> Camera:
 def _pose(project: Project | None) -> Pose | AimedPose:
     stated = plan_field(project, "stated_pose")
     if stated.value() is not None:
-        pose = _pose_of(stated.value())
+        pose = Pose.from_json(stated.value())
         left, right = st.columns([3, 2], vertical_alignment="center")
         baseline = f"baseline {rounded(pose.baseline, 4)} m"
         left.markdown(f"Pose of the cameras: R and T of the plan, {baseline}.")
