@@ -5,7 +5,7 @@ from stereocal.ui.menu import page_head
 page_head("Apply", "Which points belong together, and where are they?")
 
 from stereocal.projects.application import ProjectApplication
-from stereocal.ui.apply import bring_up_to_date, choose_apply_inputs
+from stereocal.ui.apply import choose_apply_inputs, update_application
 from stereocal.ui.apply_results import show_application
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.prerequisites import project_or_begin
@@ -16,5 +16,5 @@ chosen = None
 with ErrorsShown():
     chosen = choose_apply_inputs(project, store)
     if chosen is not None and chosen.work is not None:
-        bring_up_to_date(project, store, chosen.work)
+        update_application(project, store, chosen.work)
 show_application(project, store, chosen)

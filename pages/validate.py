@@ -10,10 +10,10 @@ from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.prerequisites import project_with_data
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import (
-    bring_up_to_date,
     choose_data,
     choose_protocol,
     last_validation,
+    update_validation,
     without_refined,
 )
 from stereocal.ui.validation_results import show_evaluation, with_refined
@@ -25,13 +25,13 @@ with ErrorsShown(end=True):
 # The paper's figure at once; the refined sets, which other pages need too, after it.
 first = None if with_refined(project).value() else without_refined(project, datasets, settings)
 if first is None:
-    bring_up_to_date(project, datasets, settings)
+    update_validation(project, datasets, settings)
 evaluation = first or last_validation(project, datasets, settings)
 if evaluation is None:
     st.info("No validation yet.")
     end_here()
 show_evaluation(project, evaluation, datasets)
 if first is not None:
-    bring_up_to_date(project, datasets, settings)
+    update_validation(project, datasets, settings)
 with st.expander("What these figures mean"):
     st.markdown(VALIDATE)

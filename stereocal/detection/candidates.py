@@ -14,7 +14,7 @@ from stereocal.detection.corner_model import ALL, CORE
 from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.fit import plausible, window
 from stereocal.detection.intensity import GreyImage
-from stereocal.detection.solver import minimise
+from stereocal.detection.solver import fit_parameters
 from stereocal.rig.compiled import FloatArray, compiled, internal
 
 LEVELS = 5
@@ -185,7 +185,9 @@ def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> Non
         pixels = window(level, p[0], p[1], along, half, stride)
         if pixels.shape[0] < 3 * CORE:
             continue
-        cost, _ = minimise(pixels, p, size, HALF_WINDOW, samples, penalty, rounds, TOLERANCE_PX)
+        cost, _ = fit_parameters(
+            pixels, p, size, HALF_WINDOW, samples, penalty, rounds, TOLERANCE_PX
+        )
         if not plausible(p, before, 3.0) or 2.0 * abs(p[6]) < SMALLEST_CONTRAST:
             continue
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)

@@ -13,7 +13,7 @@ import numpy as np
 from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA, LIGHT_SIGMA
 from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.intensity import GreyImage
-from stereocal.detection.solver import covariance_and_noise, minimise
+from stereocal.detection.solver import covariance_and_noise, fit_parameters
 from stereocal.rig.compiled import FloatArray, compiled
 
 INSIDE = 0.96
@@ -123,7 +123,7 @@ def _fit(
     fitted = p.copy()
     if len(pixels) <= size + 4:
         return pixels, fitted, penalty, False
-    _, converged = minimise(pixels, fitted, size, radius, samples, penalty, ROUNDS, tolerance)
+    _, converged = fit_parameters(pixels, fitted, size, radius, samples, penalty, ROUNDS, tolerance)
     return pixels, fitted, penalty, converged
 
 

@@ -64,7 +64,7 @@ def _damp(H: FloatArray, g: FloatArray, damping: float, L: FloatArray, step: Flo
 
 
 @compiled
-def minimise(
+def fit_parameters(
     pixels: FloatArray,
     p: FloatArray,
     size: int,

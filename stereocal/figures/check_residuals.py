@@ -30,7 +30,7 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
         place = {"row": row, "col": 1}
         for name, errors in series.items():
             colour, symbol = MARKS[name]
-            style.add(
+            style.add_trace(
                 figure,
                 np.column_stack([residuals.frames, errors]),
                 f"frame %{{x}}: %{{y:.3~r}} {unit}<extra>{name}</extra>",

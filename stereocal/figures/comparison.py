@@ -43,7 +43,7 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
         floor, place = min(positive) / 2 if positive else 1e-6, {"row": row, "col": 1}
         for method, values in estimates.items():
             points, look = _marks(method, dict(zip(names, values, strict=True)), floor)
-            style.add(figure, points, "%{text}", showlegend=row == 1, **look, **place)
+            style.add_trace(figure, points, "%{text}", showlegend=row == 1, **look, **place)
         zeros = sum(estimate.value == 0 for estimate in every)
         title += f"<br>↧: upper limit, none counted (n = {zeros:,})" if zeros else ""
         scale = {"type": "log", "exponentformat": "none", "dtick": "D2"}

@@ -78,16 +78,18 @@ def _add_points(
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * camera.image_size - 0.5
     own = {**place, "showlegend": not figure.data}
     border = style.line_of(width=1.5)
-    style.add(figure, corners, line=border, name="Border of the image", showlegend=False, **place)
+    style.add_trace(
+        figure, corners, line=border, name="Border of the image", showlegend=False, **place
+    )
     drawn = style.evenly_drawn(len(rows.frames))[np.searchsorted(rows.frames, rows.frame)]
     bars = style.with_gaps(points[rows.bars[drawn[rows.bars[:, 0]]]])
     name = "Bar A–B" if rows.rigid_object is None else "Known distance"
     bar = {"name": f"{name} ({n_drawn(len(rows.bars))})", "legendgroup": "bars"}
-    style.add(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **own)
+    style.add_trace(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **own)
     size = 8 if len(rows.frames) <= 100 else 5
     for target, of_target, colour, symbol in style.marks_of(rows):
         shown = of_target & drawn
-        style.add(
+        style.add_trace(
             figure,
             points[shown],
             f"frame %{{customdata}}, target {target}<br>u %{{x:.2f}} px, v %{{y:.2f}} px",

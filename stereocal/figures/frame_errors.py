@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures import style
-from stereocal.figures.style import MOST_DRAWN, add
+from stereocal.figures.style import MOST_DRAWN, add_trace
 from stereocal.refined import outliers
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -207,7 +207,7 @@ def plot_frame_errors(calibration: Calibration, chosen: int | None = None) -> go
         if kind.key and n:
             marker = {"color": style.NEUTRAL, "symbol": f"circle{kind.suffix}", "size": 9}
             name = f"{kind.key} (n = {n:,})"
-            add(figure, style.NOWHERE, marker=marker, name=name, row=1, col=1)
+            add_trace(figure, style.NOWHERE, marker=marker, name=name, row=1, col=1)
     figure.update_xaxes(row=2, col=1, title_text=_frame_title(panels))
     if chosen is not None:
         ends = {"xref": "x2", "y0": 0, "y1": 1, "yref": "paper", "layer": "below"}
@@ -231,7 +231,7 @@ def _add_method(figure: go.Figure, row: int, panel: FramePanel, method: Method) 
         chosen, symbol = of_kind & panel.drawn, style.METHOD_SYMBOLS[method] + kind.suffix
         if not chosen.any():
             continue
-        add(
+        add_trace(
             figure,
             points[chosen],
             f"{name}, frame %{{customdata}} ({kind.words})<br>"
@@ -265,7 +265,7 @@ def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
         free = (np.abs(place - places[kept]) >= 1.0).any(axis=1).all()
         if free and len(kept) < MAXIMUM_LABELS:
             kept.append(i)
-    add(
+    add_trace(
         figure,
         np.column_stack([panel.frames[at], heights])[kept],
         text=[f"<b>{frame}</b>" for frame in panel.frames[at[kept]]],

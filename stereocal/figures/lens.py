@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.figures import style
-from stereocal.figures.style import NOWHERE, add, blank, line_of
+from stereocal.figures.style import NOWHERE, add_trace, blank, line_of
 from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
 from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px, with_error
 from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
@@ -41,8 +41,8 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
         line = {"type": "line", "x0": value, "x1": value, "line": {"color": ORANGE, "width": 2}}
         shapes += [{**height, **band, **filled}, {**height, **line}]
     squares = {"color": "rgba(213,94,0,0.4)", "symbol": "square", "size": 12}
-    add(figure, NOWHERE, line=line_of(ORANGE), name="Median", row=1, col=1)
-    add(figure, NOWHERE, marker=squares, name="± 1 standard error", row=1, col=1)
+    add_trace(figure, NOWHERE, line=line_of(ORANGE), name="Median", row=1, col=1)
+    add_trace(figure, NOWHERE, marker=squares, name="± 1 standard error", row=1, col=1)
     # All at once, because Plotly copies the earlier ones when one is added.
     figure.update_layout(shapes=shapes)
     return figure
@@ -110,7 +110,7 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
         )
     middle, dashed = float(np.median(lens.view_errors)), line_of(width=1.5, dash="dash")
     figure.add_hline(y=middle, line=dashed)
-    add(figure, NOWHERE, line=dashed, name=f"Median {middle:.3f} px")
+    add_trace(figure, NOWHERE, line=dashed, name=f"Median {middle:.3f} px")
     figure.update_xaxes(
         categoryorder="array",
         categoryarray=names,
@@ -217,7 +217,7 @@ def _add_arrows(
     shown, colour = field.known & (field.apart == apart), ORANGE if apart else BLUE
     tails, means = field.centres[shown], field.mean[shown]
     name = "Apart from 0" if apart else f"Mean residual, ×{scale:g}"
-    add(
+    add_trace(
         figure,
         style.with_gaps(np.stack([tails, tails + scale * means], axis=1)),
         "mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"

@@ -13,7 +13,7 @@ from stereocal.figures.style import (
     NEUTRAL,
     WRONG_COLOUR,
     Photograph,
-    add,
+    add_trace,
     count,
     thinned,
 )
@@ -61,7 +61,7 @@ def plot_matches(
     alone = points[unmatched(pairs, points, side)]
     marker = {"symbol": "circle-open", "size": 9, "line": {"width": 2}, "color": colour}
     hover, name = "no partner<br>u %{x:.2f} px, v %{y:.2f} px", f"No partner (n = {len(alone):,})"
-    add(figure, alone[thinned(len(alone), MAXIMUM_DRAWN)], hover, marker=marker, name=name)
+    add_trace(figure, alone[thinned(len(alone), MAXIMUM_DRAWN)], hover, marker=marker, name=name)
     first = next(name for name in map(str, pairs) if name.startswith("u_"))
     ordered = pairs.sort_values(first, ignore_index=True)
     _add_pairs(figure, side, ordered, photograph is not None)
@@ -117,7 +117,7 @@ def _add_pairs(figure: go.Figure, side: str, pairs: pd.DataFrame, on_photograph:
             continue
         drawn = np.flatnonzero(chosen)[thinned(len(pairs), MAXIMUM_DRAWN)]
         rows = pairs.iloc[drawn]
-        add(
+        add_trace(
             figure,
             rows[[f"u_{side}", f"v_{side}"]].to_numpy(dtype=np.float64),
             f"{name.lower()} %{{text}}<br>u %{{x:.2f}} px, v %{{y:.2f}} px<br>error "
@@ -160,7 +160,7 @@ def plot_pair_errors(nearest: FloatArray, threshold_px: float) -> go.Figure:
         steps = np.column_stack([np.repeat(edges, 2), np.pad(np.repeat(counts, 2), 1)])
         hover, line = f"{name}: %{{y}} points at %{{x:.3~r}} px", style.line_of(colour)
         named = {"name": f"{name} (n = {len(known):,})", "fill": "tozeroy", **fill}
-        add(figure, steps, hover, line=line, **named)
+        add_trace(figure, steps, hover, line=line, **named)
     if threshold_px > 0:
         text = f"<b>{rounded(threshold_px, 3)} px</b>"
         at = {"x": np.log10(threshold_px), "yanchor": "top", "font": {"size": 14}}

@@ -10,7 +10,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.space import VIEWS, SceneFrame, add_cameras, eye_of, frusta, set_scene
-from stereocal.figures.style import DASHED, add, blank, marker_of, sentence_only, thinned
+from stereocal.figures.style import DASHED, add_trace, blank, marker_of, sentence_only, thinned
 from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
@@ -138,13 +138,13 @@ def plot_points(
         path = xyz[rows]
         path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
         line = {**scale, "color": values[rows], "width": 3}
-        add(figure, path, line=line, name=f"Tracks (n = {len(tracks):,})")
+        add_trace(figure, path, line=line, name=f"Tracks (n = {len(tracks):,})")
     _add_points(figure, cloud, shown, values, {**scale, "colorbar": _colour_bar(colour)})
     marked = xyz[cloud.seen & (points["frame"] == frame)][:MAXIMUM_MARKED]
     if len(marked):
         size = 8 if len(marked) <= 20 else 4
         marker = {"symbol": "diamond", "color": MARK_COLOUR, "size": size}
-        add(figure, marked, "name", marker=marker, name=f"Frame {frame}")
+        add_trace(figure, marked, "name", marker=marker, name=f"Frame {frame}")
     # Depth from the primary camera, exceeded by 2 % of the points in view.
     in_primary = cloud.scene.from_primary.inverse().apply(xyz[seen])
     depth = float(np.percentile(in_primary[:, 2], 98))
@@ -196,7 +196,7 @@ def _add_points(
         if not len(some):
             continue
         own = {"size": 4 if len(rows) <= 200 else 2, "color": values[some], "symbol": symbol}
-        add(
+        add_trace(
             figure,
             cloud.xyz[some],
             f"frame %{{customdata[0]:d}}, error %{{customdata[1]:.3f}} px<br>{place}",
@@ -247,7 +247,7 @@ def describe_points(
 def plot_lengths(check: LengthCheck) -> go.Figure:
     """The error of a known length, frame by frame."""
     figure = blank(320)
-    add(
+    add_trace(
         figure,
         np.column_stack([check.frames, 100 * check.errors]),
         "frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %",

@@ -111,14 +111,14 @@ def plot_trade_off(
     both = _curves(curves)
     for name, points in both.items():
         line = style.line_of(dash=DASHES[name])
-        style.add(figure, points, name + HOVER, line=line, name=name)
+        style.add_trace(figure, points, name + HOVER, line=line, name=name)
     sets = {method: np.array([costs[method]]) * [1, 1000] for method in style.in_order(costs)}
     for method, at in sets.items():
         name, marker = METHOD_NAMES[method], style.marker_of(method, 13)
-        style.add(figure, at, name + HOVER, marker=marker, name=name)
+        style.add_trace(figure, at, name + HOVER, marker=marker, name=name)
     if chosen is not None:
         marker = style.marker_of("refined", 20, symbol="circle-open", line={"width": 3})
-        style.add(figure, _points([chosen]), marker=marker, name="The slider's point")
+        style.add_trace(figure, _points([chosen]), marker=marker, name="The slider's point")
     values = np.concatenate([*both.values(), *sets.values()])
     ticks = [digit * 10.0**power for power in range(-6, 9) for digit in (1, 2, 5)]
     wide = {"type": "log", "exponentformat": "none", "tickmode": "array", "tickvals": ticks}

@@ -12,7 +12,7 @@ from stereocal.field.planning.forecast import PlanForecast, plan_answer
 from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.html import html_figure, html_list, html_page, html_table, paragraphs
-from stereocal.figures.style import METHOD_COLOURS, add, blank, line_of, sentence_only
+from stereocal.figures.style import METHOD_COLOURS, add_trace, blank, line_of, sentence_only
 from stereocal.figures.tables import image_words, plan_table
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.system.numbers import rounded
@@ -50,7 +50,7 @@ def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
         name = found.plan.name if len(plans) > 1 else "Length error"
         points = np.column_stack([depths, 100 * length])
         style = {"line": line_of(colour, 2, dash), "marker": {"symbol": symbol, "size": 8}}
-        add(figure, points, f"{HOVER}<extra>%{{fullData.name}}</extra>", name=name, **style)
+        add_trace(figure, points, f"{HOVER}<extra>%{{fullData.name}}</extra>", name=name, **style)
     figure.update_layout(showlegend=len(plans) > 1)
     figure.update_xaxes(title_text="Depth ahead of the primary camera (m)")
     figure.update_yaxes(title_text="Mean length error (%)", rangemode="tozero")
@@ -80,11 +80,11 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     baselines, errors = advice.baselines_m[known], 100 * advice.baseline_errors[known]
     figure = blank(HEIGHT)
     others = np.column_stack([baselines, errors])
-    add(figure, others, HOVER, name="other baselines", line=line_of(), marker={"size": 8})
+    add_trace(figure, others, HOVER, name="other baselines", line=line_of(), marker={"size": 8})
     marker = {"size": 13, "symbol": "diamond", "color": PLAN_STYLES[0][0]}
     text = {"text": ["planned"], "textposition": "top right", "cliponaxis": False}
     at = np.array([[planned, 100 * found.fit.length_error]])
-    add(figure, at, f"planned: {HOVER}", name="planned", marker=marker, **text)
+    add_trace(figure, at, f"planned: {HOVER}", name="planned", marker=marker, **text)
     figure.update_layout(showlegend=False)
     ticks = {"tickvals": baselines, "ticktext": [f"{float(f'{b:.2g}'):g}" for b in baselines]}
     figure.update_xaxes(title_text="Baseline (m)", type="log", **ticks)

@@ -126,7 +126,7 @@ def _validation(summaries: Mapping[Method, MethodSummary]) -> str:
 def _why_two_sets(calibration: Calibration) -> str:
     """The frame that shows it best, with the paper's two sets side by side."""
     frame = two_sets.telling_frame(calibration)
-    views = two_sets.views_of(calibration, frame)
+    views = two_sets.frame_views(calibration, frame)
     columns = []
     for method in PAPER_SETS:
         plots = [

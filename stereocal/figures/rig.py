@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import Errors, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import space, style
-from stereocal.figures.style import METHOD_NAMES, add
+from stereocal.figures.style import METHOD_NAMES, add_trace
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
@@ -90,7 +90,7 @@ def plot_rig(
     ends, missing = scene.bars[shown], int((~scene.drawn).sum())
     number = style.n_drawn(int(scene.drawn.sum()))
     number += f", {missing} behind a camera" if missing else ""
-    add(
+    add_trace(
         figure,
         style.with_gaps(np.insert(ends, 1, ends.mean(axis=1), axis=1)),
         "%{text}",
@@ -143,7 +143,7 @@ def _add_targets(figure: go.Figure, scene: RigScene) -> None:
     size = 2.5 if len(rows.frames) <= 100 else 1.5
     for target, of, colour, symbol in style.marks_of(rows):
         of_target = np.flatnonzero(drawn & of)
-        add(
+        add_trace(
             figure,
             scene.points[of_target],
             f"target {target}, %{{text}}<br>x %{{x:.3f}} m (right), "

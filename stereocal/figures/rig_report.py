@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from stereocal.figures.html import html_list, html_page, html_plot, html_table, paragraphs
 from stereocal.figures.space import above_or_below, outline_of, set_scene
-from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add, blank, line_of
+from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add_trace, blank, line_of
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import Camera
@@ -51,7 +51,7 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
         colour, dash = METHOD_COLOURS["refined"], "solid"
         if "failed" in own:
             colour, dash = NEUTRAL, "dot"
-        add(
+        add_trace(
             figure,
             one + np.linspace(0.0, 1.0, 9)[:, None] * (other - one),
             f"{name}: {own['bars']} bars{''.join(third[:4])}",
@@ -65,7 +65,7 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
         )
     marker, text = {"size": 16, "color": METHOD_COLOURS["2d"]}, {"text": names, "textfont_size": 15}
     style = {"textposition": _name_sides(centres[:, 1]), "cliponaxis": False}
-    add(figure, centres, "camera %{text}", marker=marker, **text, **style, showlegend=False)
+    add_trace(figure, centres, "camera %{text}", marker=marker, **text, **style, showlegend=False)
     figure.update_layout(margin={"t": 40})
     figure.update_xaxes(title_text=f"x of camera {rig.names[0]}, m")
     figure.update_yaxes(title_text="depth z, m", scaleanchor="x", zerolinecolor=FAINT)
@@ -86,10 +86,10 @@ def plot_cameras(rig: RigFile) -> go.Figure:
     for name, pose in rig.poses.items():
         outline = outline_of(rig.cameras[name], pose.inverse(), MAGNIFIED * float(apart.max()))
         line = line_of(METHOD_COLOURS["2d"], 4)
-        add(figure, outline, f"camera {name}", line=line, showlegend=False)
+        add_trace(figure, outline, f"camera {name}", line=line, showlegend=False)
     marker = {"size": 4, "color": METHOD_COLOURS["2d"]}
     names = {"text": list(rig.poses), "textposition": _name_sides(-centres[:, 1])}
-    add(figure, centres, "camera %{text}", marker=marker, **names, showlegend=False)
+    add_trace(figure, centres, "camera %{text}", marker=marker, **names, showlegend=False)
     set_scene(figure)
     return figure
 

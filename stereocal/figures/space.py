@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add, line_of, upright
+from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add_trace, line_of, upright
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -91,7 +91,7 @@ class Eye:
     """Width over height of the view that everything has to fit into."""
 
 
-def views_of(rig: PlacedCameras) -> tuple[str, ...]:
+def view_names(rig: PlacedCameras) -> tuple[str, ...]:
     """From where the scene of two cameras or more is seen."""
     if len(rig.placed) == len(CAMERAS):
         return VIEWS
@@ -106,14 +106,14 @@ def eye_of(
     whole: FloatArray | None = None,
     shape: float = NARROW,
 ) -> Eye:
-    """One of `views_of` a scene around a point (3,), metres.
+    """One of `view_names` a scene around a point (3,), metres.
 
     Args:
         scene: in whose frame `target` is given.
         whole, shape: as of `Eye`; `whole` of the first view only.
     """
     turn = scene.from_primary.R
-    through = dict(zip(views_of(rig)[len(OUTER_VIEWS) :], rig.placed.values(), strict=True))
+    through = dict(zip(view_names(rig)[len(OUTER_VIEWS) :], rig.placed.values(), strict=True))
     if view in through:
         return Eye(at=scene.from_primary.apply(through[view].pose.inverse().T), towards=target)
     if view == "Above":  # depth to the right, since figures are wide
@@ -140,9 +140,9 @@ def add_cameras(
     inwards = np.where(across < across.mean(), "right", "left")
     overs = above_or_below(-centres[:, 1])
     for (name, camera, path), over, side in zip(drawn, overs, inwards, strict=True):
-        add(figure, path, line=line_of(width=4), showlegend=False, name=f"{name} camera")
+        add_trace(figure, path, line=line_of(width=4), showlegend=False, name=f"{name} camera")
         width, height = camera.image_size
-        add(
+        add_trace(
             figure,
             path[:1],
             f"{name} camera, {width} × {height} px<br>{scene.place(path[0])}",
@@ -156,7 +156,7 @@ def add_cameras(
     if len(centres) == len(CAMERAS):
         baseline = f"{float(np.linalg.norm(centres[1] - centres[0])):.3f} m"
         line, name = line_of(width=3, dash="dash"), f"Baseline {baseline}"
-        add(figure, centres, f"baseline {baseline}", line=line, name=name)
+        add_trace(figure, centres, f"baseline {baseline}", line=line, name=name)
 
 
 def above_or_below(up: FloatArray) -> list[str]:

@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 
 from stereocal.calibration.methods import PAPER_SETS, Method
 from stereocal.figures import style
-from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, add, blank
+from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, add_trace, blank
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
@@ -96,7 +96,7 @@ def plot_story_lengths(story: Story) -> go.Figure:
         scatter = 0.5 * (np.arange(len(found.length_errors)) * 0.6180339887 % 1.0) - 0.42
         dots = np.column_stack([100 * np.array(found.length_errors), scatter - row])
         marker = style.marker_of(method, 5, opacity=0.7)
-        add(figure, dots, "%{x:.2f} %", marker=marker, name=name, showlegend=False)
+        add_trace(figure, dots, "%{x:.2f} %", marker=marker, name=name, showlegend=False)
         text = f"{name}: <b>{rounded(100 * found.length_error)} %</b>"
         left = {"x": 0, "xref": "paper", "xanchor": "left", "yanchor": "bottom"}
         figure.add_annotation(text=text, y=0.13 - row, **left, **SMALL)
@@ -136,7 +136,9 @@ def plot_story_lines(story: Story) -> go.Figure:
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
     cross = {"symbol": "cross-thin", "size": 16, "color": NEUTRAL}
     cross["line"] = {"width": 3, "color": NEUTRAL}
-    add(figure, np.zeros((1, 2)), "name", name="Measured point", showlegend=False, marker=cross)
+    add_trace(
+        figure, np.zeros((1, 2)), "name", name="Measured point", showlegend=False, marker=cross
+    )
     # The lines rise to the right: there is room for their names below.
     corner = {"x": 0.99, "y": 0.01, "xref": "paper", "yref": "paper", "align": "left"}
     corner |= {"xanchor": "right", "yanchor": "bottom", **SMALL}
@@ -188,7 +190,7 @@ def plot_two_rays(story: Story) -> go.Figure:
     square = {"symbol": "square", "color": NEUTRAL, "size": 14}
     disc = {"symbol": "circle", "color": METHOD_COLOURS["3d"], "size": 10}
     for at, marker in ((cameras, square), (middle[None], disc)):
-        add(figure, at, marker=marker, showlegend=False)
+        add_trace(figure, at, marker=marker, showlegend=False)
     two, three = _gaps_mm(story)
     gap = f"gap {two} mm with the 2D set,<br>{three} mm with the 3D set;"
     figure.add_annotation(x=5.0, y=7.2, text=f"{gap}<br>its middle is the 3D point", **SMALL)
@@ -224,4 +226,4 @@ def _line(
     name: str | None = None,
 ) -> None:
     line, hover = style.line_of(colour, width, dash), "name" if name else ""
-    add(figure, ends, hover, line=line, name=name, showlegend=False)
+    add_trace(figure, ends, hover, line=line, name=name, showlegend=False)

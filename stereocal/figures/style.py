@@ -119,7 +119,7 @@ def scatter(points: FloatArray, hover: str = "", /, **trace: Any) -> dict[str, A
     return {"type": "scatter", "x": points[:, 0], "y": points[:, 1], **drawn}
 
 
-def add(figure: go.Figure, points: FloatArray, hover: str = "", /, **trace: Any) -> None:
+def add_trace(figure: go.Figure, points: FloatArray, hover: str = "", /, **trace: Any) -> None:
     """Draw what `scatter` describes, in the panel at `row` and `col`."""
     place = {name: trace.pop(name, None) for name in ("row", "col")}
     figure.add_trace(scatter(points, hover, **trace), **place)

@@ -35,10 +35,10 @@ def plot_traces(calibration: Calibration) -> go.Figure:
         ):
             points, hover = np.column_stack([moves + 1, values[moves]]), f"move %{{x}}<br>{hover}"
             legend = {"name": name, "legendgroup": method, "showlegend": row == cost}
-            style.add(figure, points, f"{name}, {hover}", line=line, row=row, col=1, **legend)
+            style.add_trace(figure, points, f"{name}, {hover}", line=line, row=row, col=1, **legend)
     threshold = calibration.settings.search.acceptance
     most = max(len(trace.cost) for trace in traces.values())
-    style.add(
+    style.add_trace(
         figure,
         np.array([[1, threshold], [most, threshold]]),
         f"the step shrinks below {threshold:g}",

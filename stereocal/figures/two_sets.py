@@ -144,7 +144,7 @@ Views = Mapping[Method, FrameView]
 """A frame with each set."""
 
 
-def views_of(calibration: Calibration, frame: int) -> dict[Method, FrameView]:
+def frame_views(calibration: Calibration, frame: int) -> dict[Method, FrameView]:
     """A frame with the paper's two sets, and with the refined one if there is one."""
     dataset = calibration.dataset
     if frame not in dataset.correspondences.frames:
@@ -254,10 +254,10 @@ def plot_gap(views: Views, method: Method) -> go.Figure:
         along = (end - centre) / np.linalg.norm(end - centre)
         path = 1000 * (end + np.array([[-reach], [reach]]) * along - middle)
         line = style.line_of(width=5, dash=dash)
-        style.add(figure, path, "name", line=line, name=f"ray of the {name}")
+        style.add_trace(figure, path, "name", line=line, name=f"ray of the {name}")
     colour, gap = style.METHOD_COLOURS[method], f"gap {rounded(1000 * view.gaps_m[target])} mm"
     look = {"line": style.line_of(colour, 9), "marker": {"color": colour, "size": 4}}
-    style.add(figure, 1000 * (ends - middle), "name", name=gap, **look)
+    style.add_trace(figure, 1000 * (ends - middle), "name", name=gap, **look)
     axis = {**SCENE_AXIS, "range": [-1000 * reach, 1000 * reach], "nticks": 4}
     titles = {"xaxis": "x (mm)", "yaxis": "z (mm)", "zaxis": "−y (mm)"}
     figure.layout.scene = {

@@ -19,7 +19,7 @@ from stereocal.formats.file_storage import (
     ForeignFile,
     Storage,
     find_node,
-    is_number,
+    is_numeric,
     matrix_of,
     plain_name,
 )
@@ -174,7 +174,7 @@ def image_size_in(storage: Storage, source: str, of: str = "") -> tuple[int, int
             size = [int(side) for side in re.findall(r"\d{1,9}", size)]
         if size is None:
             continue
-        if not isinstance(size, list) or len(size) != 2 or not all(map(is_number, size)):
+        if not isinstance(size, list) or len(size) != 2 or not all(map(is_numeric, size)):
             raise StereocalError(
                 f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
             )

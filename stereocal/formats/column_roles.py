@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
 from stereocal.errors import StereocalError
-from stereocal.formats.point_files import PointColumns, PointLayout, is_number, words_in
+from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty, words_in
 
 Kind = Literal["-", "frame", "camera", "target", "x", "y"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -191,7 +191,7 @@ def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> Poi
 
 
 def _is_value(cell: str) -> bool:
-    return cell.strip() != "" and is_number(cell)
+    return cell.strip() != "" and is_number_or_empty(cell)
 
 
 def column_titles(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -199,7 +199,7 @@ def column_titles(rows: Sequence[Sequence[str]]) -> list[str]:
     above = header_row(rows)
     width = max(len(row) for row in rows[above : above + 2])
     head = [*rows[above], *(width - len(rows[above])) * [""]]
-    named = not all(is_number(name) for name in head)
+    named = not all(is_number_or_empty(name) for name in head)
     return [name.strip()[:40] * named or f"column {k}" for k, name in enumerate(head, 1)]
 
 

@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from stereocal.formats.point_files import is_number
+from stereocal.formats.point_files import is_number_or_empty
 from stereocal.system.dialect import dialect_of, encoding_of, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
@@ -33,7 +33,7 @@ def dense_text(content: bytes, source: str) -> bytes:
     lines = head_of(head)
     dialect = dialect_of(lines)
     rows = dialect.cells("".join(lines[dialect.above :]), source)
-    header = int(bool(rows) and not any(map(is_number, rows[0])))
+    header = int(bool(rows) and not any(map(is_number_or_empty, rows[0])))
     own = [row for row in rows[header:] if any(row)]
     if len(own) < FEWEST_ROWS or any(len(row) != len(CELLS) for row in own):
         return content

@@ -101,7 +101,7 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
     table = data if data and all(isinstance(row, list) for row in data) else [data]
     if len({len(row) for row in table}) != 1:
         raise StereocalError(f"{source}: the rows of {name} differ in length.")
-    if not all(is_number(value) for row in table for value in row):
+    if not all(is_numeric(value) for row in table for value in row):
         raise StereocalError(f"{source}: {name} contains something that is not a number.")
     found = np.array(table, dtype=np.float64)
     if not isinstance(node, dict):
@@ -113,7 +113,7 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
     return found
 
 
-def is_number(value: object) -> bool:
+def is_numeric(value: object) -> bool:
     """Whether a node is a number within the range of int64 or float64."""
     return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 63)
 
@@ -136,7 +136,7 @@ def _children(element: ElementTree.Element, source: str, depth: int = 0) -> Any:
         raise StereocalError(f"{source}: this is not a camera file, it is nested too deeply.")
     if not len(element):
         values = [_value(word) for word in (element.text or "").split()]
-        if all(map(is_number, values)) and values:
+        if all(map(is_numeric, values)) and values:
             return values[0] if len(values) == 1 and element.tag != "data" else values
         return (element.text or "").strip().strip('"')
     children = [(child.tag, _children(child, source, depth + 1)) for child in element]

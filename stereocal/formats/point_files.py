@@ -302,7 +302,7 @@ class _Rows:
         return values[name]
 
 
-def is_number(text: str) -> bool:
+def is_number_or_empty(text: str) -> bool:
     """Whether a cell is empty or a number."""
     try:
         float(text.strip() or "nan")

@@ -9,7 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.column_roles import guess_by_roles, propose_roles, with_names
 from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
-from stereocal.formats.point_files import PointColumns, PointLayout, is_number
+from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty
 from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
 
 HEAD_BYTES = 200_000
@@ -196,8 +196,8 @@ def _wand(rows: list[list[str]], any_header: bool = False) -> PointLayout | None
         any_header: accept a header that does not name the columns x and y alternately.
     """
     count = len(rows[1])
-    headed = not all(is_number(cell) for cell in rows[0])
-    if count % 4 or not count or not all(is_number(cell) for cell in rows[1]):
+    headed = not all(is_number_or_empty(cell) for cell in rows[0])
+    if count % 4 or not count or not all(is_number_or_empty(cell) for cell in rows[1]):
         return None
     if headed and not any_header and (count < 8 or not _in_turn(rows[0])):
         return None

@@ -171,7 +171,7 @@ def counted(count: int, what: str = "pair") -> str:
     return f"{count or 'No'} {what}{'s' * (count != 1)}"
 
 
-def listed(names: Sequence[str]) -> str:
+def first_names(names: Sequence[str]) -> str:
     """The first three names, and how many more."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
@@ -215,9 +215,10 @@ def _sentence(best: _Read, others: Sequence[_Read]) -> str:
         *missing(best.alone),
     ]
     if best.rivals:
-        sentences.append(f"Several files have the same camera and frame: {listed(best.rivals)}.")
+        names = first_names(best.rivals)
+        sentences.append(f"Several files have the same camera and frame: {names}.")
     if best.unknown:
-        sentences.append(f"These names identify no camera: {listed(best.unknown)}.")
+        sentences.append(f"These names identify no camera: {first_names(best.unknown)}.")
     for other in others[:1]:
         one, two = other.reading.words
         sentences.append(

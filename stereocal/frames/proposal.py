@@ -21,7 +21,7 @@ from stereocal.frames.pairing import (
     Pairing,
     best_reading,
     counted,
-    listed,
+    first_names,
     missing,
     natural,
     number_pairs,
@@ -186,8 +186,10 @@ def _in_order(sides: Sides) -> Pairing:
 
 def _about(sides: Sides, alone: Sequence[Alone]) -> list[str]:
     """Whose photographs are whose, and which have no partner."""
-    unknown = [f"These are of neither camera: {listed(sides.unknown)}."] if sides.unknown else []
-    return [sides.sentence, *missing(alone), *unknown]
+    about = [sides.sentence, *missing(alone)]
+    if sides.unknown:
+        about.append(f"These are of neither camera: {first_names(sides.unknown)}.")
+    return about
 
 
 def _alone(

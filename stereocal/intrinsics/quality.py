@@ -63,7 +63,7 @@ def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
     return rows
 
 
-def lens_table(lens: LensCalibration) -> pd.DataFrame:
+def lens_fit_table(lens: LensCalibration) -> pd.DataFrame:
     """The rows for the screen."""
     titles = [title.capitalize() for title in LENS_COLUMNS]
     return pd.DataFrame(lens_rows(lens), columns=titles).set_index("Parameter")

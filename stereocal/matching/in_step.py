@@ -24,17 +24,17 @@ SMOOTH = 0.5
 all points. Measured: 0.19 on a real recording at 10 frames a second; 1.4 at random positions."""
 
 
-def bring_into_step(
+def table_in_step(
     table: PointTable, columns: tuple[str, str], rig: RigParameters
 ) -> tuple[PointTable, str]:
-    """As `in_step`, of a table that is read whole only if it has to be shifted."""
+    """As `points_in_step`, of a table that is read whole only if it has to be shifted."""
     if rig.time_offset is None or SHIFT in table.further:
         return table, ""
-    whole, note = in_step(pd.concat(list(table.blocks())), columns, rig)
+    whole, note = points_in_step(pd.concat(list(table.blocks())), columns, rig)
     return PointTable(whole, table.numbers, table.label), f"{table.label}: {note}"
 
 
-def in_step(
+def points_in_step(
     points: pd.DataFrame, columns: tuple[str, str], rig: RigParameters
 ) -> tuple[pd.DataFrame, str]:
     """Points with those of the secondary shifted by the time offset of a parameter file, and what

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.in_step import bring_into_step
+from stereocal.matching.in_step import table_in_step
 from stereocal.matching.pairs import PairMatching, Stated
 from stereocal.matching.point_table import POINT, PointTable, open_table, together
 from stereocal.matching.report import Report
@@ -59,7 +59,7 @@ def match_tables(
     if isinstance(rig, RigFile):
         matching = TrackMatching.of_tables(rig, given, stated)
     else:
-        secondary, timing = bring_into_step(given.tables["secondary"], POINT, rig)
+        secondary, timing = table_in_step(given.tables["secondary"], POINT, rig)
         given = replace(given, tables={**given.tables, "secondary": secondary})
         matching = PairMatching.of_tables(rig, given, stated)
     tasks = (

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.in_step import bring_into_step, in_step
+from stereocal.matching.in_step import points_in_step, table_in_step
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS, PIXELS
 from stereocal.matching.point_noise import (
@@ -76,7 +76,7 @@ def reconstruct(
     missing = [name for name in ("frame", *PIXELS) if name not in pairs]
     if missing:
         raise StereocalError(f"The table of pairs has no column {missing[0]}.")
-    pairs, _ = in_step(pairs, PIXELS[2:], rig)
+    pairs, _ = points_in_step(pairs, PIXELS[2:], rig)
     return _Pairs(rig, world, noise_of_pairs(rig, pairs, sigma_px)).points(pairs)
 
 
@@ -132,7 +132,7 @@ def measure_tables(
     check_sigma(sigma_px)
     timing, sample = "", list[pd.DataFrame]()
     if isinstance(rig, RigParameters):
-        table, timing = bring_into_step(table, PIXELS[2:], rig)
+        table, timing = table_in_step(table, PIXELS[2:], rig)
 
     def look(block: pd.DataFrame) -> list[RowProblem]:
         sample.append(block.iloc[:: max(len(block) // SAMPLE_PAIRS, 1)])

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.in_step import in_step
+from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, match_points, purpose_warning
 from stereocal.matching.names import (
     AUTO,
@@ -83,7 +83,7 @@ def match(
             raise StereocalError(f"The {which} table has no column {missing[0]}.")
         if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
             raise StereocalError(f"The {which} table has a number that is not finite.")
-    secondary, _ = in_step(secondary, POINT, rig)
+    secondary, _ = points_in_step(secondary, POINT, rig)
     columns = list(stated_columns(names, further_of(primary), further_of(secondary)))
     given_px = None if threshold_px == "auto" else threshold_px
     matching = PairMatching.settled(

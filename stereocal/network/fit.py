@@ -10,7 +10,7 @@ from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.observations import Observations
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import views_of, with_lens
+from stereocal.refined.two_views import unknowns_of_views, with_lens
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_DISTANCE,
@@ -149,7 +149,7 @@ class RigFit(RobustFit):
 
     def end_at(self, pair: RefinedResult) -> None:
         """Take the refined set of a pair, where there are no other cameras."""
-        q, self.R, _ = views_of(pair.q)
+        q, self.R, _ = unknowns_of_views(pair.q)
         self.p = np.linalg.pinv(self.unknowns.M) @ (q - self.unknowns.origin)
         self.sigma_px, self.scatter = pair.sigma_px.value, pair.scatter_m.value
         self.outlying = np.isin(self.frames, pair.frames[pair.outlying])

@@ -17,7 +17,14 @@ from scipy.spatial.transform import Rotation
 from stereocal.network.fit import RigSettings, lens_places, turned, unknowns_of
 from stereocal.refined import views
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BAR, BASELINE, TIME, pose_of, shared_unknowns, views_of
+from stereocal.refined.two_views import (
+    BAR,
+    BASELINE,
+    TIME,
+    pose_of,
+    shared_unknowns,
+    unknowns_of_views,
+)
 from stereocal.refined.two_views import lens_places as places_of_lens
 from stereocal.refined.unknowns import Unknowns
 from stereocal.refined.views import EACH, LENS, TRANSLATION
@@ -76,7 +83,7 @@ class PairFit:
 
 def local_derivatives(q: FloatArray) -> FloatArray:
     """(25, 24): derivatives of a pair's shared unknowns by the local ones."""
-    of_pose = views_of(q)[2][: BASELINE + 1, EACH : EACH + LENS]
+    of_pose = unknowns_of_views(q)[2][: BASELINE + 1, EACH : EACH + LENS]
     J = np.zeros((len(q), LOCAL))
     J[: BASELINE + 1, :LENS] = np.linalg.inv(of_pose.T)
     J[PLACES, range(6, LOCAL)] = 1.0

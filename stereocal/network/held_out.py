@@ -57,7 +57,7 @@ def frame_errors(residuals: FloatArray, of_frame: IntArray, frames: int) -> Floa
     return np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
 
 
-def length_errors(points: FloatArray, distances: FloatArray) -> FloatArray:
+def relative_length_errors(points: FloatArray, distances: FloatArray) -> FloatArray:
     """Relative errors of the known distances (n,) of points (n, 2, 3)."""
     found = np.linalg.norm(points[:, 0] - points[:, 1], axis=1) / distances - 1.0
     return np.asarray(found[np.isfinite(found)])
@@ -103,7 +103,7 @@ def _errors(fit: RigFit, parts: IntArray) -> HeldOutErrors | None:
         units = np.flatnonzero(np.isin(seen.frame_of, out))
         points, residuals = point_fits(again.cameras, seen, units)
         pixels.append(frame_errors(residuals, seen.frame_of[units], len(seen.frames))[out])
-        lengths.append(length_errors(points, seen.distances[units]))
+        lengths.append(relative_length_errors(points, seen.distances[units]))
     every, relative = np.concatenate(pixels), np.concatenate(lengths)
     return HeldOutErrors(
         len(every),

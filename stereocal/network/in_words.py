@@ -34,17 +34,17 @@ def _accuracy(figures: Mapping[str, Any]) -> str:
     """The errors on frames not fitted, and which these are."""
     held_out = figures.get("held_out", {})
     if not held_out:
-        return f"{rig_errors(figures)}, on the {figures['frames']} frames it was fitted to"
+        return f"{rig_errors_in_words(figures)}, on the {figures['frames']} frames it was fitted to"
     if "runs" not in held_out:
-        return f"{rig_errors(figures)}, on frames held out of the fit"
-    text = f"{rig_errors(figures)}, on whole runs of frames held out of the fit"
+        return f"{rig_errors_in_words(figures)}, on frames held out of the fit"
+    text = f"{rig_errors_in_words(figures)}, on whole runs of frames held out of the fit"
     if "frames" in held_out:
         text += "; on single frames held out, whose neighbours are fitted: "
         text += _errors(held_out["frames"])
     return text
 
 
-def rig_errors(figures: Mapping[str, Any]) -> str:
+def rig_errors_in_words(figures: Mapping[str, Any]) -> str:
     """The errors of a rig: on whole runs of frames not fitted; for a recording without such, on
     frames not fitted; and if it is too short for that, on those fitted."""
     held_out = figures.get("held_out", {})

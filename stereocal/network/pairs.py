@@ -11,7 +11,7 @@ from stereocal.network.fuse import PairFit
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
-from stereocal.refined.time_offset import bring_into_step
+from stereocal.refined.time_offset import fit_time_offset
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import CameraPair, Recording
@@ -115,7 +115,7 @@ def _fit(recording: Recording, pair: CameraPair, settings: RigSettings) -> Refin
     dataset, priors = pair_problem(recording, pair, settings)
     dataset = with_rough_baseline(dataset)
     if settings.time_offsets:
-        in_step = bring_into_step(dataset, wide_settings(dataset)).fit
+        in_step = fit_time_offset(dataset, wide_settings(dataset)).fit
         if in_step is not None:
             return in_step
     return refine(dataset, priors)

@@ -13,8 +13,8 @@ from stereocal.network.held_out import (
     HeldOutErrors,
     frame_errors,
     held_out,
-    length_errors,
     point_fits,
+    relative_length_errors,
 )
 from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
@@ -144,7 +144,7 @@ class RigCalibration:
     def length_errors(self) -> FloatArray:
         """(m,): relative errors of the lengths of the frames used."""
         units = ~self.fit.outlying[self.fit.frame_of]
-        return length_errors(self.point_fits[0][units], self.fit.seen.distances[units])
+        return relative_length_errors(self.point_fits[0][units], self.fit.seen.distances[units])
 
     @cached_property
     def held_out(self) -> dict[str, HeldOutErrors]:

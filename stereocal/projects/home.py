@@ -16,7 +16,7 @@ from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.network.in_words import rig_errors
+from stereocal.network.in_words import rig_errors_in_words
 from stereocal.projects.application import POINT_FILES
 from stereocal.projects.database import (
     NOT_THERE,
@@ -70,10 +70,10 @@ def find_projects(home: Path, search: str = "") -> list[str]:
 def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed]:
     """The entries of these projects, or of all, newest first."""
     wanted = find_projects(home) if ids is None else ids
-    return [listed(Project(store_of(home, project_id))) for project_id in wanted]
+    return [entry_of(Project(store_of(home, project_id))) for project_id in wanted]
 
 
-def listed(project: Project) -> Listed:
+def entry_of(project: Project) -> Listed:
     changed = changed_at(project.database.path)
     try:
         return Listed(project.id, title_of(project), changed, has_interrupted(project.database))
@@ -239,7 +239,7 @@ def _rig_of(recording: ProjectRecording) -> str:
     noise = [(own["noise_px"], name) for name, own in pairs.items() if "noise_px" in own]
     worst, name = max(noise, default=(0.0, ""))
     last = f", worst pair {name} with {rounded(worst)} px" if name else ""
-    return f"One rig: {rig_errors(figures)}{last}"
+    return f"One rig: {rig_errors_in_words(figures)}{last}"
 
 
 def title_of(project: Project) -> str:

@@ -84,7 +84,7 @@ def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
     suspected = suspects(dataset)
     if not suspected:
         return []
-    nominal = noise_of(_fewer_frames(dataset))
+    nominal = noise_of_half(_fewer_frames(dataset))
     if nominal < fitting_px(dataset) and not _named(nominal, _by_noise(suspected), POSSIBLE_GAIN):
         return []
     judged = _every_reading(dataset, out_of_step)
@@ -107,13 +107,13 @@ def find_wrong_input(dataset: Dataset, out_of_step: bool = False) -> str:
     """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
-    nominal = noise_of(_fewer_frames(dataset))
+    nominal = noise_of_half(_fewer_frames(dataset))
     return _message(nominal, _every_reading(dataset, out_of_step), CERTAIN_GAIN)
 
 
 def nothing_fits(dataset: Dataset) -> str:
     """A message if no pose fits and `find_wrong_input` names nothing; else empty."""
-    nominal = noise_of(_fewer_frames(dataset))
+    nominal = noise_of_half(_fewer_frames(dataset))
     if nominal < fitting_px(dataset) or len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     to = f" better than to {rounded(nominal)} px" if np.isfinite(nominal) else ""
@@ -148,7 +148,7 @@ def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged
     for reading in readings:
         with suppress(StereocalError):
             data = _fewer_frames(reading.corrected())  # an order is that of all frames
-            noise = noise_of(data) if _is_near(data) else float("inf")
+            noise = noise_of_half(data) if _is_near(data) else float("inf")
             fits = handicap * noise < fitting_px(data)
             found.append(JudgedReading(reading, noise, fits, handicap * noise))
     return found
@@ -159,7 +159,7 @@ def _is_near(dataset: Dataset) -> bool:
     return essential_fit(dataset).px < FAR * fitting_px(dataset)
 
 
-def noise_of(dataset: Dataset) -> float:
+def noise_of_half(dataset: Dataset) -> float:
     """The noise in pixels with which half of the frames fit, infinite where no pose fits."""
     scale = essential_fit(dataset).scale
     try:

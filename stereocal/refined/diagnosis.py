@@ -18,7 +18,7 @@ from stereocal.refined.screening import (
     screen,
     wide_settings,
 )
-from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, bring_into_step
+from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, fit_time_offset
 from stereocal.refined.two_views import largest_turn_sigma
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -169,7 +169,7 @@ def _seen_offset(dataset: Dataset) -> MeasuredOffset | None:
     if len(dataset.correspondences.frames) < MINIMUM_FRAMES:
         return None
     try:
-        fit = bring_into_step(dataset, wide_settings(dataset)).fit
+        fit = fit_time_offset(dataset, wide_settings(dataset)).fit
     except StereocalError:
         return None
     return fit.time_offset if fit and fit.outlying.mean() < MAXIMUM_LEFT_OUT else None

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import rig_errors
+from stereocal.refined.two_views import derivatives_by_rig
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 
@@ -97,7 +97,9 @@ def _sums_of_clusters(
     group = of_frames[np.searchsorted(result.frames[~result.outlying], table.frame[used])]
     # Derivatives and covariance in units of the standard errors.
     sigma = np.sqrt(np.diag(result.p_covariance_by_model))
-    J = rig_errors(lambda rig: rig.epipolar_errors(*pixels), result.rig, result.unknowns.M * sigma)
+    J = derivatives_by_rig(
+        lambda rig: rig.epipolar_errors(*pixels), result.rig, result.unknowns.M * sigma
+    )
     C = result.p_covariance_by_model / np.outer(sigma, sigma) / result.sigma_px.value**2
     steps = _sums(J * errors[:, None], group, groups) @ C
     parts = []

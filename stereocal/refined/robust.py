@@ -33,7 +33,7 @@ from stereocal.refined.noise import (
     unit_freedom,
 )
 from stereocal.refined.observations import Observations
-from stereocal.refined.two_views import EPSILON, SHARED, views_of
+from stereocal.refined.two_views import EPSILON, SHARED, unknowns_of_views
 from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
 from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -187,7 +187,7 @@ class RobustFit:
         """The cameras at q, with the stated distortion, and the derivatives (Q, V) of the unknowns
         of `views` by q; None if they are q."""
         if len(q) == SHARED:
-            v, R, B = views_of(q)
+            v, R, B = unknowns_of_views(q)
             return Cameras(v, R, self.seen.lenses), B
         return Cameras(q, self.R, self.seen.lenses), None
 

@@ -16,7 +16,7 @@ import numpy as np
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.time_offset import bring_into_step, frames_without_neighbours, usable_after
+from stereocal.refined.time_offset import fit_time_offset, frames_without_neighbours, usable_after
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -147,7 +147,7 @@ def screen(
     note, measured = "", None
     try:
         if time_offset:
-            found = bring_into_step(rest, replace(wide_settings(rest), time_drift=time_drift))
+            found = fit_time_offset(rest, replace(wide_settings(rest), time_drift=time_drift))
             note, fit = found.note, found.fit
             if fit is not None and fit.dataset.time_offset is not None:
                 measured = fit.time_offset

@@ -71,7 +71,7 @@ def frames_without_neighbours(dataset: Dataset) -> tuple[int, ...]:
     return tuple(np.unique(frame[~usable_rows(dataset)]).tolist())
 
 
-def bring_into_step(dataset: Dataset, settings: RefineSettings) -> InStep:
+def fit_time_offset(dataset: Dataset, settings: RefineSettings) -> InStep:
     """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns."""
     settings = replace(settings, time_offset=True)
     reference = float(np.round(dataset.correspondences.time_frame.mean()))

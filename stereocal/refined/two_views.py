@@ -69,7 +69,7 @@ def fill_views(q: FloatArray, v: FloatArray, R: FloatArray, B: FloatArray) -> No
     v[OF_VIEWS - 1], B[BAR, OF_VIEWS - 1] = q[BAR], 1.0
 
 
-def views_of(q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def unknowns_of_views(q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """As `fill_views` writes them."""
     v, R, B = np.empty(OF_VIEWS), np.empty((2, 3, 3)), np.empty((SHARED, OF_VIEWS))
     fill_views(q, v, R, B)
@@ -130,7 +130,7 @@ def is_near_pole(q: FloatArray) -> bool:
 def turns_of(q: FloatArray) -> FloatArray:
     """(6, 5): derivatives by the five angles of the rotation vector of the secondary camera about
     its own axes, and of the direction of T."""
-    B = views_of(q)[2][:BASELINE, EACH : EACH + LENS].T
+    B = unknowns_of_views(q)[2][:BASELINE, EACH : EACH + LENS].T
     return np.asarray(B / np.array([1.0, 1.0, 1.0, *np.full(3, q[BASELINE])])[:, None])
 
 
@@ -147,7 +147,7 @@ def moved(q: FloatArray, step: FloatArray) -> FloatArray:
     """(25,): shared unknowns after a step (25,) of finite size."""
     found = q + step
     if is_near_pole(q):
-        v, R, _ = views_of(q)
+        v, R, _ = unknowns_of_views(q)
         turn = turns_of(q) @ step[:BASELINE]
         T = v[EACH + TRANSLATION : EACH + LENS]
         rotation = Rotation.from_rotvec(turn[:3]).as_matrix() @ R[1]
@@ -162,8 +162,8 @@ def step_between(other: FloatArray, q: FloatArray) -> FloatArray:
     found = other - q
     found[:BASELINE] = (found[:BASELINE] + np.pi) % (2 * np.pi) - np.pi
     if is_near_pole(q):
-        v, R, _ = views_of(q)
-        its_v, its_R, _ = views_of(other)
+        v, R, _ = unknowns_of_views(q)
+        its_v, its_R, _ = unknowns_of_views(other)
         T, its_T = (each[EACH + TRANSLATION : EACH + LENS] for each in (v, its_v))
         turn = Rotation.from_matrix(its_R[1] @ R[1].T).as_rotvec()
         normal = np.cross(T, its_T)
@@ -192,7 +192,9 @@ def largest_turn_sigma(q: FloatArray, covariance: FloatArray) -> float:
     return float(np.sqrt(np.diag(C).max()))
 
 
-def rig_errors(errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray) -> FloatArray:
+def derivatives_by_rig(
+    errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray
+) -> FloatArray:
     """(n, r): derivatives of n errors that are computed with a rig, by central differences.
 
     Args:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, views_of
+from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, unknowns_of_views
 from stereocal.refined.views import EACH, Cameras, jacobians_of
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
@@ -73,11 +73,11 @@ def length_sigmas(
         covariance: (25, 25); the others as in `point_errors`.
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    of_pixels, jacobian = length_errors(q, lenses, sigma_px, first_m, second_m)
+    of_pixels, jacobian = length_variances(q, lenses, sigma_px, first_m, second_m)
     return np.asarray(np.sqrt(of_pixels + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
 
 
-def length_errors(
+def length_variances(
     q: FloatArray,
     lenses: FloatArray,
     sigma_px: float,
@@ -177,7 +177,7 @@ def point_jacobians(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the pixels of points (n, 3) by the points (n, 4, 3) and by the shared unknowns
     (n, 4, 25); NaN behind a camera. Arguments as in `point_errors`."""
-    n, (v, R, B) = len(points_m), views_of(q)
+    n, (v, R, B) = len(points_m), unknowns_of_views(q)
     by_point, by_views = jacobians_of(Cameras(v, R, lenses), points_m)
     by_shared = np.einsum("nckv,qcv->nckq", by_views, B[:, :-1].reshape(SHARED, 2, EACH))
     return by_point.reshape(n, 4, 3), by_shared.reshape(n, 4, SHARED)

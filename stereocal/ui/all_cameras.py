@@ -292,4 +292,4 @@ def moment_search(
         keep(found, job.work.digest)
 
     stages = (BOARDS_STAGE,) if isinstance(held, BoardPattern) else STAGES
-    return jobs.PageWork(store.project, "photographs", stages, run, jobs.digest_of(about))
+    return jobs.PageWork(store.project, "photographs", stages, run, jobs.job_digest(about))

@@ -162,7 +162,7 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
     return ApplyInputs(Application(points, rig, rig, stated, world), None)
 
 
-def bring_up_to_date(project: Project, store: ProjectApplication, work: Application) -> None:
+def update_application(project: Project, store: ProjectApplication, work: Application) -> None:
     """Compute short work at once; for long work show a button and progress."""
 
     def run(job: jobs.Job) -> None:

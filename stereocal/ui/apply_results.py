@@ -16,7 +16,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
-from stereocal.figures.space import VIEWS, views_of
+from stereocal.figures.space import VIEWS, view_names
 from stereocal.figures.style import Photograph
 from stereocal.matching import lengths
 from stereocal.matching.application import (
@@ -332,7 +332,7 @@ def _pause() -> None:
 def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int | None) -> None:
     points, usual = result.points, result.usual_tracks
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        views = views_of(outcome.rig)
+        views = view_names(outcome.rig)
         many = len(views) > len(VIEWS)  # as buttons they would be cut off on a narrow screen
         view = choose(project, "apply_seen_from", "Seen from", views, as_menu=many)
         with st.popover("Colour, lines"):

@@ -68,7 +68,7 @@ def boards_in(store: ProjectPhotographs) -> None:
         "cameras": [camera.to_json() for camera in given or ()],
     }
     run = partial(_find, store, pairing, pattern, given)
-    work = jobs.PageWork(project, "photographs", stereo_boards.STAGES, run, jobs.digest_of(about))
+    work = jobs.PageWork(project, "photographs", stereo_boards.STAGES, run, jobs.job_digest(about))
     press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
     refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
     if refused if found else jobs.has_failed(project, "photographs"):

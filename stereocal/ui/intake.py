@@ -29,7 +29,7 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.photograph_files import of_the_bar
 from stereocal.ui import jobs
-from stereocal.ui.messages import ask_about_lens, ask_if_fisheye, refuse, refusing
+from stereocal.ui.messages import ask_about_lens, ask_if_fisheye, refusing, set_refusal
 from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
@@ -113,7 +113,7 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
     rest = rows.without_lines(problem.line for problem in error.problems)
     label = f"Leave these rows out and use the other {len(rest)}"
     without = refusing()(lambda: use(write_table(rest)))
-    refuse(error, {label: without} if len(rest) else None)
+    set_refusal(error, {label: without} if len(rest) else None)
 
 
 def _try_dataset(

@@ -64,10 +64,10 @@ class PageWork:
     """Does the work, calls `Job.progress`, which ends it if it was cancelled, and stores the result
     in the project. False if there is none."""
     digest: str = ""
-    """`digest_of` what the result depends on, for pages that compare it."""
+    """`job_digest` what the result depends on, for pages that compare it."""
 
 
-def digest_of(about: Mapping[str, Any]) -> str:
+def job_digest(about: Mapping[str, Any]) -> str:
     """Of what a result depends on, as JSON, and of the software."""
     content = f"{json.dumps(about, sort_keys=True)} {stored_jobs.SOFTWARE}"
     return hashlib.sha256(content.encode()).hexdigest()[:32]

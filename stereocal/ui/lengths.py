@@ -21,7 +21,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
-from stereocal.ui.messages import callback, clear_refusal, readable, refuse
+from stereocal.ui.messages import callback, clear_refusal, readable, set_refusal
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
 
@@ -63,7 +63,7 @@ def _give(
         project.keep_settings({**settings})
         clear_refusal()
     except StereocalError as error:
-        refuse(error, ways=ways)
+        set_refusal(error, ways=ways)
 
 
 def ask_lengths(project: Project | None, of_board: bool) -> None:

@@ -276,7 +276,7 @@ def _show_lens(store: ProjectLens) -> None:
     else:
         plot, describe, key = views[view]
         show_figure(plot(lens), describe(lens), key)
-    st.table(quality.lens_table(lens))
+    st.table(quality.lens_fit_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
         "differ (delete-d jackknife); errors that all photographs share, such as a bent board, are "

@@ -155,7 +155,7 @@ def show_refusal() -> None:
         st.button(label, on_click=use, key=key)
 
 
-def refuse(error: StereocalError, ways: Ways | None = None) -> None:
+def set_refusal(error: StereocalError, ways: Ways | None = None) -> None:
     """Show a refusal on the page, with other ways to continue."""
     st.session_state[_REFUSED] = error, ways or {}
 
@@ -172,7 +172,7 @@ def refusing() -> Iterator[None]:
     try:
         yield
     except StereocalError as error:
-        refuse(error)
+        set_refusal(error)
 
 
 def ask_if_fisheye(
@@ -184,7 +184,7 @@ def ask_if_fisheye(
     try:
         take(model)
     except FourCoefficientsError as error:
-        refuse(
+        set_refusal(
             StereocalError(f"{error.question} Which are they?"),
             {
                 "k1 k2 p1 p2: the usual lens": partial(again, take, "brown"),
@@ -201,7 +201,7 @@ def ask_about_lens(
         ask_if_fisheye(lambda model: take(model, size))
     except ImageSizeError as error:
         again = callback(refusing()(ask_about_lens))
-        refuse(error, {"Use this size": lambda: again(take, _entered_size())})
+        set_refusal(error, {"Use this size": lambda: again(take, _entered_size())})
 
 
 def _entered_size() -> ImageSize | None:

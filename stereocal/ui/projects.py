@@ -80,7 +80,7 @@ def show_projects() -> Project | None:
             _show_removed(removed)
     elif project is not None:
         st.markdown("#### The open project")
-        _show_cards([home.listed(project)])
+        _show_cards([home.entry_of(project)])
     return project
 
 

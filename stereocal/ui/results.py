@@ -15,7 +15,7 @@ from stereocal.figures.rig import describe_rig, plot_rig
 from stereocal.figures.space import VIEWS
 from stereocal.figures.tables import angles_table, errors_table, forecast_table, refined_table
 from stereocal.figures.traces import describe_traces, plot_traces
-from stereocal.figures.two_sets import FrameView, views_of
+from stereocal.figures.two_sets import FrameView, frame_views
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
@@ -206,7 +206,7 @@ def _show_frames(project: Project, run: Run, answer: Run | None) -> None:
     show_figure(figure, words, CHART, on_select=clicked, selection_mode="points")
     with scrolled_part(OPENED):
         frame = screening.choose_frame(project, found)
-        views = views_of(found, frame)
+        views = frame_views(found, frame)
         words = f"{screening.state_of(found, frame)} {_in_words(found, views)}"
         st.markdown(escape_markdown(words))
         method = answer.recommendation.match.method if answer else "2d"
@@ -236,7 +236,7 @@ def _show_images(
 def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
     found = run.calibration
     frame = screening.choose_frame(project, found)
-    views = views_of(found, frame)
+    views = frame_views(found, frame)
     named = METHOD_NAMES.__getitem__
     method = choose(project, "two_sets_method", "Set", views, format_func=named)
     st.markdown(f"**{escape_markdown(_in_words(found, views))}**")

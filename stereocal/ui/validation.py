@@ -122,7 +122,7 @@ def without_refined(
     """The paper's methods alone, which take a tenth of the time.
 
     None if the last validation is current, if the work is long, or if it fails: then
-    `bring_up_to_date` shows what there is.
+    `update_validation` shows what there is.
     """
     last, own = last_validation(project, datasets, settings), replace(settings, refined=None)
     if is_current(last, datasets, settings) or not is_short(datasets, settings):
@@ -148,7 +148,7 @@ def last_validation(
     return of_calibration if is_current(of_calibration, datasets, settings) else _last(project)
 
 
-def bring_up_to_date(
+def update_validation(
     project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> None:
     """Compute short work at once; for long work show a button and progress."""

@@ -18,7 +18,7 @@ from stereocal.evaluation.summary import summarise_all
 from stereocal.field.checking.repair import FrameErrors, Residuals
 from stereocal.field.planning.forecast import forecast
 from stereocal.figures.story import read_story
-from stereocal.figures.two_sets import telling_frame, views_of
+from stereocal.figures.two_sets import frame_views, telling_frame
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
 from stereocal.matching.lengths import check_lengths
@@ -108,7 +108,7 @@ def every_figure() -> dict[str, Drawn]:
     left, right = (table[["u", "v"]].to_numpy() for table in tables)
     pairs = PAIRS[PAIRS["frame"] == 1]
     story = read_story(STORY)
-    views = views_of(replace(calibration, refined=refined), telling_frame(calibration))
+    views = frame_views(replace(calibration, refined=refined), telling_frame(calibration))
     plans = [
         forecast(plan(name=name, bar_m=bar), rigs=16)
         for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))

@@ -16,7 +16,7 @@ from stereocal.figures.comparison import describe_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_lines, read_story
 from stereocal.figures.tables import validation_answer
-from stereocal.figures.two_sets import describe_two_sets, telling_frame, views_of
+from stereocal.figures.two_sets import describe_two_sets, frame_views, telling_frame
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset
@@ -93,7 +93,7 @@ def test_the_recommendation_comes_first_with_the_frame_that_shows_why(dataset: D
     text = unescape(report_html(summaries, {}, [dataset], SETTINGS, recommended=found))
     assert recommendation.text in text.split("<h2>")[0]
     frame = telling_frame(calibration)
-    assert f"Frame {frame}. {describe_two_sets(views_of(calibration, frame))}" in text
+    assert f"Frame {frame}. {describe_two_sets(frame_views(calibration, frame))}" in text
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
-from stereocal.network.held_out import frame_errors, length_errors, point_fits
-from stereocal.network.in_words import rig_errors, rig_sentence
+from stereocal.network.held_out import frame_errors, point_fits, relative_length_errors
+from stereocal.network.in_words import rig_errors_in_words, rig_sentence
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.unknowns import LensPrior
@@ -19,7 +19,7 @@ def errors_on(rig: RigCalibration, recording: Recording) -> tuple[float, float]:
     fit = type(rig.fit)(recording, rig.fit.poses, rig.fit.rig_settings)
     points, residuals = point_fits(rig.fit.cameras, fit.seen)
     px = frame_errors(residuals, fit.frame_of, len(fit.frames))
-    lengths = np.abs(length_errors(points, fit.seen.distances))
+    lengths = np.abs(relative_length_errors(points, fit.seen.distances))
     return float(np.sqrt(np.nanmean(np.square(px)))), float(np.quantile(lengths, 0.95))
 
 
@@ -51,5 +51,8 @@ def test_neighbours_in_a_recording_hide_errors() -> None:
     assert figures["reprojection_px"] < singly["reprojection_px"] < runs["reprojection_px"]
     # The sentence states the runs first, and what each is.
     said = rig_sentence(rig)
-    assert rig_errors(figures) in said.split("whole runs")[0]
-    assert rig_errors({**figures, "held_out": {"frames": singly}}) in said.split("single frames")[1]
+    assert rig_errors_in_words(figures) in said.split("whole runs")[0]
+    assert (
+        rig_errors_in_words({**figures, "held_out": {"frames": singly}})
+        in said.split("single frames")[1]
+    )

@@ -222,7 +222,7 @@ def test_a_search_for_targets_of_the_data_set_before_is_stopped(app: AppTest, ho
 
 def test_refusal_is_said(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
     app.switch_page("pages/data.py").run()
-    calls = click_meanwhile(monkeypatch, "stereocal.ui.messages.refuse")
+    calls = click_meanwhile(monkeypatch, "stereocal.ui.messages.set_refusal")
     upload(app, "upload_data_0", "rig.zip", zipped({"dataset.json": b"{}"}), calls)
     assert "must be an object" in messages(app)
 

@@ -11,7 +11,15 @@ from stereocal.refined import adjustment, distortion, views
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.distortion import lens_terms, lenses_of_cameras
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import BAR, BASELINE, DRIFT, PRIMARY, SHARED, TIME, views_of
+from stereocal.refined.two_views import (
+    BAR,
+    BASELINE,
+    DRIFT,
+    PRIMARY,
+    SHARED,
+    TIME,
+    unknowns_of_views,
+)
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
 from stereocal.rig import decompositions
@@ -53,7 +61,7 @@ def frame_of(
     weights: tuple[float, float] = (4.0, 900.0),
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals (9,) of one bar, and their derivatives (31, 9) by x and by the pair's unknowns."""
-    v, R, B = views_of(q)
+    v, R, B = unknowns_of_views(q)
     cameras = views.Cameras(
         v, R, set_distortion(v, DISTORTION, EACH, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
     )
@@ -119,7 +127,7 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     assert J[:, :4].any()
     assert not J[:, 4:8].any()
     x[2] = -1.0
-    (v, R, _), unit = views_of(q), views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
+    (v, R, _), unit = unknowns_of_views(q), views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
     cameras = views.Cameras(v, R, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
     assert fill_residuals(cameras, unit, x, views.work_of(2)) == np.inf
 

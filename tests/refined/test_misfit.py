@@ -58,7 +58,7 @@ def test_the_fit_is_reckoned_with(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without what the fit takes up, random signs give larger sums, and wrong lenses hide."""
     known = [of_rig(seed, 0.2).probability for seed in range(4)]
     monkeypatch.setattr(
-        "stereocal.refined.misfit.rig_errors",
+        "stereocal.refined.misfit.derivatives_by_rig",
         lambda errors, rig, spread: np.zeros((len(errors(rig)), spread.shape[1])),
     )
     assert np.median([of_rig(seed, 0.2).probability for seed in range(4)]) > np.median(known)

@@ -8,7 +8,7 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import SHARED, pose_of
-from stereocal.refined.uncertainty import Plane, accuracy_map, length_errors, point_covariances
+from stereocal.refined.uncertainty import Plane, accuracy_map, length_variances, point_covariances
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import triangulate
 from tests import known_rig as rig
@@ -49,7 +49,7 @@ def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedRes
     """By a change of the angles and of the baseline, at a fixed pair of pixels."""
     ends = rig.bar_ends(6, seed=3)
     a, b = ends[0::2], ends[1::2]
-    slopes = length_errors(result.q, result.lenses, result.sigma_px.value, a, b)[1]
+    slopes = length_variances(result.q, result.lenses, result.sigma_px.value, a, b)[1]
     both = np.concatenate([a, b])
     primary, secondary = (
         result.primary.undistort(result.primary.project(both)),

@@ -7,7 +7,7 @@ import numpy as np
 from stereocal.calibration.methods import errors_of
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import length_errors, length_sigmas
+from stereocal.refined.uncertainty import length_sigmas, length_variances
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -70,7 +70,7 @@ def over_bound(
         bound = refine(exact_fit, replace(settings, sigma_px=off.noise_px, scatter_m=0.0))
         C, ends = bound.covariance, scene.ends_m[-1]
         noise = bound.sigma_px.value
-        slope = length_errors(bound.q, bound.lenses, noise, ends[:1], ends[1:])[1][0]
+        slope = length_variances(bound.q, bound.lenses, noise, ends[:1], ends[1:])[1][0]
         length = result.apply(exact_test).reconstructed_lengths_m(result.pose)[0]
         truth = scene.rig.pose
         rows[k] = (

@@ -144,7 +144,7 @@ class ExpectedFit:
         of length errors by the errors of the shared unknowns, all relative.
         """
         q, lenses, noise_px = self.result.q, self.result.lenses, self.result.sigma_px.value
-        own, jacobian = uncertainty.length_errors(q, lenses, noise_px, first_m, second_m)
+        own, jacobian = uncertainty.length_variances(q, lenses, noise_px, first_m, second_m)
         lengths = np.linalg.norm(first_m - second_m, axis=1)
         return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
 

@@ -14,8 +14,14 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.world import frame
 from stereocal.field.world.adjustment import FEWEST_DEGREES, Blocks, Solution, culprit, solve
-from stereocal.field.world.noise import ErrorModel, check_inside, noise_of, turns_at, usual_place
-from stereocal.refined.two_views import rig_errors
+from stereocal.field.world.noise import (
+    ErrorModel,
+    check_inside,
+    error_model_of,
+    turns_at,
+    usual_place,
+)
+from stereocal.refined.two_views import derivatives_by_rig
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
@@ -70,7 +76,7 @@ def world_of_lines(
 ) -> frame.WorldFrame:
     """The world frame with the vertical of plumb lines, level lines and horizons."""
     images = _images(rig, lines)
-    noise = _noise_of_clicks(images, noise_of(rig, stated.sigma_px))
+    noise = _noise_of_clicks(images, error_model_of(rig, stated.sigma_px))
     for image in images:
         off = np.sqrt(image.scatter / max(len(image.pixels) - 2, 1))
         if len(image.pixels) > 2 and off > BENT * noise.sigma_px:
@@ -206,7 +212,7 @@ def _fit(
         def at(of: Rig) -> FloatArray:
             return distances(x, of, [image.rays(of) for image in images])
 
-        return rig_errors(at, rig, noise.spread)
+        return derivatives_by_rig(at, rig, noise.spread)
 
     of_error = [
         np.full(len(seen), free.index(k) if k in free else -1) for k, seen in enumerate(points)

@@ -47,7 +47,7 @@ class ErrorModel:
         }
 
 
-def noise_of(rig: RigParameters, sigma_px: float | None = None) -> ErrorModel:
+def error_model_of(rig: RigParameters, sigma_px: float | None = None) -> ErrorModel:
     """The noise stated, else that of the file, else `ASSUMED_PX`; parameter errors of the file."""
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")

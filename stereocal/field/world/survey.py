@@ -13,8 +13,8 @@ from stereocal.field.world.adjustment import Solution, culprit, solve
 from stereocal.field.world.noise import (
     ErrorModel,
     MeasuredPoints,
+    error_model_of,
     measured_points,
-    noise_of,
     reconstructed,
 )
 from stereocal.rig.compiled import FloatArray
@@ -68,7 +68,7 @@ def world_of_survey(
     sigma_m, world_m = stated.survey_sigma_m, survey.world_m
     if not (np.isfinite(sigma_m) and sigma_m >= 0):
         raise StereocalError(f"The survey's standard error is {sigma_m} m; it must be 0 or more.")
-    noise, names = noise_of(rig, stated.sigma_px), np.array(survey.names)
+    noise, names = error_model_of(rig, stated.sigma_px), np.array(survey.names)
     distinct = list(dict.fromkeys(survey.names))
     if len(distinct) < FEWEST_POINTS:
         raise StereocalError(

@@ -22,8 +22,8 @@ from stereocal.field.world.gravity import Gravity
 from stereocal.field.world.noise import (
     ErrorModel,
     MeasuredPoints,
+    error_model_of,
     measured_points,
-    noise_of,
     reconstructed,
     turns_at,
 )
@@ -88,7 +88,7 @@ def world_of_throw(
     rig: RigParameters, throw: frame.Throw, stated: frame.WorldSettings
 ) -> frame.WorldFrame:
     """The world frame whose vertical is the acceleration of thrown objects."""
-    noise, throw = noise_of(rig, stated.sigma_px), in_step(rig, throw)
+    noise, throw = error_model_of(rig, stated.sigma_px), throw_in_step(rig, throw)
     flights = flights_of(throw)
     names = tuple(
         f"frame {number} of {track}" if track else f"frame {number}"
@@ -130,7 +130,7 @@ def world_of_throw(
     return frame.WorldFrame(pose, "throw", limits, sentence, gravity.notes, about)
 
 
-def in_step(rig: RigParameters, throw: frame.Throw) -> frame.Throw:
+def throw_in_step(rig: RigParameters, throw: frame.Throw) -> frame.Throw:
     """The throw with its secondary points at the instants of the primary's, by the time offset of
     the parameters; without the frames at its ends that have no neighbours for that.
     """

@@ -18,7 +18,7 @@ from stereocal.formats.exchange.reading import (
     only_file,
 )
 from stereocal.formats.file_storage import ForeignFile
-from stereocal.formats.point_files import is_number
+from stereocal.formats.point_files import is_number_or_empty
 
 ENDINGS = (".txt", ".csv", ".tsv")
 _SEPARATOR = re.compile(r"[,;\s]+")
@@ -39,14 +39,16 @@ def _rows(file: ForeignFile) -> list[list[str]]:
         return []
     lines = file.content.decode("utf-8-sig", errors="replace").splitlines()
     rows = [_SEPARATOR.split(line.strip()) for line in lines if line.strip()]
-    rows = [row for k, row in enumerate(rows) if k or all(map(is_number, row[1 : 1 + NUMBERS]))]
+    rows = [
+        row for k, row in enumerate(rows) if k or all(map(is_number_or_empty, row[1 : 1 + NUMBERS]))
+    ]
     named = len({row[0] for row in rows}) == len(rows)
     return rows if named and all(map(_is_camera, rows)) else []
 
 
 def _is_camera(row: list[str]) -> bool:
     numbers = row[1 : 1 + NUMBERS]
-    if len(numbers) < NUMBERS or not all(map(is_number, numbers)):
+    if len(numbers) < NUMBERS or not all(map(is_number_or_empty, numbers)):
         return False
     _, width, height, cx, cy, aspect, *_ = map(float, numbers)
     inside = 0 < cx < width and 0 < cy < height
