@@ -128,7 +128,7 @@ def lens_table(stated: Mapping[str, Camera | None], rig: RigFile | None = None) 
             row["Image, px"] = f"{width} × {height}"
             row["Focal length, px"] = f"{camera.K[0, 0]:.1f}{error}{fisheye}"
         if rig is not None and name in rig.cameras:
-            error = rounded(rig.to_json()["cameras"][name]["standard_errors"]["fx"])
+            error = rounded(rig.standard_errors[name]["fx"])
             row["Refined, px"] = f"{rig.cameras[name].K[0, 0]:.1f} ± {error}"
         rows.append(row)
     return pd.DataFrame(rows).fillna("")
@@ -137,9 +137,9 @@ def lens_table(stated: Mapping[str, Camera | None], rig: RigFile | None = None) 
 def camera_table(rig: RigFile) -> pd.DataFrame:
     """Poses and standard errors, a camera a row."""
     rows = {}
-    content, errors = rig.to_json()["cameras"], rig.about.get("image_errors_px", {})
+    errors = rig.about.get("image_errors_px", {})
     for name, pose in rig.poses.items():
-        own = content[name]["standard_errors"]
+        own = rig.standard_errors[name]
         turn = np.degrees([own[f"turn_{axis}"] for axis in "xyz"])
         shift = [1000 * own[axis] for axis in "xyz"]
         rows[name] = {

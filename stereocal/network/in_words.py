@@ -78,7 +78,7 @@ def rig_notes(rig: RigFile) -> list[str]:
         )
     for name, offset in rig.time_offsets.items():
         if offset:
-            error = rig.to_json()["cameras"][name]["standard_errors"]["time_offset"]
+            error = rig.standard_errors[name]["time_offset"]
             notes.append(
                 f"The camera {name} takes its frames {offset:+.3f} ± {error:.3f} frame intervals "
                 f"after the camera {rig.names[0]}."

@@ -125,17 +125,25 @@ class RigFile(ResultFile):
             camera_names=(first, second),
         )
 
-    def content(self) -> dict[str, Any]:
+    @cached_property
+    def standard_errors(self) -> dict[str, dict[str, float]]:
+        """Of the unknowns of each camera, by name."""
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        cameras = {}
-        for number, (name, placed) in enumerate(self.placed.items()):
-            names = _unknowns(placed.camera)
-            own = errors[EACH * number : EACH * number + len(names)].tolist()
-            cameras[name] = {
+        of_cameras = errors[:-1].reshape(-1, EACH).tolist()
+        return {
+            name: dict(zip(_unknowns(camera), of_camera, strict=False))
+            for (name, camera), of_camera in zip(self.cameras.items(), of_cameras, strict=True)
+        }
+
+    def content(self) -> dict[str, Any]:
+        cameras = {
+            name: {
                 **placed.to_json(),
                 "time_offset_frames": self.time_offsets[name],
-                "standard_errors": dict(zip(names, own, strict=True)),
+                "standard_errors": self.standard_errors[name],
             }
+            for name, placed in self.placed.items()
+        }
         of = [f"{name} {key}" for name, lens in self.cameras.items() for key in _unknowns(lens)]
         return {
             "format": RIG_FORMAT,

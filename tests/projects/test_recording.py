@@ -106,7 +106,7 @@ def test_a_pair_is_kept_in_the_project_of_its_rig(project: Project, tmp_path: Pa
     assert (pair.id, pair.pair, project.pair) == (project.id, "1-2", None)
     assert np.allclose(dataset.primary.K, rig.cameras["1"].K)
     assert dataset.primary.uncertainty is not None
-    fx = rig.to_json()["cameras"]["1"]["standard_errors"]["fx"]
+    fx = rig.standard_errors["1"]["fx"]
     assert dataset.primary.uncertainty.fx == pytest.approx(fx)
     assert page_states(pair)["calibrate"].mark == "missing"
     assert page_states(pair)["rig"].mark == "done"
