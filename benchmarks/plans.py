@@ -44,10 +44,10 @@ EXACT = Uncertainty(0.0005, 0.5, 0.002, 0.0002)
 FIELD = field_rig()
 WEBCAM = SensorLens(4.0, (5.376, 3.024), (1920, 1080))
 OUTDOORS = SensorLens(35.0, (23.5, 15.6), (6000, 4000))
-PAPERS = Plan("field day of the paper", FIELD.primary, FIELD.secondary, FIELD.pose, 8, 25, 0.9)
+FIELD_DAY = Plan("field day of the paper", FIELD.primary, FIELD.secondary, FIELD.pose, 8, 25, 0.9)
 PLANS = (
-    PAPERS,
-    replace(PAPERS, name="the same, lenses well known", uncertainty=EXACT),
+    FIELD_DAY,
+    replace(FIELD_DAY, name="the same, lenses well known", uncertainty=EXACT),
     Plan(
         "unlike cameras with distortion",
         known_rig.PRIMARY,

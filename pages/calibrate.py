@@ -6,8 +6,9 @@ page_head("Calibrate", "What is the pose of the cameras, and which set serves wh
 
 import streamlit as st
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.ui.answer import answer_when_ready
-from stereocal.ui.forms import settings_form, settings_of
+from stereocal.ui.forms import settings_form
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
@@ -23,7 +24,7 @@ with st.expander("Settings"):
     refine_form(project, dataset)
 show_exchanged(project)
 with top:
-    Press(project, inputs, dataset, settings_of(values)).show()
+    Press(project, inputs, dataset, CalibrationSettings.from_json(values)).show()
 run = readable(lambda: project.run)
 if run is None:
     end_here()

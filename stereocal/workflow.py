@@ -167,8 +167,8 @@ class Run:
         refined = None
         if self.refined is not None:
             self.progress("refined")
-            late, drift = settings.time_offset, settings.time_drift
-            own = replace(self.refined, time_offset=late, time_drift=drift)
+            offset, drift = settings.time_offset, settings.time_drift
+            own = replace(self.refined, time_offset=offset, time_drift=drift)
             try:
                 # Without an initial pose, as for a stored calibration: its files are the same.
                 refined = refine(chosen, own)

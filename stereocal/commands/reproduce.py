@@ -15,6 +15,7 @@ from stereocal.paper_kit.reproduction import (
 )
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.result_file import software_versions
+from stereocal.system.numbers import plural
 from stereocal.workflow import Run
 
 DIFFERENT = 1
@@ -56,7 +57,7 @@ def _line_of(found: FileComparison) -> str:
     if found.agrees:
         return f"{found.name}: within the tolerance ({found.tolerance})"
     count = len(found.differences)
-    values = f"{count} value{'s' * (count > 1)}"
+    values = f"{count} {plural(count, 'value')}"
     head = f"{found.name}: different, in {values} beyond the tolerance ({found.tolerance}):"
     shown, more = [f"  {one}" for one in found.differences[:MOST_SHOWN]], count - MOST_SHOWN
     return "\n".join([head, *shown, *([f"  and {more} more"] if more > 0 else [])])

@@ -16,6 +16,7 @@ from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.frames.which_camera import which_camera
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.limits import Limits
+from stereocal.system.numbers import plural
 from stereocal.system.photograph import photograph_size
 from stereocal.system.photograph_files import is_hidden
 from stereocal.system.zip_files import open_zip
@@ -60,7 +61,7 @@ class Dropped(Generic[F]):
             "table": kinds.count("table"),
             "data set": kinds.count("data set"),
         }
-        return ", ".join(f"{n} {what}{'s' * (n > 1)}" for what, n in counts.items() if n)
+        return ", ".join(f"{n} {plural(n, what)}" for what, n in counts.items() if n)
 
 
 def sort_files(

@@ -12,6 +12,7 @@ from pathlib import PurePosixPath
 
 from stereocal.frames.conventions import NameReading, readings_by_words
 from stereocal.rig.camera import CAMERAS
+from stereocal.system.numbers import plural
 
 MAXIMUM_DIGITS = 15
 """The most digits of a frame number, which a table then stores exactly."""
@@ -168,7 +169,7 @@ def short_names(names: Sequence[str]) -> list[str]:
 
 def counted(count: int, what: str = "pair") -> str:
     """A number of things in words."""
-    return f"{count or 'No'} {what}{'s' * (count != 1)}"
+    return f"{count or 'No'} {plural(count, what)}"
 
 
 def first_names(names: Sequence[str]) -> str:

@@ -65,7 +65,7 @@ def shift(
     if TIME in points:  # the frames as recorded
         recorded = pd.to_numeric(points[TIME], errors="coerce").to_numpy(dtype=np.float64)
         times = np.where(np.isfinite(recorded), recorded, times).astype(np.int64)
-    late = offset.at(times)
+    offsets = offset.at(times)
     kept = points[list(columns)].astype(np.float64).assign(**{SHIFT: 0.0})
     track = _tracks(points, times, pixels, columns)
     if track is None:
@@ -74,10 +74,10 @@ def shift(
             "column names the tracks of points from frame to frame: the secondary points are used "
             "as recorded."
         )
-    found = interpolate(track, times, pixels, late)
+    found = interpolate(track, times, pixels, offsets)
     known = found.inside(camera.image_size)
     kept[list(columns)] = np.where(known[:, None], found.positions, pixels)
-    kept[SHIFT] = np.where(known, late, 0.0)
+    kept[SHIFT] = np.where(known, offsets, 0.0)
     lost = int((~known).sum())
     return kept, (
         f"the secondary points were shifted in time by {offset.frames:.3f} frames"

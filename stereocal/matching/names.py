@@ -20,7 +20,7 @@ from stereocal.matching.point_table import SIGMA
 from stereocal.matching.threshold import FramePixels
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import plural, rounded
 
 UV = ["u", "v"]
 PARTS: tuple[str, ...] = ("point", "bodypart", "bodyparts", "body_part", "body part", "part")
@@ -89,7 +89,7 @@ class Names:
     @property
     def in_words(self) -> str:
         """The columns, for messages."""
-        return f"column{'s' * (len(self.columns) > 1)} {' and '.join(self.columns)}"
+        return f"{plural(len(self.columns), 'column')} {' and '.join(self.columns)}"
 
     def _rows(self, table: pd.DataFrame) -> dict[str, IntArray]:
         rows: dict[str, list[int]] = {}

@@ -169,8 +169,8 @@ def difference(
     T = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
     turn = Rotation.from_matrix(R_pair @ pair.pose.R.T).as_rotvec()
     lens = [*lens_places(first), *lens_places(second), len(q) - 1]
-    late = q[b + views.TIME] - q[a + views.TIME]
-    d = np.concatenate([turn, T - pair.pose.T, q[lens] - values[:-1], [late - values[-1]]])
+    offset = q[b + views.TIME] - q[a + views.TIME]
+    d = np.concatenate([turn, T - pair.pose.T, q[lens] - values[:-1], [offset - values[-1]]])
     return d, pair_derivatives(first, second, q, R)
 
 

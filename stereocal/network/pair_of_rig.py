@@ -64,9 +64,9 @@ def sets_of_pairs(
         try:
             dataset = data_of_pair(recording, pair, rig)
             sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
-            late = rig.pair(*pair).time_offset
+            time_offset = rig.pair(*pair).time_offset
             found[name] = {
-                method: replace(parameters, time_offset=late, frames_left_out=left_out)
+                method: replace(parameters, time_offset=time_offset, frames_left_out=left_out)
                 for method, parameters in sets.items()
             }
         except (StereocalError, KeyError) as error:
@@ -96,9 +96,9 @@ def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) ->
     wrong = [WrongImage(**image) for image in rig.about.get("wrong_images", [])]
     out = rows_of(recording, wrong) | np.isin(recording.frame, rig.about["frames_left_out"])
     dataset = recording.where(~out).pair(*pair)
-    late = rig.time_offsets[pair[1]] - rig.time_offsets[pair[0]]
-    if late:
-        shifted = usable_after(dataset, TimeOffset(late)).correspondences
+    offset = rig.time_offsets[pair[1]] - rig.time_offsets[pair[0]]
+    if offset:
+        shifted = usable_after(dataset, TimeOffset(offset)).correspondences
         unknown = np.full_like(shifted.motion, np.nan)
         shifted = replace(shifted, recorded=shifted.recorded * np.nan, motion=unknown)
         dataset = replace(dataset, correspondences=shifted)

@@ -23,6 +23,7 @@ from stereocal.projects.project import INPUT, Project, ProjectPart
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.latest import Latest, read_once
+from stereocal.system.numbers import plural
 
 _SIDES: Latest[WhichCamera] = Latest(8)
 
@@ -86,7 +87,7 @@ class ProjectGiven(ProjectPart):
         total, known = len(self.photographs.photographs), [*self.sides.known.values()]
         counts = [known.count(side) for side in CAMERAS]
         split = " + ".join(map(str, counts)) if sum(counts) == total > 0 and all(counts) else ""
-        return f"{split or total} photograph{'s' * (total > 1)}" if total else ""
+        return f"{split or total} {plural(total, 'photograph')}" if total else ""
 
     @property
     def open_series(self) -> tuple[Series, ...]:

@@ -26,9 +26,14 @@ def rounded(value: float, significant: int = 2) -> str:
 SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does", "lie": "lies"}
 
 
+def plural(n: int, what: str) -> str:
+    """A noun as it follows this number: `frame` of 1, `frames` of 0, 2 and more."""
+    return what if n == 1 else f"{what}s"
+
+
 def count(n: int, what: str, verb: str = "") -> str:
     """`1 frame`, `1,150 frames`; with a verb in the plural `1 frame is`, `25 frames are`."""
-    counted = f"{n:,} {what}{'s' * (n != 1)}"
+    counted = f"{n:,} {plural(n, what)}"
     return f"{counted} {SINGULAR[verb] if n == 1 else verb}" if verb else counted
 
 

@@ -18,6 +18,7 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
 from stereocal.system.limits import Limits
+from stereocal.system.numbers import plural
 
 MAXIMUM_COLUMNS = 2_000
 MAXIMUM_CELLS = 100_000_000
@@ -128,7 +129,7 @@ def check_names(
     missing = [name for name in required if name not in names]
     if missing:
         raise StereocalError(
-            f"{source}: the column{'s' if len(missing) > 1 else ''} {', '.join(missing)} "
+            f"{source}: the {plural(len(missing), 'column')} {', '.join(missing)} "
             f"{'are' if len(missing) > 1 else 'is'} missing; the first line must name the columns "
             f"{', '.join(required)}, and names {', '.join(names)[:200]}."
         )

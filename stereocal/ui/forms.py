@@ -108,11 +108,6 @@ def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False)
     return own.number_input(about.title, place, help=about.help, step=step, **shown)
 
 
-def settings_of(values: dict[str, Any]) -> CalibrationSettings:
-    """The settings of a form's values."""
-    return CalibrationSettings.from_json(values)
-
-
 def changed_settings(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """The settings of `now` that were others, with both values where these are short."""
     return [

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
@@ -12,7 +13,7 @@ from stereocal.projects.recording import RIG_FILES, ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count
-from stereocal.ui.forms import search_values, settings_of
+from stereocal.ui.forms import search_values
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.stale import since_calibration
 from stereocal.ui.validation import chosen_data
@@ -134,7 +135,7 @@ def _is_as_asked(project: Project, dataset: Dataset, evaluation: Evaluation) -> 
         "validate_frames": made_with.calibration_frames,
     }
     return (
-        made_with.calibration == settings_of(search_values(project))
+        made_with.calibration == CalibrationSettings.from_json(search_values(project))
         and form == {key: kept.get(key, used) for key, used in form.items()}
         and (len(evaluation.sha256) > 1 or made_with.refined == refine_settings(project, dataset))
     )

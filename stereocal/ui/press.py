@@ -19,7 +19,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.answer import KIND, compute_all, make
-from stereocal.ui.forms import form_values, settings_of
+from stereocal.ui.forms import form_values
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
@@ -171,7 +171,7 @@ class Press:
 def offer_again(project: Project, inputs: Inputs, dataset: Dataset) -> None:
     """On other pages: if the calibration is out of date, what changed and the button, as above."""
     if readable(lambda: project.calibration, told=False) is not None:
-        settings = settings_of(form_values(project, dataset))
+        settings = CalibrationSettings.from_json(form_values(project, dataset))
         Press(project, inputs, dataset, settings).show(only_if_stale=True)
 
 

@@ -6,6 +6,7 @@ from functools import cache, partial
 
 import streamlit as st
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate
 from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
@@ -18,15 +19,7 @@ from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.answer import wait_for_answer
 from stereocal.ui.fields import Field, Number, choose, setting
-from stereocal.ui.forms import (
-    ABOUT,
-    ask,
-    changed_settings,
-    field_of,
-    search_form,
-    search_values,
-    settings_of,
-)
+from stereocal.ui.forms import ABOUT, ask, changed_settings, field_of, search_form, search_values
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.refined import refine_settings
@@ -93,7 +86,7 @@ def _protocol_fields(
 ) -> tuple[Field, Field, Field, tuple[int, int]]:
     """Fields of runs, calibration frames and splits, and the bounds of the frames."""
     if not any(map(is_long, datasets)):
-        screenings = screenings_of(datasets, settings_of(search_values(project)))
+        screenings = screenings_of(datasets, CalibrationSettings.from_json(search_values(project)))
         datasets = [each.dataset for each in screenings]
     fewest = min(len(each.correspondences.frames) for each in datasets)
     most = max(fewest - 2, 2)
@@ -112,7 +105,7 @@ def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSe
     own = refine_settings(project, datasets[0])
     if len(datasets) > 1:
         own = RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift)
-    search = settings_of(search_values(project))
+    search = CalibrationSettings.from_json(search_values(project))
     return EvaluationSettings(search, runs.value(), frames.value(), splits.value(), own)
 
 

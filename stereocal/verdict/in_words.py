@@ -7,7 +7,7 @@ from stereocal.calibration.methods import POOR_LENGTH, Method, errors_of
 from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
-from stereocal.system.numbers import count, rounded
+from stereocal.system.numbers import count, plural, rounded
 from stereocal.system.numbers import digits as digits
 
 
@@ -37,7 +37,7 @@ def left_out_line(screening: Screening) -> str:
 
 def named_frames(frames: Sequence[int], most: int = 12) -> str:
     """Frames with their numbers in a sentence: `frame 3`, `frames 3, 8 and 12`."""
-    return f"frame{'s' * (len(frames) > 1)} {listed(frames, most)}"
+    return f"{plural(len(frames), 'frame')} {listed(frames, most)}"
 
 
 def why_not_trusted(calibration: Calibration) -> str:

@@ -8,13 +8,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.ui.forms import form_values, settings_of
+from stereocal.ui.forms import form_values
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.refined import refine_settings
@@ -42,7 +43,7 @@ def home_of_finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     project = new_project(home)
     dataset = project.dataset
     assert dataset is not None
-    settings = settings_of(form_values(project, dataset))
+    settings = CalibrationSettings.from_json(form_values(project, dataset))
     found = calibrate(dataset, settings)
     project.keep_calibration(found, project.inputs)
     own = EvaluationSettings(settings, 2, 20, refined=refine_settings(project, dataset))

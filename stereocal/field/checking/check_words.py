@@ -9,7 +9,7 @@ from stereocal.field.checking.findings import LARGEST_NOISE_RATIO, Recheck
 from stereocal.field.checking.repair import length_error
 from stereocal.rig.compiled import FloatArray
 from stereocal.system.numbers import rounded
-from stereocal.verdict.in_words import digits, listed
+from stereocal.verdict.in_words import digits, named_frames
 
 CHECK_FORMAT = "stereocal-check/1"
 AXES = ("horizontal", "vertical", "optical")
@@ -81,8 +81,7 @@ def notes(check: Recheck) -> list[str]:
     if left_out := _left_out(check):
         many = f" and {len(left_out) - 5} more" if len(left_out) > 5 else ""
         found.append(
-            f"Points of frame{'s' * (len(left_out) > 1)} {listed(left_out[:5])}{many} contradict "
-            "the others and were left out."
+            f"Points of {named_frames(left_out[:5])}{many} contradict the others and were left out."
         )
     if not check.noise.as_before and check.usable:
         found.append(

@@ -21,6 +21,7 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.recording import CameraPair, Recording
+from stereocal.system.numbers import plural
 from stereocal.verdict.in_words import listed
 
 RIG_CHECK_FORMAT = "stereocal-check-rig/1"
@@ -83,8 +84,8 @@ class RigCheck:
         if self.verdict == "cannot tell":
             return "Cannot tell: no movement is seen, but it would not be found in all cameras."
         if self.moved:
-            several = "s" * (len(self.moved) > 1)
-            return f"Moved or refocused: the camera{several} {listed(self.moved)}."
+            cameras = plural(len(self.moved), "camera")
+            return f"Moved or refocused: the {cameras} {listed(self.moved)}."
         which = "; or ".join(listed(some) for some in self.explanations) or listed(self.cameras)
         return f"Moved or refocused, and it cannot be told which camera: {which}."
 

@@ -100,8 +100,8 @@ class Gravity:
             f"{rounded(self.frame_rate / np.sqrt(ratio), 4)} frames per second instead of "
             f"{rounded(self.frame_rate, 4)}"
         )
-        late = (value - STANDARD) / self.per_frame if self.per_frame else np.inf
-        if abs(late) <= MOST_FRAMES_LATE:
-            when = "later" if late > 0 else "earlier"
-            text += f", or the secondary took each frame {rounded(abs(late))} frames {when}"
+        frames = (value - STANDARD) / self.per_frame if self.per_frame else np.inf
+        if abs(frames) <= MOST_FRAMES_LATE:
+            when = "later" if frames > 0 else "earlier"
+            text += f", or the secondary took each frame {rounded(abs(frames))} frames {when}"
         return f"{text}; gravity alone cannot tell which."

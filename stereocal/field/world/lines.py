@@ -18,7 +18,7 @@ from stereocal.field.world.noise import (
     ErrorModel,
     check_inside,
     error_model_of,
-    turns_at,
+    tilt_jacobian,
     usual_place,
 )
 from stereocal.refined.two_views import derivatives_by_rig
@@ -26,7 +26,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import plural, rounded
 
 FEWEST_UPRIGHT = 0.1
 """Least part of the images' up direction along the vertical that tells which of its ends is up."""
@@ -110,7 +110,7 @@ def world_of_lines(
     pose = frame.frame_of_up(rig, up, stated.axes, {}, fit.along, (frame.CAMERA, frame.VIEW))
     counts = {kind: sum(line.kind == kind for line in lines) for kind in frame.KINDS}
     parts = " and ".join(
-        f"{n} {kind}{' line' * (kind != 'horizon')}{'s' * (n != 1)}"
+        f"{n} {plural(n, kind if kind == 'horizon' else f'{kind} line')}"
         for kind, n in counts.items()
         if n
     )
@@ -221,7 +221,7 @@ def _fit(
     found = solve(lambda x: distances(x, rig, points), np.zeros(count), by_rig, blocks)
     up, along = directions(found.x)
     # What the parameters' errors do to the vertical, beyond what they do to points.
-    beyond = found.shift[:2] - across @ turns_at(rig, up, _places(rig, images), noise.spread)
+    beyond = found.shift[:2] - across @ tilt_jacobian(rig, up, _places(rig, images), noise.spread)
     bound = found.bound(found.covariance[:2, :2] + beyond @ beyond.T)
     return LineFit(up, {lines[k].name: e for k, e in along.items()}, found, bound)
 

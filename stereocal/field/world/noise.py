@@ -77,7 +77,7 @@ def measured_points(rig: Rig, xyz: FloatArray, spread: FloatArray) -> MeasuredPo
     return MeasuredPoints(xyz, own, jacobian @ spread)
 
 
-def turns_at(rig: Rig, up: FloatArray, places: FloatArray, spread: FloatArray) -> FloatArray:
+def tilt_jacobian(rig: Rig, up: FloatArray, places: FloatArray, spread: FloatArray) -> FloatArray:
     """(3, r): derivatives by z of the direction of reconstructed plumb lines, mean over places.
 
     The parameters' errors turn what is reconstructed there, and with it the vertical found from

@@ -25,7 +25,7 @@ from stereocal.field.world.noise import (
     error_model_of,
     measured_points,
     reconstructed,
-    turns_at,
+    tilt_jacobian,
 )
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
@@ -59,7 +59,7 @@ class FlightFit:
     """Of gravity (3,) in the primary's frame, m/s^2; the drag per metre, if fitted; and the first
     position and velocity of each throw."""
     noise: ErrorModel
-    turns: FloatArray
+    tilt_jacobian: FloatArray
     """(3, r): what the parameters' errors do to the direction of reconstructed plumb lines."""
 
     @property
@@ -71,10 +71,10 @@ class FlightFit:
     def bound(self) -> float:
         """Angle that holds the error of the vertical at 95 %, radians."""
         size = float(np.linalg.norm(self.solution.x[:3]))
-        turns = -self.solution.shift[:3] / size - self.turns
+        tilts = -self.solution.shift[:3] / size - self.tilt_jacobian
         own = self.solution.covariance[:3, :3] / size**2
         across = np.linalg.svd(self.up[None])[2][1:]
-        return self.solution.bound(across @ (own + turns @ turns.T) @ across.T)
+        return self.solution.bound(across @ (own + tilts @ tilts.T) @ across.T)
 
     @property
     def strength(self) -> Estimate:
@@ -138,8 +138,8 @@ def throw_in_step(rig: RigParameters, throw: frame.Throw) -> frame.Throw:
         return throw
     flights_of(throw)  # what is no throw is refused as it was given
     codes, times = np.unique(throw.tracks, return_inverse=True)[1], throw.frames
-    seen, late = throw.pixels[:, 2:], rig.time_offset.at(times)
-    found = interpolate(codes.astype(np.int64), times, seen, late)
+    seen, offsets = throw.pixels[:, 2:], rig.time_offset.at(times)
+    found = interpolate(codes.astype(np.int64), times, seen, offsets)
     pixels = np.hstack([throw.pixels[:, :2], found.positions])[found.known]
     tracks = tuple(name for name, kept in zip(throw.tracks, found.known, strict=True) if kept)
     return frame.Throw(tracks, times[found.known], pixels, throw.frame_rate)
@@ -229,7 +229,7 @@ def fit_flights(
         found = found.scaled(factor)
         noise = replace(noise, sigma_px=noise.sigma_px * factor, source="residuals")
     up = -found.x[:3] / np.linalg.norm(found.x[:3])
-    return FlightFit(found, noise, turns_at(rig, up, xyz, noise.spread))
+    return FlightFit(found, noise, tilt_jacobian(rig, up, xyz, noise.spread))
 
 
 def _start(xyz: FloatArray, flights: Sequence[Flight]) -> FloatArray:
