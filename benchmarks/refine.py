@@ -26,7 +26,7 @@ from scipy.sparse import lil_matrix
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.refined.refine import refine
 from stereocal.refined.two_views import BAR, PRIMARY, SECONDARY, pose_of
-from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of
+from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of_pair
 from stereocal.refined.views import OWN
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -185,7 +185,7 @@ def ratios(frames: int) -> None:
     rng = np.random.default_rng(frames)
     data = stated(random_scene(rng, frames), rng, Misjudged())
     start = calibrate_essential(data.rays, data.baseline_m).pose
-    unknowns = unknowns_of(data, start, SETTINGS)
+    unknowns = unknowns_of_pair(data, start, SETTINGS)
     others: dict[str, tuple[Afternoon | Kept, float]] = {
         "no places": (Afternoon(data, unknowns), 4.0),
         "places kept": (Kept(data, unknowns, start), 0.01),

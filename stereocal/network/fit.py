@@ -51,7 +51,7 @@ def lens_places(number: int) -> list[int]:
     return [*range(first, first + 4), *range(distortion, distortion + 4)]
 
 
-def unknowns_of(
+def unknowns_of_rig(
     recording: Recording, poses: Sequence[Pose], settings: RigSettings, bars: bool = True
 ) -> Unknowns:
     """The unknowns of a recording; the first camera is the reference and has no pose.
@@ -125,7 +125,7 @@ class RigFit(RobustFit):
         """From first poses; velocities (n, 2) of the points in pixels per frame, if known."""
         self.recording, self.rig_settings = recording, settings
         seen = Observations.of_recording(recording, velocities)
-        unknowns = unknowns_of(recording, poses, settings, seen.has_lengths)
+        unknowns = unknowns_of_rig(recording, poses, settings, seen.has_lengths)
         R, baselines = np.array([pose.R for pose in poses]), baselines_of(recording, settings)
         super().__init__(seen, unknowns, RefineSettings(), R, baselines)
 

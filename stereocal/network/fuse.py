@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.fit import RigSettings, lens_places, turned, unknowns_of
+from stereocal.network.fit import RigSettings, lens_places, turned, unknowns_of_rig
 from stereocal.refined import views
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import (
@@ -22,10 +22,10 @@ from stereocal.refined.two_views import (
     BASELINE,
     TIME,
     pose_of,
+    shared_lens_places,
     shared_unknowns,
     unknowns_of_views,
 )
-from stereocal.refined.two_views import lens_places as places_of_lens
 from stereocal.refined.unknowns import Unknowns
 from stereocal.refined.views import EACH, LENS, TRANSLATION
 from stereocal.rig.compiled import FloatArray
@@ -33,7 +33,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rig import Rig
 
-PLACES = [*places_of_lens(0), *places_of_lens(1), BAR, TIME]
+PLACES = [*shared_lens_places(0), *shared_lens_places(1), BAR, TIME]
 """Of both lenses, the factor and the lateness among the pair's shared unknowns."""
 MOST_STEPS = 30
 CONVERGED = 1e-6
@@ -133,7 +133,7 @@ def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) 
     """Fuse pairs, which must reach all cameras of a recording; the best first."""
     numbers = {name: number for number, name in enumerate(recording.cameras)}
     poses = chained(list(numbers), pairs)
-    unknowns = unknowns_of(recording, poses, settings)
+    unknowns = unknowns_of_rig(recording, poses, settings)
     R = np.array([pose.R for pose in poses])
     M, p = unknowns.M, np.zeros(len(unknowns.names))
     # Rotations are in R after a step, and the factor of lengths begins each step at its origin.

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import SHARED, lens_places
+from stereocal.refined.two_views import SHARED, shared_lens_places
 from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -88,7 +88,7 @@ def lenses_without(dataset: Dataset, settings: RefineSettings) -> dict[str, Floa
         if known is None or not known.without or prior != lens_prior(camera, None):
             return {}
         for frame, change in known.without.items():
-            found.setdefault(frame, np.zeros(SHARED))[lens_places(number)] = change
+            found.setdefault(frame, np.zeros(SHARED))[shared_lens_places(number)] = change
     return found
 
 

@@ -31,7 +31,7 @@ from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
-from stereocal.refined.two_views import BAR, BASELINE, SHARED, lens_places
+from stereocal.refined.two_views import BAR, BASELINE, SHARED, shared_lens_places
 from stereocal.refined.unknowns import (
     LensPrior,
     RefineSettings,
@@ -67,7 +67,10 @@ INPUTS: Mapping[str, tuple[tuple[str, ...], list[int]]] = {
     "baseline": (("baseline",), [BASELINE]),
     "distance": (("bar",), [BAR]),
     **{
-        f"{camera} {part}": (tuple(f"{camera} {key}" for key in keys), lens_places(number)[own])
+        f"{camera} {part}": (
+            tuple(f"{camera} {key}" for key in keys),
+            shared_lens_places(number)[own],
+        )
         for number, camera in enumerate(CAMERAS)
         for part, keys, own in (
             ("focal", ("focal", "fx", "fy"), slice(0, 2)),

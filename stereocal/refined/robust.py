@@ -34,7 +34,7 @@ from stereocal.refined.noise import (
 )
 from stereocal.refined.observations import Observations
 from stereocal.refined.two_views import EPSILON, SHARED, unknowns_of_views
-from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
+from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of_pair
 from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -121,7 +121,7 @@ class RobustFit:
             rows: mask (n,) of the rows to fit; all if None.
         """
         seen = Observations.of_pair(dataset, settings.time_offset or settings.time_drift, rows)
-        unknowns = unknowns_of(dataset, start, settings, seen.has_lengths)
+        unknowns = unknowns_of_pair(dataset, start, settings, seen.has_lengths)
         found = cls(seen, unknowns, settings)
         if settings.rest is not None:
             away = np.array(settings.rest.values) - unknowns.origin

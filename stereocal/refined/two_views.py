@@ -76,7 +76,7 @@ def unknowns_of_views(q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     return v, R, B
 
 
-def lens_places(number: int) -> list[int]:
+def shared_lens_places(number: int) -> list[int]:
     """(8,): the indices in q of the lens unknowns of the primary (0) or the secondary (1)."""
     first, distortion = (PRIMARY, SECONDARY)[number], DISTORTION + 4 * number
     return [*range(first, first + 4), *range(distortion, distortion + 4)]
@@ -101,7 +101,7 @@ def pose_of(q: FloatArray) -> Pose:
 def rig_of(primary: Camera, secondary: Camera, q: FloatArray) -> Rig:
     """The rig with the shared unknowns q instead of the stated lenses and pose."""
     cameras = primary, secondary
-    first, second = (with_lens(cameras[k], q[lens_places(k)]) for k in range(2))
+    first, second = (with_lens(cameras[k], q[shared_lens_places(k)]) for k in range(2))
     return Rig(first, second, pose_of(q))
 
 

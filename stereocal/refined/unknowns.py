@@ -7,7 +7,15 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.refined.two_views import BAR, BASELINE, DRIFT, EPSILON, SHARED, TIME, lens_places
+from stereocal.refined.two_views import (
+    BAR,
+    BASELINE,
+    DRIFT,
+    EPSILON,
+    SHARED,
+    TIME,
+    shared_lens_places,
+)
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset, check_uncertainty
@@ -174,7 +182,7 @@ class Unknowns:
         return np.asarray(whole[np.ix_(places, places)])
 
 
-def unknowns_of(
+def unknowns_of_pair(
     dataset: Dataset,
     start: Pose,
     settings: RefineSettings,
@@ -191,7 +199,7 @@ def unknowns_of(
     origin[: EPSILON + 1] = start.angles
     origin[BASELINE], origin[BAR], origin[TIME], origin[DRIFT] = dataset.baseline_m, 1.0, 0.0, 0.0
     for number, camera in enumerate((dataset.primary, dataset.secondary)):
-        origin[lens_places(number)] = camera.lens_values
+        origin[shared_lens_places(number)] = camera.lens_values
     baseline = baseline_sigma_m(dataset, settings)
     bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
     if np.isinf(baseline) and (np.isinf(bar) or not bars):
@@ -207,10 +215,10 @@ def unknowns_of(
         prior = lens_prior(camera, given)
         if not distortion:
             prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
-        blocks.append(lens_block(CAMERAS[number], prior, lens_places(number)))
+        blocks.append(lens_block(CAMERAS[number], prior, shared_lens_places(number)))
     offset, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
     blocks.append(([("time offset", offset, [TIME]), ("time drift", drift, [DRIFT])], None))
-    focal_lengths = [place for number in range(2) for place in lens_places(number)[:2]]
+    focal_lengths = [place for number in range(2) for place in shared_lens_places(number)[:2]]
     unknowns = free_parameters(blocks, origin, focal_lengths)
     return unknowns if settings.rest is None else _with_prior(unknowns, settings.rest)
 

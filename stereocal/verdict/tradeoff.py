@@ -19,7 +19,7 @@ from stereocal.calibration.montecarlo import reconstruction_problem, reprojectio
 from stereocal.errors import StereocalError
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import rig_of, undistort_rays
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_of
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_of_pair
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
@@ -82,7 +82,9 @@ def trade_off(
 
     curves = []
     for lenses, own in (("fixed", as_stated), ("freed", settings)):
-        unknowns = unknowns_of(dataset, start, replace(own, distance_sigma_m=0.0), distortion=False)
+        unknowns = unknowns_of_pair(
+            dataset, start, replace(own, distance_sigma_m=0.0), distortion=False
+        )
         curves.append(_Curve(dataset, unknowns, lenses).trace(points, solved))
     return TradeOff(*curves)
 

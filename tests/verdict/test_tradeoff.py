@@ -6,7 +6,7 @@ import pytest
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
 from stereocal.refined.two_views import undistort_rays
-from stereocal.refined.unknowns import RefineSettings, unknowns_of
+from stereocal.refined.unknowns import RefineSettings, unknowns_of_pair
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
@@ -30,7 +30,7 @@ def curves(data: Dataset) -> TradeOff:
 def test_slopes_are_those_of_the_errors() -> None:
     """Against central differences with the lens inverted anew each time."""
     data = rig.dataset(4, 0.3)
-    unknowns = unknowns_of(data, rig.RIG, RefineSettings())
+    unknowns = unknowns_of_pair(data, rig.RIG, RefineSettings())
     rows, lenses = data.correspondences, lenses_of_cameras(data.primary, data.secondary)
     pixels = np.column_stack([rows.primary, rows.secondary])
     n, m, k = len(rows), len(rows.bars), len(unknowns.names)
