@@ -118,7 +118,7 @@ class ForecastDraws:
     @cached_property
     def mean_errors_3d(self) -> FloatArray:
         """(draws, halves, methods)."""
-        return np.asarray(np.nanmean(self.errors_3d, axis=-1))
+        return intervals.mean_of(self.errors_3d)
 
     def mean_length_error(self, method: Method, among: BoolArray) -> float:
         """Mean length error of the bars in a mask like `depths`; NaN if there are none."""

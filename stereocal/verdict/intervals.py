@@ -82,8 +82,11 @@ def quantile_interval(values: FloatArray, share: float) -> Estimate:
 
 
 def mean_of(values: FloatArray) -> FloatArray:
-    """(...): mean of (..., n), of those that are not NaN."""
-    return np.asarray(np.nanmean(values, axis=-1), dtype=np.float64)
+    """(...): mean of (..., n), of those that are not NaN; NaN where there are none."""
+    known = ~np.isnan(values)
+    with np.errstate(invalid="ignore"):
+        mean = np.where(known, values, 0.0).sum(axis=-1) / known.sum(axis=-1)
+    return np.asarray(mean, dtype=np.float64)
 
 
 def _quantile_of(values: FloatArray, share: float) -> FloatArray:
@@ -109,7 +112,9 @@ def share_interval(cases: IntArray, of: IntArray) -> Estimate:
     shares = cases.sum(axis=1) / of.sum(axis=1)
     pooled = float(cases.sum() / of.sum())
     if np.mean(cases == 0) < RARELY_NONE:
-        found = interval_of(shares, cases / of, ROOT, SHARE_SCATTER)
+        with np.errstate(invalid="ignore"):  # a half of a draw may have none
+            of_halves = cases / of
+        found = interval_of(shares, of_halves, ROOT, SHARE_SCATTER)
         low, high = min(found.low, pooled), max(found.high, pooled)
     else:  # too few cases to tell their scatter
         low, high = (float(v) for v in np.percentile(shares, TAILS))

@@ -26,6 +26,7 @@ from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.verdict.forecast import Forecast, forecast_files
 from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import fresh_bars, noise_given
+from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
@@ -211,3 +212,12 @@ def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None
     at = (BASELINE, BASELINE)
     expected = found.model.covariance[at] + away**2
     assert found.covariance("3d")[at] == pytest.approx(expected)
+
+
+def test_halves_of_draws_without_points_are_left_out() -> None:
+    """Without a warning: where few frames see all, a half of a draw may have none."""
+    assert np.isnan(mean_of(np.full((2, 3), np.nan))).all()
+    cases, of = np.tile([3, 4], (50, 1)), np.tile([100, 110], (50, 1))
+    cases[0], of[0] = (3, 0), (100, 0)
+    found = share_interval(cases, of)
+    assert 0.0 <= found.low <= found.value <= found.high < 0.1
