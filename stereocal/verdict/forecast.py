@@ -41,8 +41,8 @@ SURE = 0.975
 MAXIMUM_TO_ADD = 10
 """Largest number of frames to add that is reported, as a multiple of the present number."""
 Kind = Literal["one", "two", "level"]
-DRAWS, BARS = 32, 100
-"""For improvements."""
+FEW_DRAWS, FEW_BARS = 32, 100
+"""Draws and bars of each half, for improvements."""
 KNOWN = 1e6
 """Factor of the information about a parameter that is known exactly."""
 MORE_FRAMES = 4
@@ -232,7 +232,7 @@ def improvements(model: RefinedResult) -> dict[str, float]:
     files: Mapping[Method, Rig] = {"refined": Rig(model.primary, model.secondary, model.pose)}
     found = {}
     for name, knowledge in cases.items():
-        judged = draw_forecast(model, files, 0, DRAWS, BARS, knowledge=knowledge)
+        judged = draw_forecast(model, files, 0, FEW_DRAWS, FEW_BARS, knowledge=knowledge)
         found[name] = float(np.nanmean(judged.errors_3d))
     return found
 
