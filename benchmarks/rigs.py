@@ -27,6 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.view_groups import ViewFitter
+from stereocal.network.about_rig import AboutRig
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import Fused, fuse
@@ -245,8 +246,8 @@ def cut_in_time(folder: str) -> None:
             print(
                 "  third camera, median px: "
                 + ", ".join(
-                    f"{'-'.join(own['pair'])} in {own['camera']} {own['before']:.2f} with "
-                    f"pairs, {own['after']:.2f}"
+                    f"{'-'.join(own.pair)} in {own.camera} {own.before:.2f} with pairs, "
+                    f"{own.after:.2f}"
                     for own in thirds
                 )
             )
@@ -302,7 +303,7 @@ def _tested(
 
 def _fitter(cameras: Mapping[str, Camera], poses: Mapping[str, Pose]) -> ViewFitter:
     late, covariance = dict.fromkeys(cameras, 0.0), np.zeros((EACH * len(cameras) + 1,) * 2)
-    return ViewFitter(RigFile(cameras, poses, late, covariance, 1.0, {}))
+    return ViewFitter(RigFile(cameras, poses, late, covariance, 1.0, AboutRig(pairs={})))
 
 
 def _best(values: FloatArray) -> FloatArray:

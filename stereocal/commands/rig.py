@@ -1,6 +1,7 @@
 """`stereocal rig`: one rig of three cameras and more."""
 
 import argparse
+from dataclasses import replace
 from functools import partial
 
 from stereocal.calibration.methods import CalibrationSettings
@@ -62,10 +63,12 @@ def run(parsed: argparse.Namespace) -> None:
         sets_of = paper_sets if parsed.pairs else refined_set
         sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))
         pairs = files_of_sets(sets)
+        of_pairs = {**rig.about.pairs}
         for pair, own in sets.items():
             predicted = own["refined"].predicted or {}
             figures = {name: predicted[name] for name in FIGURES if name in predicted}
-            rig.about["pairs"][pair].update(figures)
+            of_pairs[pair] = replace(of_pairs[pair], **figures)
+        rig = replace(rig, about=replace(rig.about, pairs=of_pairs))
     files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, name).encode(), **pairs}
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
     finish(parsed.out, files, *sentences, notes=(*rig_notes(rig), *notes))

@@ -2,7 +2,6 @@
 a report: one HTML file that holds everything and opens without a network."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,27 +33,26 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
     """The cameras from above; a pair's line is the thicker the more bars both see, and dotted if
     the pair could not be calibrated by itself."""
     names, centres = list(rig.poses), _centres(rig)[:, [0, 2]]
-    pairs: Mapping[str, Any] = rig.about.get("pairs", {})
-    most = max((own["bars"] for own in pairs.values()), default=1)
+    pairs = rig.about.pairs
+    most = max((own.bars for own in pairs.values()), default=1)
     figure = blank(HEIGHT)
     for name, own in pairs.items():
-        if not {*own["cameras"]} <= {*names}:
+        if not {*own.cameras} <= {*names}:
             continue
         third = [
-            f"<br>in {each['camera']}: {rounded(each['before'])} px before, "
-            f"{rounded(each['after'])} after"
-            for each in rig.about.get("third_camera_px", [])
-            if {*each["pair"]} == {*own["cameras"]}
+            f"<br>in {each.camera}: {rounded(each.before)} px before, {rounded(each.after)} after"
+            for each in rig.about.third_camera_px
+            if {*each.pair} == {*own.cameras}
         ]
-        one, other = (centres[names.index(camera)] for camera in own["cameras"])
-        width = THINNEST + (THICKEST - THINNEST) * own["bars"] / most
+        one, other = (centres[names.index(camera)] for camera in own.cameras)
+        width = THINNEST + (THICKEST - THINNEST) * own.bars / most
         colour, dash = METHOD_COLOURS["refined"], "solid"
-        if "failed" in own:
+        if own.failed is not None:
             colour, dash = NEUTRAL, "dot"
         add_trace(
             figure,
             one + np.linspace(0.0, 1.0, 9)[:, None] * (other - one),
-            f"{name}: {own['bars']} bars{''.join(third[:4])}",
+            f"{name}: {own.bars} bars{''.join(third[:4])}",
             # Only markers can be clicked.
             marker={"size": THICKEST, "opacity": 0.0},
             line=line_of(colour, width, dash),
@@ -74,7 +72,7 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
 
 def describe_rig_graph(rig: RigFile) -> str:
     """The rig, its loops, and the bars of each pair."""
-    pairs = [f"{name} {own['bars']} bars" for name, own in rig.about.get("pairs", {}).items()]
+    pairs = [f"{name} {own.bars} bars" for name, own in rig.about.pairs.items()]
     seen = f"Bars that two cameras see: {', '.join(pairs)}."
     return " ".join(filter(None, [rig_sentence(rig), loops_sentence(rig), seen]))
 
@@ -137,7 +135,7 @@ def lens_table(stated: Mapping[str, Camera | None], rig: RigFile | None = None) 
 def camera_table(rig: RigFile) -> pd.DataFrame:
     """Poses and standard errors, a camera a row."""
     rows = {}
-    errors = rig.about.get("image_errors_px", {})
+    errors = rig.about.image_errors_px
     for name, pose in rig.poses.items():
         own = rig.standard_errors[name]
         turn = np.degrees([own[f"turn_{axis}"] for axis in "xyz"])
@@ -147,6 +145,6 @@ def camera_table(rig: RigFile) -> pd.DataFrame:
             "rotation ±, °": ", ".join(map(rounded, turn)),
             "position ±, mm": ", ".join(map(rounded, shift)),
             "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
-            "image error, px": "unknown" if errors.get(name) is None else digits(errors[name], 2),
+            "image error, px": "unknown" if (px := errors.get(name)) is None else digits(px, 2),
         }
     return pd.DataFrame(rows).T.rename_axis("camera")

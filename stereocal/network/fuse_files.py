@@ -49,7 +49,7 @@ def fuse_files(files: Sequence[Path]) -> RigFile:
     if max(fused.misfits.values()) <= CONTRADICTS:
         return rig
     warning = _contradiction(names, pairs, fuse_these, sum(fused.misfits.values()))
-    return replace(rig, about={**rig.about, "warnings": [warning]})
+    return replace(rig, about=replace(rig.about, warnings=(warning,)))
 
 
 def _pair(file: RigParameters, source: str) -> PairFit:

@@ -1,9 +1,11 @@
 """What a rig's file says, in sentences: the same on page, in the report and the command line."""
 
 from collections.abc import Mapping
-from typing import Any
 
+from stereocal.network.about_rig import PairOfRig, RigFigures
+from stereocal.network.held_out import HeldOutErrors
 from stereocal.network.rig_file import RigFile
+from stereocal.network.screening import WrongImage
 from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
 
@@ -12,17 +14,17 @@ SHOWN = 8
 
 def rig_sentence(rig: RigFile) -> str:
     """How good the rig is, and which camera is the weakest."""
-    figures, count = rig.about.get("figures"), len(rig.cameras)
+    figures, count = rig.about.figures, len(rig.cameras)
     if figures is None:
         return (
-            f"One rig of {count} cameras, of {len(rig.about['pairs'])} pairs fused. Where pairs "
+            f"One rig of {count} cameras, of {len(rig.about.pairs)} pairs fused. Where pairs "
             "share points of one recording, its errors are larger than stated: give the recording "
             "instead."
         )
-    weakest = figures["weakest_camera"]
-    error = rig.about["image_errors_px"].get(weakest)
+    weakest = figures.weakest_camera
+    error = rig.about.image_errors_px.get(weakest)
     known = "" if error is None else f": its images are predicted to {rounded(error)} px"
-    partner, bars = _best_partner(rig.about["pairs"], weakest)
+    partner, bars = _best_partner(rig.about.pairs, weakest)
     return (
         f"One rig of {count} cameras: {_accuracy(figures)}. "
         f"The weakest camera is {weakest}{known}; it shares {counted(bars, 'bar')} with {partner}. "
@@ -30,11 +32,11 @@ def rig_sentence(rig: RigFile) -> str:
     )
 
 
-def _accuracy(figures: Mapping[str, Any]) -> str:
+def _accuracy(figures: RigFigures) -> str:
     """The errors on frames not fitted, and which these are."""
-    held_out = figures.get("held_out", {})
+    held_out = figures.held_out
     if not held_out:
-        return f"{rig_errors_in_words(figures)}, on the {figures['frames']} frames it was fitted to"
+        return f"{rig_errors_in_words(figures)}, on the {figures.frames} frames it was fitted to"
     if "runs" not in held_out:
         return f"{rig_errors_in_words(figures)}, on frames held out of the fit"
     text = f"{rig_errors_in_words(figures)}, on whole runs of frames held out of the fit"
@@ -44,32 +46,32 @@ def _accuracy(figures: Mapping[str, Any]) -> str:
     return text
 
 
-def rig_errors_in_words(figures: Mapping[str, Any]) -> str:
+def rig_errors_in_words(figures: RigFigures) -> str:
     """The errors of a rig: on whole runs of frames not fitted; for a recording without such, on
     frames not fitted; and if it is too short for that, on those fitted."""
-    held_out = figures.get("held_out", {})
+    held_out = figures.held_out
     return _errors(held_out.get("runs") or held_out.get("frames") or figures)
 
 
-def _errors(figures: Mapping[str, Any]) -> str:
-    length = figures["length_error_p95"]
+def _errors(figures: RigFigures | HeldOutErrors) -> str:
+    length = figures.length_error_p95
     lengths = "" if length is None else f", 95 % of lengths within {rounded(100 * length)} %"
-    return f"{rounded(figures['reprojection_px'])} px{lengths}"
+    return f"{rounded(figures.reprojection_px)} px{lengths}"
 
 
 def rig_notes(rig: RigFile) -> list[str]:
     """What was left out, what is not connected, and what to check."""
     about = rig.about
-    notes = [*about.get("warnings", []), *about.get("not_connected", {}).values()]
+    notes = [*about.warnings, *about.not_connected.values()]
     notes += [
-        f"The pair {name} was not used: {entry['failed'].rstrip('.')}."
-        for name, entry in about.get("pairs", {}).items()
-        if "failed" in entry
+        f"The pair {name} was not used: {pair.failed.rstrip('.')}."
+        for name, pair in about.pairs.items()
+        if pair.failed is not None
     ]
-    if wrong := [wrong_sentence(entry) for entry in about.get("wrong_images", [])]:
+    if wrong := [wrong_sentence(image) for image in about.wrong_images]:
         more = f"; {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
         notes.append(f"Left out: {'; '.join(wrong[:SHOWN])}{more}.")
-    if frames := about.get("frames_left_out", []):
+    if frames := about.frames_left_out:
         more = f" and {len(frames) - SHOWN} more" if len(frames) > SHOWN else ""
         shown = ", ".join(map(str, frames[:SHOWN])) + more
         notes.append(
@@ -86,41 +88,41 @@ def rig_notes(rig: RigFile) -> list[str]:
     return notes
 
 
-def wrong_sentence(image: Mapping[str, Any]) -> str:
-    """What is wrong in an image, of `wrong_images`."""
-    if image["exchanged"]:
-        return f"frame {image['frame']}: the two ends look exchanged in camera {image['camera']}"
-    what = "the object" if image["target"] is None else f"target {image['target']}"
-    return f"frame {image['frame']}: {what} in camera {image['camera']}"
+def wrong_sentence(image: WrongImage) -> str:
+    """What is wrong in an image."""
+    if image.exchanged:
+        return f"frame {image.frame}: the two ends look exchanged in camera {image.camera}"
+    what = "the object" if image.target is None else f"target {image.target}"
+    return f"frame {image.frame}: {what} in camera {image.camera}"
 
 
 def loops_sentence(rig: RigFile) -> str:
     """How far the pairs by themselves were from closing; empty without loops."""
-    loops, thirds = rig.about.get("loops", []), rig.about.get("third_camera_px", [])
+    loops, thirds = rig.about.loops, rig.about.third_camera_px
     if not loops:
         return ""
-    worst = max(loops, key=lambda loop: loop["before"]["translation_m"])
+    worst = max(loops, key=lambda loop: loop.before.translation_m)
     text = (
-        f"Pairs by themselves do not close: {' - '.join(worst['cameras'])} by "
-        f"{rounded(worst['before']['rotation_deg'])}° and "
-        f"{rounded(1000 * worst['before']['translation_m'])} mm; in the rig they do."
+        f"Pairs by themselves do not close: {' - '.join(worst.cameras)} by "
+        f"{rounded(worst.before.rotation_deg)}° and "
+        f"{rounded(1000 * worst.before.translation_m)} mm; in the rig they do."
     )
     if thirds:
-        most = max(thirds, key=lambda entry: entry["before"])
+        most = max(thirds, key=lambda third: third.before)
         text += (
-            f" Points of {'-'.join(most['pair'])} lie {rounded(most['before'])} px off in "
-            f"camera {most['camera']} with the pairs, {rounded(most['after'])} px with the rig "
+            f" Points of {'-'.join(most.pair)} lie {rounded(most.before)} px off in "
+            f"camera {most.camera} with the pairs, {rounded(most.after)} px with the rig "
             "(median)."
         )
     return text
 
 
-def _best_partner(pairs: Mapping[str, Any], name: str) -> tuple[str, int]:
+def _best_partner(pairs: Mapping[str, PairOfRig], name: str) -> tuple[str, int]:
     """With which camera a camera shares most bars, and how many."""
     shared = [
-        (entry["bars"], other)
-        for pair, entry in pairs.items()
-        for camera, other in (entry["cameras"], entry["cameras"][::-1])
+        (pair.bars, other)
+        for pair in pairs.values()
+        for camera, other in (pair.cameras, pair.cameras[::-1])
         if camera == name
     ]
     bars, partner = max(shared)

@@ -16,7 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.network.fit import lens_places
 from stereocal.network.fuse import pair_covariance
 from stereocal.network.rig_file import RigFile
-from stereocal.network.screening import WrongImage, rows_of
+from stereocal.network.screening import rows_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.robust import RobustFit
@@ -57,8 +57,7 @@ def sets_of_pairs(
     """
     found: dict[str, Sets] = {}
     notes: list[str] = []
-    left_out = tuple(rig.about["frames_left_out"])
-    names = [name for name, entry in rig.about["pairs"].items() if "frames" in entry]
+    names = [name for name, pair in rig.about.pairs.items() if pair.frames is not None]
     for number, name in enumerate(names):
         pair = recording.pair_named(name)
         try:
@@ -66,7 +65,9 @@ def sets_of_pairs(
             sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
             time_offset = rig.pair(*pair).time_offset
             found[name] = {
-                method: replace(parameters, time_offset=time_offset, frames_left_out=left_out)
+                method: replace(
+                    parameters, time_offset=time_offset, frames_left_out=rig.about.frames_left_out
+                )
                 for method, parameters in sets.items()
             }
         except (StereocalError, KeyError) as error:
@@ -93,8 +94,8 @@ def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) ->
     """
     if rig is None or not {*pair} <= {*rig.names}:
         return recording.pair(*pair)
-    wrong = [WrongImage(**image) for image in rig.about.get("wrong_images", [])]
-    out = rows_of(recording, wrong) | np.isin(recording.frame, rig.about["frames_left_out"])
+    out = rows_of(recording, rig.about.wrong_images)
+    out |= np.isin(recording.frame, rig.about.frames_left_out)
     dataset = recording.where(~out).pair(*pair)
     offset = rig.time_offsets[pair[1]] - rig.time_offsets[pair[0]]
     if offset:
@@ -115,14 +116,15 @@ def settings_of_pair(dataset: Dataset, pair: CameraPair, rig: RigFile) -> Refine
     Args:
         dataset: of `data_of_pair`.
     """
-    of_rig, figures = rig.pair(*pair), rig.about["figures"]
-    values, effect = shared_unknowns(of_rig), figures["design_effect"]
+    of_rig, figures = rig.pair(*pair), rig.about.figures
+    assert figures is not None, "fused pairs have no recording"
+    values, effect = shared_unknowns(of_rig), figures.design_effect
     values[BAR] = rig.q[-1]
     settings = RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,
         sigma_px=rig.noise_px,
-        scatter_m=figures["length_scatter_m"],
+        scatter_m=figures.length_scatter_m,
         loss="squares",  # the rig has left out what contradicts it
     )
     fit = RobustFit.of_pair(dataset, of_rig.pose, settings_for(dataset, settings))

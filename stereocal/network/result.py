@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
+from stereocal.network.about_rig import Gap, Loop, ThirdCamera
 from stereocal.network.fit import RigFit, camera_at
 from stereocal.network.held_out import (
     HeldOutErrors,
@@ -152,9 +152,9 @@ class RigCalibration:
         return held_out(self.fit, self.clusters)
 
     @cached_property
-    def loops(self) -> list[dict[str, Any]]:
+    def loops(self) -> tuple[Loop, ...]:
         """How far every three cameras whose three pairs were calibrated are from closing, before
-        they are one rig, as in `rig.json`."""
+        they are one rig."""
         entries = []
         for trio in combinations(self.names, 3):
             ab, bc, ca = (self.pair_alone(trio[i], trio[(i + 1) % 3]) for i in range(3))
@@ -162,9 +162,9 @@ class RigCalibration:
                 continue
             round_trip = ca.pose @ bc.pose @ ab.pose
             angle = np.degrees(np.arccos(np.clip((np.trace(round_trip.R) - 1) / 2, -1, 1)))
-            before = {"rotation_deg": float(angle), "translation_m": round_trip.baseline}
-            entries.append({"cameras": list(trio), **dict.fromkeys(before, 0.0), "before": before})
-        return entries
+            before = Gap(float(angle), round_trip.baseline)
+            entries.append(Loop(trio, 0.0, 0.0, before))
+        return tuple(entries)
 
     def pair_alone(self, first: str, second: str) -> Rig | None:
         """Two cameras as their pair by itself has them; None if it was not calibrated."""
@@ -186,14 +186,13 @@ FEWEST_POINTS = 10
 MOST_TRIPLES = 120
 
 
-def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list[dict[str, Any]]:
-    """Median distances (px) of points of two cameras from their images in a third, as in
-    `rig.json`: before, with the three pairs by themselves, and after.
+def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> tuple[ThirdCamera, ...]:
+    """How far points of two cameras are from their images in a third.
 
     Args:
         images: (n, c, 2): of points; None for those that the rig was fitted to.
     """
-    entries: list[dict[str, Any]] = []
+    entries: list[ThirdCamera] = []
     if images is None:
         used = rig.fit.seen.pixels[~rig.fit.outlying[rig.fit.frame_of]]
         images = used.reshape(-1, len(rig.names), 2)
@@ -209,9 +208,8 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> list
                 continue
             before = _off(pair, with_third, seen[:, order])
             after = _off(rig.pair(a, b), rig.pair(a, c), seen[:, order])
-            points = {"pair": [a, b], "camera": c, "points": len(seen)}
-            entries.append({**points, "before": before, "after": after})
-    return entries
+            entries.append(ThirdCamera((a, b), c, len(seen), before, after))
+    return tuple(entries)
 
 
 def _off(pair: Rig, with_third: Rig, images: FloatArray) -> float:

@@ -1,7 +1,8 @@
 """`rig.json`: the cameras of a rig in one frame, with their errors and what the pairs say."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.network.about_rig import AboutRig, PairOfRig, RigFigures
 from stereocal.network.fit import camera_at, lens_places
 from stereocal.network.fuse import Fused, PairFit, pair_covariance
 from stereocal.network.pairs import pair_name
@@ -25,6 +27,7 @@ from stereocal.rig.rig import PlacedCamera, Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
+from stereocal.system.records import of_plain
 
 RIG = "rig.json"
 RIG_FORMAT = "stereocal-rig/1"
@@ -35,7 +38,7 @@ ROTATION = ("turn_x", "turn_y", "turn_z")
 
 @dataclass(frozen=True, eq=False)
 class RigFile(ResultFile):
-    """The content of `rig.json` that is used again; `about` is all the rest of it."""
+    """The content of `rig.json`."""
 
     CALLED, SOURCE = "rig", RIG
     READS: ClassVar[Mapping[str, str]] = {"format": RIG_FORMAT, "convention": CONVENTION}
@@ -50,9 +53,11 @@ class RigFile(ResultFile):
     covariance: FloatArray
     """(Q, Q): of the unknowns of `views`."""
     noise_px: float
-    about: Mapping[str, Any]
+    about: AboutRig
     volume: Volume | None = None
     """Where the object was, as the reference sees it; None if not in front of it."""
+    others: Mapping[str, Any] = field(default_factory=dict)
+    """Entries of a file that this version does not know."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
@@ -65,7 +70,7 @@ class RigFile(ResultFile):
     def q(self) -> FloatArray:
         """(Q,): the unknowns of `views`; the rotations are in `R`."""
         q = np.zeros(len(self.covariance))
-        q[-1] = float(self.about.get("object", {}).get("factor", 1.0))
+        q[-1] = float(self.about.object.get("factor", 1.0))
         for number, (name, camera) in enumerate(self.cameras.items()):
             q[lens_places(number)] = camera.lens_values
             first = EACH * number
@@ -76,7 +81,7 @@ class RigFile(ResultFile):
     @property
     def object(self) -> RigidObject | None:
         """The object that the rig was calibrated with; None if the file does not say."""
-        points = dict(self.about.get("object", {}))
+        points = dict(self.about.object)
         points.pop("factor", None)
         return RigidObject(tuple(points), np.array([*points.values()])) if points else None
 
@@ -96,7 +101,7 @@ class RigFile(ResultFile):
         rig = Rig(self.cameras[first], self.cameras[second], pose)
         a, b = self.names.index(first), self.names.index(second)
         covariance = pair_covariance(rig, a, b, self.q, self.R, self.covariance)
-        figures, stated = self.about.get("figures", {}), self.object
+        figures, stated = self.about.figures, self.object
         offset = self.time_offsets[second] - self.time_offsets[first]
         return RigParameters(
             rig.primary,
@@ -110,12 +115,12 @@ class RigFile(ResultFile):
             uncertainties={
                 "sigma_px": {
                     "value": self.noise_px,
-                    "degrees_of_freedom": max(3 * figures.get("independent_frames", 0), 1),
+                    "degrees_of_freedom": max(3 * figures.independent_frames, 1) if figures else 1,
                 },
                 "covariance": covariance_entry(covariance, (rig.primary, rig.secondary)),
                 "bar_length_m": {"estimate": self.q[-1], "stated": 1.0},
-                "bar_scatter_m": {"value": figures.get("length_scatter_m", 0.0)},
-                "design_effect": figures.get("design_effect", 1.0),
+                "bar_scatter_m": {"value": figures.length_scatter_m if figures else 0.0},
+                "design_effect": figures.design_effect if figures else 1.0,
             },
             noise_px=self.noise_px,
             volume=self.volume,
@@ -154,7 +159,8 @@ class RigFile(ResultFile):
             "cameras": cameras,
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
-            **self.about,
+            **self.about.to_json(),
+            **self.others,
             "covariance": self.covariance[_written(len(self.cameras))].tolist(),
             "covariance_of": [*of, "object_factor"],
         }
@@ -172,19 +178,21 @@ class RigFile(ResultFile):
         covariance[written] = stored
         if not np.isfinite(stored).all():
             raise StereocalError("the covariance has a number that is not finite.")
-        own = {*RigFile.__dataclass_fields__, "format", "convention", "units", "pixel_origin"}
-        own |= {"reference", "covariance_of", "software", "created"}
-        volume = data.get("volume")
-        _check_figures(data)
-        return cls(
+        volume, about = data.get("volume"), of_plain(data, AboutRig)
+        json.dumps(about.to_json(), allow_nan=False)  # a ValueError for a number that is not finite
+        if about.figures and about.figures.weakest_camera not in cameras:
+            raise ValueError("the weakest camera")
+        read = cls(
             cameras,
             {name: Pose.from_json(each) for name, each in data["cameras"].items()},
             {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()},
             covariance,
             float(data["noise_px"]),
-            {name: value for name, value in data.items() if name not in own},
+            about,
             None if volume is None else Volume.from_json(volume),
         )
+        known = read.to_json()
+        return replace(read, others={name: data[name] for name in data if name not in known})
 
 
 def _unknowns(camera: Camera) -> tuple[str, ...]:
@@ -196,35 +204,6 @@ def _written(cameras: int) -> tuple[IntArray, IntArray]:
     """Where the file's covariance is in that of all unknowns of `views`: a rig has no drifts."""
     places = np.arange(EACH * cameras + 1)
     return np.ix_(*2 * [places[(places % EACH != DRIFT) | (places == places[-1])]])
-
-
-def _check_figures(data: Mapping[str, Any]) -> None:
-    """Look up what is told of a rig; a KeyError, TypeError or ValueError if it is not there."""
-    numbers: list[Any] = []
-    if "figures" in data:
-        figures = data["figures"]
-        numbers += [figures["reprojection_px"], figures["frames"]]
-        numbers += [
-            figures["length_error_p95"] or 0,
-            *(value or 0 for value in data["image_errors_px"].values()),
-        ]
-        for row in figures.get("held_out", {}).values():
-            numbers += [row["frames"], row["reprojection_px"], row["length_error_p95"] or 0]
-        if figures["weakest_camera"] not in data["cameras"]:
-            raise ValueError("the weakest camera")
-    for row in data["pairs"].values():
-        first, second = row["cameras"]
-        numbers += [row["bars"], row.get("noise_px", 0), len(first), len(second)]
-    for loop in data.get("loops", []):
-        numbers += [*loop["before"].values(), len("".join(loop["cameras"]))]
-    for row in data.get("third_camera_px", []):
-        numbers += [row["before"], row["after"], len("".join([*row["pair"], row["camera"]]))]
-    for row in data.get("wrong_images", []):
-        numbers += [row["frame"], len(row["camera"]), len(row["target"] or ""), row["exchanged"]]
-    words = [*data.get("warnings", []), *data.get("not_connected", {}).values()]
-    numbers += [len("".join(words)), *data.get("frames_left_out", [])]
-    if not np.isfinite(np.array(numbers, dtype=np.float64)).all():
-        raise ValueError("a figure that is not finite")
 
 
 def is_rig(content: bytes) -> bool:
@@ -248,31 +227,31 @@ def rig_file(rig: RigCalibration) -> RigFile:
     own = rig.recording.object
     places = dict(zip(own.names, own.points.tolist(), strict=True))
     late = dict(zip(rig.names, rig.time_offsets.tolist(), strict=True))
-    about = {
-        "object": {**places, "factor": float(rig.fit.q[-1])},
-        "figures": {
-            "reprojection_px": float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
-            "length_error_p95": float(np.quantile(np.abs(rig.length_errors), 0.95))
+    about = AboutRig(
+        object={**places, "factor": float(rig.fit.q[-1])},
+        figures=RigFigures(
+            reprojection_px=float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
+            length_error_p95=float(np.quantile(np.abs(rig.length_errors), 0.95))
             if len(rig.length_errors)
             else None,
-            "frames": len(rig.fit.used),
-            "independent_frames": rig.clusters.count,
-            "design_effect": rig.design_effect,
-            "length_scatter_m": rig.fit.scatter,
-            "weakest_camera": rig.weakest,
-            "held_out": {name: asdict(errors) for name, errors in rig.held_out.items()},
-        },
-        "image_errors_px": {
+            frames=len(rig.fit.used),
+            independent_frames=rig.clusters.count,
+            design_effect=rig.design_effect,
+            length_scatter_m=rig.fit.scatter,
+            weakest_camera=rig.weakest,
+            held_out=rig.held_out,
+        ),
+        image_errors_px={
             name: px if np.isfinite(px) else None for name, px in rig.image_px.items()
         },
-        "frames_left_out": list(rig.left_out),
-        "wrong_images": [asdict(image) for image in rig.wrong],
-        "loops": rig.loops,
-        "third_camera_px": third_cameras(rig),
-        "pairs": _pairs(rig),
-        "not_connected": dict(rig.unreached),
-        "warnings": list(rig.warnings),
-    }
+        frames_left_out=rig.left_out,
+        wrong_images=rig.wrong,
+        loops=rig.loops,
+        third_camera_px=third_cameras(rig),
+        pairs=_pairs(rig),
+        not_connected=rig.unreached,
+        warnings=rig.warnings,
+    )
     sighted = points[:, 2].min() > 0 if len(points) else False
     return RigFile(
         rig.cameras,
@@ -299,31 +278,31 @@ def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused)
         {name: float(q[EACH * number + TIME]) for number, name in enumerate(stated)},
         np.asarray(covariance),
         noise,
-        {
-            "object": {"factor": float(q[-1])},
-            "frames_left_out": [],
-            "pairs": {
-                pair_name(fit.pair): {
-                    "cameras": list(fit.pair),
-                    "bars": fit.frames,
-                    "frames": fit.frames,
-                    "noise_px": fit.noise_px,
-                    "chi_square_growth": fused.misfits[fit.pair],
-                }
+        AboutRig(
+            object={"factor": float(q[-1])},
+            pairs={
+                pair_name(fit.pair): PairOfRig(
+                    fit.pair,
+                    bars=fit.frames,
+                    frames=fit.frames,
+                    noise_px=fit.noise_px,
+                    chi_square_growth=fused.misfits[fit.pair],
+                )
                 for fit in pairs
             },
-        },
+        ),
     )
 
 
-def _pairs(rig: RigCalibration) -> dict[str, Any]:
-    entries: dict[str, Any] = {}
+def _pairs(rig: RigCalibration) -> dict[str, PairOfRig]:
+    entries: dict[str, PairOfRig] = {}
     for pair, bars in rig.pairs.bars.items():
         fit = rig.pairs.fits.get(pair)
-        entries[pair_name(pair)] = {
-            "cameras": list(pair),
-            "bars": bars,
-            **({} if fit is None else {"frames": fit.frames, "noise_px": fit.noise_px}),
-            **({"failed": rig.pairs.failed[pair]} if pair in rig.pairs.failed else {}),
-        }
+        entries[pair_name(pair)] = PairOfRig(
+            pair,
+            bars,
+            None if fit is None else fit.frames,
+            None if fit is None else fit.noise_px,
+            rig.pairs.failed.get(pair),
+        )
     return entries

@@ -5,6 +5,7 @@ frame is tried without each marker, and then without each camera: if it fits wit
 them, that one is wrong, and the rest of the frame stays.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +68,7 @@ def wrong_images(fit: RigFit) -> list[WrongImage]:
     return wrong
 
 
-def rows_of(recording: Recording, wrong: list[WrongImage]) -> BoolArray:
+def rows_of(recording: Recording, wrong: Sequence[WrongImage]) -> BoolArray:
     """(n,): the rows of the images that are wrong."""
     names, targets = list(recording.cameras), recording.object.names
     wrong_rows = np.zeros(len(recording.frame), dtype=np.bool_)

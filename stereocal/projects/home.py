@@ -235,8 +235,9 @@ def _rig_of(recording: ProjectRecording) -> str:
     """The errors of three cameras and more."""
     if (rig := recording.rig) is None:
         return "not calibrated"
-    figures, pairs = rig.about["figures"], rig.about["pairs"]
-    noise = [(own["noise_px"], name) for name, own in pairs.items() if "noise_px" in own]
+    figures, pairs = rig.about.figures, rig.about.pairs
+    assert figures is not None, "a project's rig has a recording"
+    noise = [(own.noise_px, name) for name, own in pairs.items() if own.noise_px is not None]
     worst, name = max(noise, default=(0.0, ""))
     last = f", worst pair {name} with {rounded(worst)} px" if name else ""
     return f"One rig: {rig_errors_in_words(figures)}{last}"

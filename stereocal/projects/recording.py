@@ -71,7 +71,7 @@ class ProjectRecording(ProjectPart):
     def pair_names(self) -> list[str]:
         """The pairs of the rig that see bars together; before there is one, all pairs."""
         every = [pair_name(pair) for pair in combinations(self.cameras, 2)]
-        return every if self.rig is None else [n for n in every if n in self.rig.about["pairs"]]
+        return every if self.rig is None else [n for n in every if n in self.rig.about.pairs]
 
     @property
     def parts(self) -> dict[str, StoredFile]:

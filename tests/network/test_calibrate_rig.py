@@ -1,7 +1,7 @@
 """Rigs of three cameras and more: truth, errors, and a pair as the smallest case."""
 
 import os
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
@@ -232,13 +232,13 @@ def test_a_real_recording_of_three_cameras(ewand: Recording) -> None:
     assert px <= 0.30
     assert lengths["A", "B"] <= 0.0010
     (loop,) = rig.loops
-    assert [*loop["before"].values()] == pytest.approx([0.37, 0.016], rel=0.1)
+    assert astuple(loop.before) == pytest.approx((0.37, 0.016), rel=0.1)
     # 12 of 280 frames by the limits of all trials together; by those of one trial 17
     assert len(rig.left_out) <= 14 and not rig.warnings
     # each pair of the rig against its own fit: 1.01 to 1.02
     thirds = third_cameras(rig)
-    assert max(own["before"] for own in thirds) > 8
-    assert max(own["after"] for own in thirds) < 0.6
+    assert max(own.before for own in thirds) > 8
+    assert max(own.after for own in thirds) < 0.6
 
 
 def test_the_marker_between_need_not_be_used(ewand: Recording) -> None:

@@ -1,5 +1,7 @@
 """A rig's errors on frames that it was not fitted to, against those of frames to come."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig
@@ -45,14 +47,15 @@ def test_they_are_those_of_frames_to_come() -> None:
 def test_neighbours_in_a_recording_hide_errors() -> None:
     """On the real sample, every third frame: fitted 0.231 px, singly 0.238 px, in runs 0.254 px."""
     rig = RigFile.loads(rig_text())
-    figures = rig.about["figures"]
-    singly, runs = (figures["held_out"][name] for name in ("frames", "runs"))
-    assert singly["frames"] == runs["frames"] == figures["frames"]
-    assert figures["reprojection_px"] < singly["reprojection_px"] < runs["reprojection_px"]
+    figures = rig.about.figures
+    assert figures is not None
+    singly, runs = (figures.held_out[name] for name in ("frames", "runs"))
+    assert singly.frames == runs.frames == figures.frames
+    assert figures.reprojection_px < singly.reprojection_px < runs.reprojection_px
     # The sentence states the runs first, and what each is.
     said = rig_sentence(rig)
     assert rig_errors_in_words(figures) in said.split("whole runs")[0]
     assert (
-        rig_errors_in_words({**figures, "held_out": {"frames": singly}})
+        rig_errors_in_words(replace(figures, held_out={"frames": singly}))
         in said.split("single frames")[1]
     )

@@ -53,7 +53,7 @@ def test_the_file_reads_back(rig: RigCalibration) -> None:
 def test_a_camera_without_points_that_two_others_see_is_in_the_table(rig: RigCalibration) -> None:
     file = rig_file(rig)
     unknown = dict.fromkeys(rig.names[:1])
-    file = replace(file, about={**file.about, "image_errors_px": unknown})
+    file = replace(file, about=replace(file.about, image_errors_px=unknown))
     assert camera_table(file)["image error, px"].tolist() == ["unknown"] * 3
 
 
@@ -104,7 +104,7 @@ def file_of(recording: Recording, pair: CameraPair, folder: Path, length: float 
 
 def test_files_of_pairs_are_fused(truth: SimulatedRig, files: dict[CameraPair, Path]) -> None:
     fused = fuse_files([*files.values()])
-    assert "warnings" not in fused.about
+    assert not fused.about.warnings
     for number, name in enumerate(fused.names[1:], 1):
         at = EACH * number + TRANSLATION
         sigma = np.sqrt(np.diag(fused.covariance))[at : at + 3]
@@ -117,11 +117,11 @@ def test_wrong_lengths_are_named_if_one_file_has_them(
 ) -> None:
     one = {("c1", "c3"): file_of(truth.recording, ("c1", "c3"), tmp_path, 1.02)}
     fused = fuse_files([*(files | one).values()])
-    (warning,) = fused.about["warnings"]
+    (warning,) = fused.about.warnings
     assert "c1-c3" in warning and "shorter" in warning
     assert warning in rig_notes(fused)
     two = one | {("c1", "c2"): file_of(truth.recording, ("c1", "c2"), tmp_path, 0.97)}
-    (warning,) = fuse_files([*(files | two).values()]).about["warnings"]
+    (warning,) = fuse_files([*(files | two).values()]).about.warnings
     assert "cannot be told which is wrong" in warning
 
 
