@@ -236,10 +236,13 @@ class _Tracks:
         cls, rig: RigFile, tracks: pd.DataFrame, world: Pose | None, sigma_px: float | None
     ) -> "_Tracks":
         """With the noise as stated, else by the errors of all tracks."""
-        fitter, pixels = ViewFitter(rig), _pixels(rig, tracks)
-        views = np.isfinite(pixels[..., 0]).sum(axis=1)
-        chi_square = fitter.fit(pixels, fitter.rays(pixels)).chi_square
-        return cls(fitter, world, noise_of_tracks(rig, views, chi_square, sigma_px).sigma_px)
+        fitter = ViewFitter(rig)
+        if sigma_px is None:
+            pixels = _pixels(rig, tracks)
+            views = np.isfinite(pixels[..., 0]).sum(axis=1)
+            chi_square = fitter.fit(pixels, fitter.rays(pixels)).chi_square
+            sigma_px = noise_of_tracks(rig, views, chi_square).sigma_px
+        return cls(fitter, world, sigma_px)
 
     def points(self, tracks: pd.DataFrame) -> pd.DataFrame:
         """The table of points."""
