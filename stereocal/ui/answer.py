@@ -17,7 +17,7 @@ from stereocal.ui.messages import readable
 from stereocal.ui.screening import is_long
 from stereocal.workflow import Run
 
-PAPERS_SET: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
+PAPER_SET_FOR: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
 KIND: jobs.Kind = "calibration"
 
 

@@ -40,7 +40,7 @@ from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
-from stereocal.ui.answer import PAPERS_SET
+from stereocal.ui.answer import PAPER_SET_FOR
 from stereocal.ui.apply import ApplyInputs
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
@@ -212,7 +212,7 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
         match_with, measure_with = (
-            f"--parameters parameters_{outcome.used.get(use, [PAPERS_SET[use]])[0]}.json"
+            f"--parameters parameters_{outcome.used.get(use, [PAPER_SET_FOR[use]])[0]}.json"
             for use in USES
         )
         threshold = f"--threshold {outcome.threshold_px!r}"

@@ -29,7 +29,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.latest import read_once
 from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import pack_zip, unzip
-from stereocal.ui.answer import PAPERS_SET, answer_when_ready, wait_for_answer
+from stereocal.ui.answer import PAPER_SET_FOR, answer_when_ready, wait_for_answer
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.intake import take_new
@@ -153,7 +153,7 @@ def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, b
 def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
     """Uploader of a parameter file, and the questions about one of another program."""
     uploads = st.file_uploader(
-        f"{PURPOSES[use]}: {FILES[PAPERS_SET[use]][0]}",
+        f"{PURPOSES[use]}: {FILES[PAPER_SET_FOR[use]][0]}",
         type=KINDS,
         key=f"upload_set_{use}",
         accept_multiple_files=True,
