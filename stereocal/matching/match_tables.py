@@ -56,8 +56,10 @@ def match_tables(
     stated, timing = stated or Stated(), ""
     given = TablesByCamera.checked(tables, rig, stated.names)
     matching: Matching
+    columns: list[str] | None = None  # those of the first pairs
     if isinstance(rig, RigFile):
         matching = TrackMatching.of_tables(rig, given, stated)
+        columns = matching.columns
     else:
         secondary, timing = table_in_step(given.tables["secondary"], POINT, rig)
         given = replace(given, tables={**given.tables, "secondary": secondary})
@@ -68,10 +70,10 @@ def match_tables(
     matched = run_tasks(tasks, executor, len(given.frames), progress, ahead=AHEAD)
     tallies: list[Any] = []
     with ExitStack() as stack:
-        writer = stack.enter_context(open_table(out, matching.columns, passed_on))
+        writer = stack.enter_context(open_table(out, columns, passed_on))
         lost = None
         if unmatched is not None:
-            further = dict.fromkeys(name for each in tables.values() for name in each.further)
+            further = dict.fromkeys(name for each in given.tables.values() for name in each.further)
             lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
         for _, (found, lonely) in stack.enter_context(closing(matched)):
             writer.add(found)

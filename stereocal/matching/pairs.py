@@ -149,8 +149,6 @@ class PairMatching:
     names: Names
     contradiction: str = ""
     """A note on names that the images contradict."""
-    columns: None = None
-    """Of the table of pairs: those of its first rows."""
 
     @classmethod
     def settled(

@@ -181,19 +181,20 @@ def _samples(
         np.concatenate([each.frames for each in given.contents.values()]).tolist()
     )
     samples: dict[CameraPair, dict[int, tuple[pd.DataFrame, pd.DataFrame]]] = {}
-    wanted: dict[CameraPair, list[int]] = {}
+    wanted: dict[CameraPair, dict[int, None]] = {}
     for pair in pairs:
         one, other = (given.contents[name].frames for name in pair)
         both = {*np.intersect1d(one, other).tolist()}
         common = [frame for frame in order if frame in both]
-        wanted[pair], samples[pair] = common[:: max(len(common) // SAMPLE_FRAMES, 1)], {}
+        wanted[pair] = dict.fromkeys(common[:: max(len(common) // SAMPLE_FRAMES, 1)])
+        samples[pair] = {}
     seen, kept = Counter[CameraPair](), list[Rows]()
     for frame, tables in given.side_by_side():
         rows = dict(zip(given.tables, tables, strict=True))
         for pair in pairs:
-            first, second = (rows[name][[*POINT, *given.columns]] for name in pair)
-            seen[pair] += min(len(first), len(second))
+            seen[pair] += min(len(rows[name]) for name in pair)
             if frame in wanted[pair]:
+                first, second = (rows[name][[*POINT, *given.columns]] for name in pair)
                 samples[pair][frame] = first, second
         if frame in some:
             kept.append(rows)

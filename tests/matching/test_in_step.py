@@ -8,9 +8,10 @@ import pandas as pd
 import pytest
 
 from stereocal.matching.application import unlabelled
+from stereocal.matching.in_step import SHIFT
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.pairs import PIXELS, match
+from stereocal.matching.pairs import PIXELS, Stated, match
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
@@ -34,6 +35,9 @@ def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> Non
     for which, table in points.items():
         table.to_csv(tmp_path / f"{which}.csv", index=False)
         tables[which] = PointTable(tmp_path / f"{which}.csv")
+    lost = tmp_path / "lost.csv"
+    match_tables(late, tables, tmp_path / "pairs.csv", Stated(1e-3), lost)
+    assert SHIFT in pd.read_csv(lost)  # so that they are not shifted once more
     report = match_tables(late, tables, tmp_path / "pairs.csv")
     assert any("were shifted in time by 0.700 frames" in note for note in report.notes)
     found = pd.read_csv(tmp_path / "pairs.csv")
