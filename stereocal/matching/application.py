@@ -223,7 +223,9 @@ def apply_sets(
     begin(STAGES[1])
     is_rig = isinstance(rig, RigFile)
     columns = pixel_columns(measuring)
-    together = PointTable(pd.concat(rows), columns, work.matched, may_be_empty=is_rig)
+    whole = pd.concat(rows, ignore_index=True)
+    rows.clear()  # in memory once
+    together = PointTable(whole, columns, work.matched, may_be_empty=is_rig)
     sigma_px = stated.sigma_px if is_rig else None
     measured = measure_tables(
         measuring, together, folder / POINTS, work.world, sigma_px, progress, executor
