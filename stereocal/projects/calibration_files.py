@@ -3,15 +3,17 @@
 import json
 import math
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import fields, make_dataclass, replace
 from typing import Any, get_type_hints
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.refined.refine import RefinedResult
+from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.tracks import TimeOffset
@@ -99,7 +101,9 @@ def unpack_calibration(
         )
         if found.frames.ndim != 1:
             raise ValueError(found.frames)
-        if data.get("refined") is None:
+        if "refined" not in data:
+            return _with_refined(found)
+        if data["refined"] is None:
             return found
         stored = of_plain(data["refined"], _REFINED)
         return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
@@ -107,6 +111,19 @@ def unpack_calibration(
         raise StereocalError(
             "The last result of this project cannot be read; calibrate again."
         ) from error
+
+
+def _with_refined(found: Calibration) -> Calibration:
+    """A result of version 1.0, which did not store the refined set, with it where there is one."""
+    settings = RefineSettings(
+        baseline_sigma_m=found.dataset.baseline_sigma_m,
+        distance_sigma_m=found.dataset.target_distance_sigma_m,
+        time_offset=found.settings.time_offset,
+        time_drift=found.settings.time_drift,
+    )
+    with suppress(StereocalError):
+        return replace(found, refined=refine(found.fitted, settings))
+    return found
 
 
 def _method(data: Mapping[str, Any], name: Method) -> MethodResult:

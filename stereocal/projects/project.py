@@ -25,7 +25,6 @@ from stereocal.projects.database import NOT_THERE, DamagedError
 from stereocal.projects.files import PAIR, Store, StoredFile, new_database, store_of
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.dataset import Dataset, check_length
@@ -298,14 +297,7 @@ class Project:
             return dataset
 
         def unpacked(content: bytes) -> Run:
-            found = unpack_calibration(content, made_from)
-            own = RefineSettings(
-                baseline_sigma_m=found.dataset.baseline_sigma_m,
-                distance_sigma_m=found.dataset.target_distance_sigma_m,
-                time_offset=found.settings.time_offset,
-                time_drift=found.settings.time_drift,
-            )
-            return Run.of(found, refined=own)  # version 1.0 did not store the refined set
+            return Run.of(unpack_calibration(content, made_from))
 
         return self._result(Run, "calibration", unpacked)
 

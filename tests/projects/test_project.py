@@ -12,9 +12,9 @@ from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
-from stereocal.projects.project import Project
+from stereocal.projects.project import KEPT, Project
 from stereocal.projects.server_settings import default_home
-from stereocal.workflow import calibrate
+from stereocal.workflow import Run, calibrate
 
 XYPTS = b"pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1.5,2,3,4\n5,6,NaN,NaN\n7,8,9,10\n"
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -125,6 +125,16 @@ def test_result_is_kept_with_the_inputs_it_was_made_from_not_with_later_ones(
     project.keep_calibration(made, inputs)
     kept = project.calibration
     assert kept is not None and kept.dataset.baseline_m == 4.5
+
+
+def test_a_result_without_a_refined_set_has_none_when_it_is_read_again(tmp_path: Path) -> None:
+    project = filled(tmp_path)
+    dataset = project.dataset
+    assert dataset is not None
+    project.keep_calibration(calibrate(dataset, refined=None), project.inputs)
+    KEPT[Run].clear()  # as after a restart
+    back = Project.open(tmp_path, project.id).calibration
+    assert back is not None and back.refined is None
 
 
 def test_home_is_a_setting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ def test_a_stored_project_of_an_earlier_version_is_brought_up_to_date(old: Path)
     assert version_of(old) == VERSION
     assert project.settings == {"delta": 0.002} and project.recommended == ("2d", "3d")
     assert calibration is not None and evaluation is not None
+    assert calibration.refined is not None  # which version 1.0 did not store
     assert abs(calibration.methods["2d"].pose.angles.yaw - 0.24790911) < 1e-8
     assert len(evaluation.runs[0]) == 3
     assert state(project.database, "calibration") == "interrupted"
