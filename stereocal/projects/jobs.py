@@ -66,12 +66,15 @@ class FoundBefore(Generic[T]):
             found = self._database.rows(query, self._kind, own)
             return self._unpack(bytes(found[0][0]))
         except DAMAGED:
+            self._keys.discard(own)  # it is stored again
             return None
 
     def keep(self, key: str, result: T) -> None:
         """Store a result, unless it is stored."""
-        content, own = self._pack(result), _digest(key)
-        if content is not None and own not in self._keys:
+        own = _digest(key)
+        if own in self._keys:
+            return
+        if (content := self._pack(result)) is not None:
             self._keys.add(own)
             with suppress(StereocalError), self._database.transaction() as db:
                 row = [self._kind, own, content]
