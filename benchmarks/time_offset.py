@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from stereocal.refined.diagnosis import offer_time_offset
+from stereocal.refined.diagnosis import claimed_offset
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.time_offset import CLAIMED
@@ -67,7 +67,7 @@ def one_rig(study: Study, number: int) -> Found:
     found = screen(data, time_offset=True, time_drift=not study.in_step)
     measured, offered = found.measured_offset, False
     if study.in_step:
-        offered = bool(offer_time_offset(screen(data)))
+        offered = claimed_offset(screen(data)) is not None
     if measured is None:
         return Found(offered=offered)
     settings = replace(off.settings(), time_offset=True, time_drift=not study.in_step)

@@ -6,7 +6,6 @@ the recommendation and the files. Commands, pages, the paper kit and rigs ask it
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
@@ -33,6 +32,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
 from stereocal.refined.best_reading import check_inputs
 from stereocal.refined.diagnosis import (
+    claimed_offset,
     explain_failure,
     frames_to_judge,
     is_out_of_step,
@@ -92,23 +92,10 @@ class Run:
     """Called with the name of each of `STEPS` when it begins."""
 
     @classmethod
-    def of(
-        cls,
-        calibration: Calibration,
-        evaluation: Evaluation | None = None,
-        refined: RefineSettings | None = None,
-    ) -> "Run":
-        """The run of a finished calibration.
-
-        Args:
-            refined: settings of a refined set that it lacks; if that fails, it goes without.
-        """
-        run = cls(calibration.dataset, calibration.settings, refined, evaluation)
-        if calibration.refined is not None:
-            run.refined = calibration.refined.settings
-        elif refined is not None:
-            with suppress(StereocalError):
-                calibration = replace(calibration, refined=refine(calibration.fitted, refined))
+    def of(cls, calibration: Calibration, evaluation: Evaluation | None = None) -> "Run":
+        """The run of a finished calibration."""
+        own = None if calibration.refined is None else calibration.refined.settings
+        run = cls(calibration.dataset, calibration.settings, own, evaluation)
         vars(run).update(screening=calibration.screening, calibration=calibration)
         return run
 
@@ -157,7 +144,8 @@ class Run:
         ]
         self.progress("essential")
         start = _essential(chosen, settings, reconstruction, screening)
-        offer = offer_time_offset(screening)
+        offset = claimed_offset(screening)
+        offer = offer_time_offset(offset, screening)
         warnings += check_inputs(frames_to_judge(chosen, screening), out_of_step=bool(offer))
         of_searches = settings.search, settings.known_points, self.trace, self.progress
         found = two_searches(chosen, start.pose, *of_searches)
@@ -167,15 +155,15 @@ class Run:
         refined = None
         if self.refined is not None:
             self.progress("refined")
-            offset, drift = settings.time_offset, settings.time_drift
-            own = replace(self.refined, time_offset=offset, time_drift=drift)
+            late, drift = settings.time_offset, settings.time_drift
+            own = replace(self.refined, time_offset=late, time_drift=drift)
             try:
                 # Without an initial pose, as for a stored calibration: its files are the same.
                 refined = refine(chosen, own)
                 warnings += filter(None, [misplaced_target(refined)])
             except StereocalError as error:
                 warnings.append(f"There is no refined set: {error}")
-        told, apart = tuple(warnings), bool(offer) and is_out_of_step(screening)
+        told, apart = tuple(warnings), is_out_of_step(offset)
         return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
 
     @step

@@ -59,8 +59,9 @@ def run(parsed: argparse.Namespace) -> None:
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     for run, own in zip(found, by_dataset.values(), strict=True):
         run.figures = validation_figures(own, settings)
-    forecasts = [run.forecast_entries if _is_calibrated(run) else {} for run in found]
-    only = found[0] if len(found) == 1 and _is_calibrated(found[0]) else None
+    calibrated = [run for run in found if _is_calibrated(run)]
+    forecasts = [run.forecast_entries if run in calibrated else {} for run in found]
+    only = calibrated[0] if len(calibrated) == len(found) == 1 else None
     recommended = (only.calibration, only.recommendation) if only else None
     about = datasets, settings, screenings
     files = {

@@ -57,9 +57,9 @@ def sets_of_pairs(
     """
     found: dict[str, Sets] = {}
     notes: list[str] = []
-    names = [name for name, pair in rig.about.pairs.items() if pair.frames is not None]
-    for number, name in enumerate(names):
-        pair = recording.pair_named(name)
+    known = {name: each for name, each in rig.about.pairs.items() if each.frames is not None}
+    for number, (name, about) in enumerate(known.items()):
+        pair = about.cameras
         try:
             dataset = data_of_pair(recording, pair, rig)
             sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
@@ -73,7 +73,7 @@ def sets_of_pairs(
         except (StereocalError, KeyError) as error:
             notes.append(f"The pair {name} has no files: {error}")
         if progress is not None:
-            progress(number + 1, len(names))
+            progress(number + 1, len(known))
     return found, notes
 
 

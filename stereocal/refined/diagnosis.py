@@ -59,10 +59,10 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     """
     if not screening.fit:
         screening = screen(dataset)
-    offset, frames = _claimed_offset(screening), dataset.correspondences.frames
-    offer = "" if offset is None else _offer(offset, screening)
+    offset, frames = claimed_offset(screening), dataset.correspondences.frames
+    offer = offer_time_offset(offset, screening)
     fit, dataset = screening.fit, frames_to_judge(dataset, screening)
-    if offset is not None and fit is None and not _frames_apart(offset):
+    if fit is None and is_out_of_step(offset):
         return offer
     if fit is not None:
         bad = fit.frames[fit.outlying & np.isin(fit.frames, frames)]
@@ -111,19 +111,16 @@ def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:
     return screening.full_dataset if screening.share > MAXIMUM_LEFT_OUT else dataset
 
 
-def offer_time_offset(screening: Screening) -> str:
-    """A message if the cameras seem to be out of step; empty if not, or if that was fitted."""
-    offset = _claimed_offset(screening)
-    return "" if offset is None else _offer(offset, screening)
+def is_out_of_step(offset: MeasuredOffset | None) -> bool:
+    """Whether the cameras seem to be apart by a part of a frame, for which one can solve.
 
-
-def is_out_of_step(screening: Screening) -> bool:
-    """Whether the cameras seem to be apart by a part of a frame, for which one can solve."""
-    offset = _claimed_offset(screening)
+    Args:
+        offset: of `claimed_offset`.
+    """
     return offset is not None and not _frames_apart(offset)
 
 
-def _claimed_offset(screening: Screening) -> MeasuredOffset | None:
+def claimed_offset(screening: Screening) -> MeasuredOffset | None:
     """The offset by which the cameras seem to be out of step; None if not, or if it was fitted.
 
     The residuals of the screening's fit follow the velocities then. Where no pose fits at all, as
@@ -148,7 +145,10 @@ def _frames_apart(offset: MeasuredOffset) -> int:
     return whole if abs(offset.frames - whole) < WHOLE + CLAIMED * offset.sigma else 0
 
 
-def _offer(offset: MeasuredOffset, screening: Screening) -> str:
+def offer_time_offset(offset: MeasuredOffset | None, screening: Screening) -> str:
+    """A message if there is a `claimed_offset`."""
+    if offset is None:
+        return ""
     if whole := _frames_apart(offset):
         frame = int(screening.full_dataset.correspondences.frames[max(whole, 0)])
         return (

@@ -15,8 +15,8 @@ Value = TypeVar("Value")
 class step(Generic[Value]):  # noqa: N801 - as `property`
     """A property that is computed when it is first asked for, by one thread, and kept.
 
-    Others wait for it. `functools.cached_property` has all instances wait (before Python 3.12):
-    also for the forecast of another recording.
+    Others that ask for it wait. `functools.cached_property` has all instances wait (before Python
+    3.12): also for the forecast of another recording.
     """
 
     def __init__(self, make: Callable[[Any], Value]) -> None:
@@ -33,7 +33,7 @@ class step(Generic[Value]):  # noqa: N801 - as `property`
         if instance is None:
             return self
         kept = vars(instance)
-        with kept.setdefault("_lock", threading.RLock()):
+        with kept.setdefault(f"_lock_{self._name}", threading.RLock()):
             if self._name not in kept:
                 kept[self._name] = self._make(instance)
             return cast(Value, kept[self._name])

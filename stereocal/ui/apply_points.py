@@ -64,15 +64,15 @@ class PointsForm:
             heights: rows of the images, by camera, if known.
         """
         columns = st.columns(min(len(self.slots), COLUMNS))
+        in_use = "In use" if self._kind.value() == self.files else "Not in use"
         for (camera, slot), place in zip(self.slots.items(), cycle(columns), strict=False):
             with place:
-                self._upload(slot, camera_in_words(camera))
+                self._upload(slot, camera_in_words(camera), in_use)
         for number, (camera, slot) in enumerate(self.slots.items()):
             ask_about_points(self.store, slot, heights[camera], camera_in_words(camera), number)
 
-    def _upload(self, slot: Asked, camera: str) -> None:
+    def _upload(self, slot: Asked, camera: str, in_use: str) -> None:
         if (file := self.store.point_file(slot)) is not None:
-            in_use = "In use" if self._kind.value() == self.files else "Not in use"
             st.caption(f"{in_use}: {escape_markdown(file.label)}, {count(file.rows, 'point')}")
             if file.answers is not None:
                 again = callback(partial(self.store.ask_again, slot))

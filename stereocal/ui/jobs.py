@@ -244,11 +244,11 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
     Args:
         cancelled: message for a cancelled job.
     """
-    job, stored = job_of(project, kind), stored_jobs.state(project.database, kind)
+    job = job_of(project, kind)
     if is_running(project, kind):
         # Only now: a permanent timer would interrupt every longer run of the page.
         _show_progress(project, kind)
-    elif stored == "interrupted":
+    elif stored_jobs.state(project.database, kind) == "interrupted":
         st.warning(INTERRUPTED)
         away = callback(partial(abandon, project, kind))
         st.button("Discard", key=f"discard_{kind}", on_click=away)
