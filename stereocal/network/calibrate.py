@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.network.diagnosis import camera_warnings
+from stereocal.network.diagnosis import camera_warnings, refuse_poor_fit
 from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import Fused, PairFit, fuse
 from stereocal.network.pairs import (
@@ -38,6 +38,9 @@ IN_STEP = 0.05
 MOST_MISFIT = 400.0
 """Growth of a pair's chi-square by being fused above which it contradicts the others: one of its
 lengths or lenses is another than theirs. Sound pairs of a real recording: 2 to 5."""
+NO_RIG = (
+    "No rig of these cameras fits the points: check that points and camera files are not exchanged."
+)
 
 
 def calibrate_rig(
@@ -48,7 +51,18 @@ def calibrate_rig(
     Args:
         progress: called with the steps done, and those in all.
     """
-    settings = settings or RigSettings()
+    try:
+        rig = _calibrated(recording, settings or RigSettings(), progress)
+        refuse_poor_fit(rig)
+    except np.linalg.LinAlgError as error:  # of numbers that no rig explains
+        raise StereocalError(NO_RIG) from error
+    return rig
+
+
+def _calibrated(
+    recording: Recording, settings: RigSettings, progress: Progress | None
+) -> RigCalibration:
+    """The rig, however well it fits."""
     if len(recording.cameras) == 2 and not settings.time_offsets:
         return _of_two(recording, settings)
     pairs = calibrate_pairs(recording, settings, progress)
@@ -81,7 +95,7 @@ def calibrate_rig(
         tuple(sorted(left_out)),
         unreached,
         offsets,
-        tuple(camera_warnings(fit, noise)),
+        tuple(camera_warnings(fit)),
     )
 
 
@@ -96,7 +110,7 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
     fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), refined.pose], settings)
     fit.end_at(refined)
     left_out = tuple(sorted({*screening.left_out, *refined.outlying_frames}))
-    warnings = tuple(camera_warnings(fit, fit.sigma_px))
+    warnings = tuple(camera_warnings(fit))
     return RigCalibration(fit, pairs, (), left_out, {}, np.zeros(2), warnings)
 
 
@@ -149,10 +163,7 @@ def _fit(
         fit = RigFit(shifted, poses, settings, velocities)
         fit.start_at(p, noise_px)
         if not fit.run():
-            raise StereocalError(
-                "No rig of these cameras fits the points: check that points and camera files are "
-                "not exchanged."
-            )
+            raise StereocalError(NO_RIG)
         if not settings.time_offsets:
             break
         values = fit.unknowns.named(fit.p)

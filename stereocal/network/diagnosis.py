@@ -4,8 +4,11 @@ from itertools import combinations
 
 import numpy as np
 
+from stereocal.calibration.methods import POOR_LENGTH
+from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, lens_places
-from stereocal.network.pairs import LEAST_NOISE_PX, MOST_NOISE
+from stereocal.network.pairs import MOST_NOISE
+from stereocal.network.result import RigCalibration
 from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import LensPrior, lens_prior
 from stereocal.refined.views import EACH
@@ -25,22 +28,35 @@ APART = 1.3
 OUT_OF_STEP = (
     " If the object moved fast, the cameras may be out of step instead: ask for their time offsets."
 )
+SOUND_PX = 1.0
+"""A rig with less noise is not refused for its noise."""
 
 
-def camera_warnings(fit: RigFit, noise_px: float) -> list[str]:
-    """What to check, of a joint fit that has ended.
+def refuse_poor_fit(rig: RigCalibration) -> None:
+    """Raise an error where the cameras do not fit together, and say what may be the cause."""
+    fit, of_pairs = rig.fit, [pair.noise_px for pair in rig.pairs.fits.values()]
+    noise = float(np.median(of_pairs))
+    if not fit.is_determined:
+        seen = "the points do not determine the cameras"
+    elif fit.sigma_px > max(MOST_NOISE * noise, SOUND_PX):
+        seen = f"{rounded(fit.sigma_px)} px in the rig, {rounded(noise)} px in pairs by themselves"
+    elif len(rig.length_errors) and np.quantile(np.abs(rig.length_errors), 0.95) > POOR_LENGTH:
+        within = rounded(100 * float(np.quantile(np.abs(rig.length_errors), 0.95)))
+        seen = f"95 % of the lengths are within {within} % only"
+    else:
+        return
+    causes = _moved_warnings(fit) if fit.is_determined else []
+    causes = causes or [
+        "The points or the file of a camera are wrong, as of mirrored images or of another "
+        "recording, and it cannot be told which: calibrate without one camera after the other."
+    ]
+    raise StereocalError(f"The cameras do not fit together: {seen}. {' '.join(causes)}")
 
-    Args:
-        noise_px: of the pairs by themselves.
-    """
-    if fit.sigma_px > max(MOST_NOISE * noise_px, LEAST_NOISE_PX):
-        return [
-            f"The cameras do not fit together: {rounded(fit.sigma_px)} px in the rig, "
-            f"{rounded(noise_px)} px in pairs by themselves. The points or the file of a camera "
-            "are wrong, as of mirrored images or of another recording, and it cannot be told which:"
-            " calibrate without one camera after the other.",
-            *_moved_warnings(fit),
-        ]
+
+def camera_warnings(fit: RigFit) -> list[str]:
+    """What to check, of a joint fit that has ended."""
+    if not fit.is_determined:
+        return []
     return [*_lens_warnings(fit), *_moved_warnings(fit), *_baseline_warnings(fit)]
 
 

@@ -147,6 +147,11 @@ class RigFit(RobustFit):
         add_baselines(self.baselines, self.q, self.R, H, np.empty(len(H)))
         return H
 
+    @property
+    def is_determined(self) -> bool:
+        """Whether all that was solved for is a number with an error."""
+        return bool(np.isfinite(self.q).all()) and self.unknowns.determined(self.information)
+
     def end_at(self, pair: RefinedResult) -> None:
         """Take the refined set of a pair, where there are no other cameras."""
         q, self.R, _ = unknowns_of_views(pair.q)

@@ -72,6 +72,8 @@ def sets_of_pairs(
             }
         except (StereocalError, KeyError) as error:
             notes.append(f"The pair {name} has no files: {error}")
+        except np.linalg.LinAlgError:
+            notes.append(f"The pair {name} has no files: its images determine too little of it.")
         if progress is not None:
             progress(number + 1, len(known))
     return found, notes

@@ -1,0 +1,360 @@
+"""Rigs of three cameras and more that are unlike in everything, and one thing of them wrong."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.simulation.rigs import NOISE_PX, SimulatedRig
+from stereocal.simulation.simulate import lens_off_by
+
+SIZE = (1280, 1024)
+LENS_ERRORS = 0.003, 5.0
+"""Standard deviations of the nominal focal lengths, as a fraction, and of the centres, in px."""
+BAR = RigidObject.bar(0.6)
+WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.2, 0, 0], [0.6, 0, 0]]))
+BOARD = RigidObject.of_board(BoardPattern(7, 5, 0.1))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of rig, and how its object is moved."""
+
+    cameras: int
+    object: RigidObject
+    frames: int
+    waved: bool = False
+    """Whether frames follow each other."""
+    arc_deg: float = 100.0
+    seen_by: int | None = None
+    """How many neighbouring cameras see a frame; None: all."""
+
+
+KINDS: Mapping[str, Kind] = {
+    "3 cameras": Kind(3, BAR, 120),
+    "3 cameras, waved wand": Kind(3, WAND, 150, waved=True),
+    "4 cameras": Kind(4, WAND, 100),
+    "5 cameras, waved bar": Kind(5, BAR, 150, waved=True),
+    "3 cameras, board": Kind(3, BOARD, 30, arc_deg=50.0),
+    "9 cameras, few common frames": Kind(9, BAR, 240, arc_deg=240.0, seen_by=3),
+}
+
+
+def sound(kind: str, number: int) -> tuple[SimulatedRig, np.random.Generator]:
+    """A rig of a kind with its recording, and more randomness."""
+    rng = _draws(kind, number)
+    return _recorded(KINDS[kind], rng, np.zeros(KINDS[kind].cameras)), rng
+
+
+def late(kind: str, number: int, offset: float) -> SimulatedRig:
+    """The same rig, whose second camera takes its frames later by a part of a frame."""
+    offsets = np.where(np.arange(KINDS[kind].cameras) == 1, offset, 0.0)
+    return _recorded(KINDS[kind], _draws(kind, number), offsets)
+
+
+def _draws(kind: str, number: int) -> np.random.Generator:
+    return np.random.default_rng([number, 40, [*KINDS].index(kind)])
+
+
+def _recorded(it: Kind, rng: np.random.Generator, offsets: FloatArray) -> SimulatedRig:
+    names = [f"c{number + 1}" for number in range(it.cameras)]
+    world = [_pose(rng, number, it) for number in range(it.cameras)]
+    true = {name: _camera(rng) for name in names}
+    poses = {name: pose @ world[0].inverse() for name, pose in zip(names, world, strict=True)}
+    placed = _waved(it, rng) if it.waved else _random(it, rng)
+    times, rows, pixels = np.arange(it.frames, dtype=np.float64), [], []
+    middle = rng.integers(0, it.cameras, it.frames)
+    for number, (pose, camera) in enumerate(zip(world, true.values(), strict=True)):
+        points = pose.apply(placed(times + offsets[number]).reshape(-1, 3))
+        images = camera.project(points) + rng.normal(0.0, NOISE_PX, (len(points), 2))
+        inside = ((images > 0) & (images < np.array(SIZE) - 1)).all(axis=1)
+        seen = np.array(camera.sees(points) & inside).reshape(it.frames, -1)
+        seen &= rng.random((it.frames, 1)) < rng.uniform(0.65, 0.95)
+        if it.seen_by is not None:
+            seen &= (np.abs(middle - number) <= it.seen_by // 2)[:, None]
+        if it.object.board is not None:
+            seen &= np.all(seen, axis=1, keepdims=True)
+        at = np.argwhere(seen)
+        rows.append(np.column_stack([at[:, 0] + 1, np.full(len(at), number), at[:, 1]]))
+        pixels.append(images.reshape(it.frames, -1, 2)[seen])
+    focal, centre = LENS_ERRORS
+    nominal = {
+        name: lens_off_by(
+            camera, rng.normal(0.0, focal), (rng.normal(0.0, centre), rng.normal(0.0, centre))
+        )
+        for name, camera in true.items()
+    }
+    frame, which, target = np.concatenate(rows).T
+    images = np.concatenate(pixels)
+    unknown = np.full(len(frame), np.nan)
+    recording = Recording("spoiled", nominal, it.object, frame, which, target, images, unknown)
+    points_m = world[0].apply(placed(times).reshape(-1, 3)).reshape(it.frames, -1, 3)
+    return SimulatedRig(recording, true, poses, points_m)
+
+
+def _camera(rng: np.random.Generator) -> Camera:
+    focal = rng.uniform(900, 1500)
+    cx, cy = 0.5 * (np.array(SIZE) - 1) + rng.normal(0.0, 25.0, 2)
+    K = np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
+    k1 = rng.uniform(-0.25, -0.05)
+    return Camera(K, np.array([k1, -0.4 * k1, 5e-4, -4e-4]), SIZE)
+
+
+def _pose(rng: np.random.Generator, number: int, it: Kind) -> Pose:
+    """`camera_from_world`, of a camera that looks at about the world's origin, a little rolled."""
+    angle = np.radians(it.arc_deg) * (number / (it.cameras - 1) - 0.5) + rng.normal(0.0, 0.05)
+    away = 6.0 * rng.uniform(0.8, 1.2)
+    centre = np.array([away * np.sin(angle), rng.uniform(-1.5, 0.3), -away * np.cos(angle)])
+    forward = rng.normal(0.0, 0.2, 3) - centre
+    forward /= np.linalg.norm(forward)
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right /= np.linalg.norm(right)
+    R = np.array([right, np.cross(forward, right), forward])
+    R = Rotation.from_rotvec([0.0, 0.0, rng.normal(0.0, 0.1)]).as_matrix() @ R
+    return Pose(R, -R @ centre)
+
+
+Placed = Callable[[FloatArray], FloatArray]
+"""The targets (f, k, 3) of the object, in the world, at times (f,)."""
+
+
+def _random(it: Kind, rng: np.random.Generator) -> Placed:
+    """At random places, in random directions; a board faces the cameras more or less."""
+    middle = rng.uniform([-1.2, -0.9, -1.2], [1.2, 0.9, 1.2], (it.frames, 3))
+    turns = Rotation.random(it.frames, rng).as_matrix()
+    if it.object.board is not None:
+        turns = Rotation.from_euler(
+            "xyz", rng.uniform([-0.6, -0.6, -0.5], [0.6, 0.6, 0.5], (it.frames, 3))
+        ).as_matrix()
+    own = it.object.points - it.object.points.mean(axis=0)
+    placed = middle[:, None] + np.einsum("fij,kj->fki", turns, own)
+    return lambda times: placed[times.astype(int)]
+
+
+def _waved(it: Kind, rng: np.random.Generator) -> Placed:
+    """Along a smooth path."""
+    period, phase = rng.uniform(15.0, 40.0, 7), rng.uniform(0.0, 6.0, 7)
+    own = it.object.points[:, 0] - it.object.points[:, 0].mean()
+
+    def placed(times: FloatArray) -> FloatArray:
+        wave = np.sin(2 * np.pi * times[:, None] / period / 2 + phase)
+        along = np.column_stack([wave[:, 3] + 0.3, wave[:, 4], wave[:, 5] * wave[:, 6]])
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        middle = wave[:, :3] * [1.2, 0.9, 1.2]
+        return np.asarray(middle[:, None] + own[:, None] * along[:, None])
+
+    return placed
+
+
+Change = Callable[[Recording, np.random.Generator], Recording]
+
+
+def _one(recording: Recording, rng: np.random.Generator) -> int:
+    return int(rng.integers(len(recording.cameras)))
+
+
+def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
+    """Two cameras that share frames."""
+    names, first = list(recording.cameras), int(rng.integers(len(recording.cameras) - 1))
+    return names[first], names[first + 1]
+
+
+def with_points(
+    recording: Recording, number: int, change: Callable[[FloatArray], FloatArray]
+) -> Recording:
+    """The recording with the points of one camera changed."""
+    points, own = recording.points.copy(), recording.camera == number
+    points[own] = change(points[own])
+    return replace(recording, points=points)
+
+
+def with_lens(recording: Recording, **lenses: Camera) -> Recording:
+    return replace(recording, cameras={**recording.cameras, **lenses})
+
+
+def of_one(change: Callable[[FloatArray], FloatArray]) -> Change:
+    """The points of one camera changed."""
+    return lambda recording, rng: with_points(recording, _one(recording, rng), change)
+
+
+def of_all(change: Callable[[FloatArray], FloatArray]) -> Change:
+    return lambda recording, _: replace(recording, points=change(recording.points))
+
+
+def mirrored(points: FloatArray) -> FloatArray:
+    return np.column_stack([SIZE[0] - 1 - points[:, 0], points[:, 1]])
+
+
+def from_below(points: FloatArray) -> FloatArray:
+    return np.column_stack([points[:, 0], SIZE[1] - 1 - points[:, 1]])
+
+
+def upside_down(points: FloatArray) -> FloatArray:
+    return np.array(SIZE) - 1.0 - points
+
+
+def files_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
+    a, b = _two(recording, rng)
+    return with_lens(recording, **{a: recording.cameras[b], b: recording.cameras[a]})
+
+
+def points_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
+    a, b = (list(recording.cameras).index(name) for name in _two(recording, rng))
+    camera = recording.camera.copy()
+    camera[recording.camera == a], camera[recording.camera == b] = b, a
+    return replace(recording, camera=camera)
+
+
+def one_file_for_all(recording: Recording, _: np.random.Generator) -> Recording:
+    first = next(iter(recording.cameras.values()))
+    return replace(recording, cameras=dict.fromkeys(recording.cameras, first))
+
+
+def points_twice(recording: Recording, rng: np.random.Generator) -> Recording:
+    """The points of a camera are given for another one too."""
+    a, b = (list(recording.cameras).index(name) for name in _two(recording, rng))
+    rest, own = (np.flatnonzero(own) for own in (recording.camera != b, recording.camera == a))
+    rows = np.concatenate([rest, own])
+    return replace(
+        recording,
+        frame=recording.frame[rows],
+        camera=np.concatenate([recording.camera[rest], np.full(len(own), b)]),
+        target=recording.target[rows],
+        points=recording.points[rows],
+        sigma_px=recording.sigma_px[rows],
+    )
+
+
+def K_of_half(recording: Recording, rng: np.random.Generator) -> Recording:
+    """K of one camera is that of images half as large."""
+    name = list(recording.cameras)[_one(recording, rng)]
+    camera = recording.cameras[name]
+    K = camera.K.copy()
+    K[:2] *= 0.5
+    return with_lens(recording, **{name: replace(camera, K=K)})
+
+
+def cropped(recording: Recording, rng: np.random.Generator) -> Recording:
+    """An eighth of the columns and rows of one camera was cut off on the left and above."""
+    number = _one(recording, rng)
+    cut = np.array(SIZE) / 8
+    own = recording.camera == number
+    kept = recording.where(np.asarray(~own | (recording.points > cut).all(axis=1)))
+    return with_points(kept, number, lambda points: points - cut)
+
+
+def shifted_frames(recording: Recording, rng: np.random.Generator) -> Recording:
+    """The frames of one camera are counted one later."""
+    return replace(recording, frame=recording.frame + (recording.camera == _one(recording, rng)))
+
+
+def in_no_order(recording: Recording, rng: np.random.Generator) -> Recording:
+    """The frames of one camera in no order."""
+    own = recording.camera == _one(recording, rng)
+    frames = np.unique(recording.frame[own])
+    other = dict(zip(frames.tolist(), rng.permutation(frames).tolist(), strict=True))
+    frame = recording.frame.copy()
+    frame[own] = [other[each] for each in frame[own].tolist()]
+    return replace(recording, frame=frame)
+
+
+def by_words(recording: Recording, rng: np.random.Generator) -> Recording:
+    """The frames of one camera in the order of words."""
+    own = recording.camera == _one(recording, rng)
+    frames = np.unique(recording.frame[own]).tolist()
+    other = dict(zip(sorted(frames, key=str), frames, strict=True))
+    frame = recording.frame.copy()
+    frame[own] = [other[each] for each in frame[own].tolist()]
+    return replace(recording, frame=frame)
+
+
+def ends_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
+    """The targets of one camera in the reverse order."""
+    target, own = recording.target.copy(), recording.camera == _one(recording, rng)
+    target[own] = len(recording.object.names) - 1 - target[own]
+    return replace(recording, target=target)
+
+
+def negative_distortion(recording: Recording, rng: np.random.Generator) -> Recording:
+    name = list(recording.cameras)[_one(recording, rng)]
+    camera = recording.cameras[name]
+    return with_lens(recording, **{name: replace(camera, distortion=-camera.distortion)})
+
+
+def another_zoom(recording: Recording, rng: np.random.Generator) -> Recording:
+    name = list(recording.cameras)[_one(recording, rng)]
+    return with_lens(recording, **{name: lens_off_by(recording.cameras[name], 0.3, (0.0, 0.0))})
+
+
+def object_times(factor: float) -> Change:
+    """The object in another unit."""
+    return lambda recording, _: replace(
+        recording, object=RigidObject(recording.object.names, factor * recording.object.points)
+    )
+
+
+def with_baseline(truth: SimulatedRig, factor: float) -> Recording:
+    """A measured baseline, which may be wrong."""
+    length = (truth.poses["c2"] @ truth.poses["c1"].inverse()).baseline
+    return replace(truth.recording, baselines_m={("c1", "c2"): factor * length})
+
+
+def bumped(truth: SimulatedRig, rng: np.random.Generator, degrees: float) -> Recording:
+    """One camera turned from half-way on."""
+    rows, number = truth.recording, _one(truth.recording, rng)
+    camera = list(truth.cameras.values())[number]
+    after = (rows.camera == number) & (rows.frame >= rows.frame.max() // 2)
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.array([0.5, 0.8, 0.3])).as_matrix()
+    rays = np.column_stack([camera.undistort(rows.points[after]), np.ones(after.sum())]) @ turn.T
+    points = rows.points.copy()
+    points[after] = camera.distort(rays[:, :2] / rays[:, 2:])
+    inside = ((points > 0) & (points < np.array(SIZE) - 1)).all(axis=1)
+    return replace(rows, points=points).where(np.asarray(inside))
+
+
+def changed(change: Change, kind: str, number: int) -> Recording:
+    """A recording with something changed."""
+    truth, rng = sound(kind, number)
+    return change(truth.recording, rng)
+
+
+MISTAKES: Mapping[str, Callable[[str, int], Recording]] = {
+    "files exchanged": partial(changed, files_exchanged),
+    "points exchanged": partial(changed, points_exchanged),
+    "one file for all": partial(changed, one_file_for_all),
+    "points twice": partial(changed, points_twice),
+    "one mirrored": partial(changed, of_one(mirrored)),
+    "one from below": partial(changed, of_one(from_below)),
+    "one upside down": partial(changed, of_one(upside_down)),
+    "one half size": partial(changed, of_one(lambda points: 0.5 * points)),
+    "all at 75 %": partial(changed, of_all(lambda points: 0.75 * points)),
+    "all mirrored": partial(changed, of_all(mirrored)),
+    "all from below": partial(changed, of_all(from_below)),
+    "K of half size": partial(changed, K_of_half),
+    "a crop": partial(changed, cropped),
+    "another zoom": partial(changed, another_zoom),
+    "negative distortion": partial(changed, negative_distortion),
+    "ends exchanged": partial(changed, ends_exchanged),
+    "frames shifted by one": partial(changed, shifted_frames),
+    "frames as words": partial(changed, by_words),
+    "frames in no order": partial(changed, in_no_order),
+    "object in cm": partial(changed, object_times(100.0)),
+    "object in mm": partial(changed, object_times(1000.0)),
+    "object in cm, baseline": lambda kind, number: object_times(100.0)(
+        with_baseline(sound(kind, number)[0], 1.0), np.random.default_rng(0)
+    ),
+    "bar 5 % too long, baseline": lambda kind, number: object_times(1.05)(
+        with_baseline(sound(kind, number)[0], 1.0), np.random.default_rng(0)
+    ),
+    "baseline 5 % too long": lambda kind, number: with_baseline(sound(kind, number)[0], 1.05),
+    "half a frame late": lambda kind, number: late(kind, number, 0.5).recording,
+    "moved by 2 degrees": lambda kind, number: bumped(*sound(kind, number), 2.0),
+}
+WAVED_ONLY = ("half a frame late",)
