@@ -20,7 +20,8 @@ import numpy as np
 
 from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_board
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens, solve_lens
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
+from stereocal.intrinsics.lens_fit import LensSettings, solve_lens
 from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     find_stereo_boards,

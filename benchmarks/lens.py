@@ -12,7 +12,8 @@ import numpy as np
 
 from benchmarks.studies import numbers_asked
 from stereocal.intrinsics.boards import BoardSearch, BoardView
-from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
+from stereocal.intrinsics.lens_fit import PARAMETERS, LensSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern

@@ -22,7 +22,8 @@ from stereocal.formats.evaluation_files import Evaluation
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import place_target
 from stereocal.intrinsics.boards import BoardSearch
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
+from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.matching.application import Application, Points
 from stereocal.matching.pairs import Stated
 from stereocal.projects.application import USES, ProjectApplication

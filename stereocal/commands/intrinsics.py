@@ -17,9 +17,10 @@ from stereocal.formats.recording_files import DESCRIPTION, pack_recording, write
 from stereocal.frames.pairing import Pairing
 from stereocal.frames.proposal import propose
 from stereocal.intrinsics.boards import find_boards
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.held_object import held_object
+from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import (
     LENS_COLUMNS,
@@ -106,7 +107,7 @@ def detect_board(parsed: argparse.Namespace, target: Board) -> None:
         with workers_from(parsed) as executor:
             boards = _search(photographs, pattern, pairing, executor)
             if known is None:
-                cameras = _lenses_of(boards, LensSettings(), executor)
+                cameras = _lenses_of(boards, None, executor)
             else:
                 first, second = known.cameras.values()
                 cameras = first, second
@@ -137,13 +138,18 @@ def _search(
 
 
 def _lenses_of(
-    boards: StereoBoards, settings: LensSettings, executor: Executor
+    boards: StereoBoards, settings: LensSettings | None, executor: Executor
 ) -> tuple[Camera, Camera]:
-    """The lenses from the same boards; says how good they are."""
+    """The lenses from the same boards; says how good they are, and which model is better.
+
+    Args:
+        settings: None: with the better model.
+    """
     of_boards = partial(lenses_of_boards, boards, settings, executor)
     first, second = lenses = with_bar("draws calibrated", of_boards)
     for which, lens in zip(CAMERAS, lenses, strict=True):
-        say(f"The {which}'s lens: {lens_answer(lens)}")
+        note = note_on_model(lens.search, lens.settings)
+        say(f"The {which}'s lens: {lens_answer(lens)} {note}".rstrip())
     return first.camera, second.camera
 
 

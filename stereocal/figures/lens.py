@@ -8,7 +8,8 @@ import plotly.graph_objects as go
 
 from stereocal.figures import style
 from stereocal.figures.style import NOWHERE, add_trace, blank, line_of
-from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.lens_fit import PARAMETERS
 from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px, with_error
 from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
 from stereocal.rig.camera import CAMERAS

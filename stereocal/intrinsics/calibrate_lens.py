@@ -15,39 +15,30 @@ coefficients do not describe.
 """
 
 import hashlib
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.boards import BoardSearch, BoardView
-from stereocal.intrinsics.fisheye_fit import CRITERIA, UNDETERMINED, fit_fisheye
-from stereocal.rig.camera import (
-    FISHEYE_UNKNOWNS,
-    LENS_MODELS,
-    LENS_UNKNOWNS,
-    Camera,
-    LensModel,
-    LensUncertainty,
+from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.lens_fit import (
+    FEWEST_VIEWS,
+    MINIMUM_VIEWS,
+    LensSettings,
+    camera_of,
+    residuals_of,
+    rms_px,
+    solve_lens,
+    undetermined,
 )
+from stereocal.rig.camera import LENS_UNKNOWNS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.rigid_object import BoardPattern
-from stereocal.system.settings import Settings, described
 from stereocal.system.tasks import Progress, Task, run_tasks
 
-PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-"""For the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
 RECOMMENDED_VIEWS = 50
-FEWEST_VIEWS = 8
-"""Photographs below which draws are not made smaller unasked."""
-MINIMUM_VIEWS = 3
-"""Two photographs give four equations for the four parameters of K, and nothing to check them."""
-SMALLEST_BOARD = 4
 OUTLYING = 2.0
 """A photograph is an outlier if its error exceeds this multiple of the median."""
 CHUNK = 5
@@ -57,59 +48,6 @@ MEDIAN_OVER_MEAN = np.pi / 2
 """Variance of the median of normally distributed numbers over that of their mean."""
 SIGMA_TAIL = 15.8655
 """Percent below one standard deviation under the mean of a normal distribution."""
-
-
-@dataclass(frozen=True)
-class LensSettings(Settings):
-    """Settings of the lens calibration."""
-
-    subset: int = described(
-        20,
-        "Photographs of a draw",
-        "With no more boards than this, two thirds of them. Paper: 20 of 50.",
-        between=(MINIMUM_VIEWS, 1000),
-    )
-    repeats: int = described(
-        50,
-        "Draws",
-        "The result is their median; of a fisheye they give the errors only. Paper: 50.",
-        between=(2, 10_000),
-    )
-    seed: int = described(
-        0,
-        "Seed",
-        "Source of the random numbers: the same seed gives the same file.",
-        between=(0, 2**63 - 1),
-    )
-    fix_k3: bool = described(
-        False, "Hold k3 at 0", "Steadier for long lenses, which distort little. Paper: not held."
-    )
-    zero_tangential: bool = described(
-        False,
-        "Hold p1 and p2 at 0",
-        "If the lens is known to be perpendicular to the sensor. Paper: not held.",
-    )
-
-    model: LensModel = described(
-        "brown",
-        "Lens model",
-        "Brown: OpenCV's usual lens, k1 k2 p1 p2 k3. Fisheye: k1 k2 k3 k4, for action cameras and "
-        "other wide lenses.",
-        choices=LENS_MODELS,
-    )
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters of a draw that the lens has: 9, or 8 of a fisheye."""
-        return FISHEYE_UNKNOWNS if self.model == "fisheye" else PARAMETERS
-
-    @property
-    def free(self) -> FloatArray:
-        """(9,): 1 for a parameter that is fitted, 0 for one that is held at 0 or not used."""
-        if self.model == "fisheye":
-            return np.array([1.0] * 8 + [0.0])
-        tangential = float(not self.zero_tangential)
-        return np.array([1.0] * 6 + [tangential, tangential, float(not self.fix_k3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,33 +120,29 @@ class LensCalibration:
             without = {v.name: row for v, row in zip(self.search.views, changes, strict=True)}
         fx, fy, cx, cy = sigma[:4].tolist()
         uncertainty = LensUncertainty(fx, fy, cx, cy, sigma[4:], self.correlation, without)
-        lens = _camera(self.values, self.search.image_size, self.settings.model)
+        lens = camera_of(self.values, self.search.image_size, self.settings.model)
         return replace(lens, uncertainty=uncertainty)
 
     @cached_property
     def residuals(self) -> list[FloatArray]:
         """For each view (n, 2): found minus projected corners, px, with the best-fit pose."""
-        return [_residuals(self.camera, self.search.pattern, view) for view in self.search.views]
+        return [residuals_of(self.camera, self.search.pattern, view) for view in self.search.views]
 
     @cached_property
     def view_errors(self) -> FloatArray:
         """(views,): root mean square reprojection error of each view, px."""
-        return np.array([_rms(found) for found in self.residuals])
+        return np.array([rms_px(found) for found in self.residuals])
 
     @property
     def error_px(self) -> float:
         """Root mean square reprojection error of all corners."""
-        return _rms(np.concatenate(self.residuals))
+        return rms_px(np.concatenate(self.residuals))
 
     @property
     def outlying(self) -> list[str]:
         """Photographs whose error is more than `OUTLYING` times the median of all."""
         far = self.view_errors > OUTLYING * np.median(self.view_errors)
         return [self.search.views[at].name for at in np.flatnonzero(far)]
-
-
-def _rms(residuals: FloatArray) -> float:
-    return float(np.sqrt((residuals**2).sum(axis=1).mean()))
 
 
 def calibrate_lens(
@@ -245,7 +179,7 @@ def calibrate_lens(
         found = np.vstack([part for _, part in finished])
     used, without = np.split(found, [1 + settings.repeats])
     if not np.isfinite(used).all() or used[:, :2].min() <= 0:
-        raise StereocalError(UNDETERMINED)
+        raise undetermined(search, settings)
     others = without if without_each else None
     return LensCalibration(search, settings, drawn, used[1:], used[0], others)
 
@@ -277,64 +211,6 @@ def _started(search: BoardSearch, settings: LensSettings) -> FloatArray:
     return solve_lens(search.pattern, few, search.image_size, settings)
 
 
-def solve_lens(
-    pattern: BoardPattern,
-    views: Sequence[BoardView],
-    image_size: tuple[int, int],
-    settings: LensSettings,
-    start: FloatArray | None = None,
-) -> FloatArray:
-    """(9,): `PARAMETERS` by OpenCV's `calibrateCamera` (Zhang 2000) or `fisheye.calibrate`.
-
-    20 views of 216 corners take 0.02 to 0.03 s; an initial guess would save a third of that.
-
-    Args:
-        start: (9,): `PARAMETERS` from which a fisheye is fitted; None: the best from `STARTS`.
-    """
-    if cv2.getNumThreads() > 1:
-        # The executor uses all cores. Multithreaded, OpenCV is not reproducible: 14 different
-        # results in 20 runs, 1e-9 apart.
-        cv2.setNumThreads(1)
-    kind = "f8" if settings.model == "fisheye" else "f4"
-    boards = (
-        [pattern.points[view.ids].astype(kind)[None] for view in views],
-        [view.corners.astype(kind)[None] for view in views],
-        image_size,
-    )
-    if settings.model == "fisheye":
-        return fit_fisheye(boards, start)
-    flags = cv2.CALIB_FIX_K3 * settings.fix_k3
-    flags += cv2.CALIB_ZERO_TANGENT_DIST * settings.zero_tangential
-    try:
-        _, K, distortion, *_ = cv2.calibrateCamera(
-            *boards, np.eye(3), np.zeros(5), flags=flags, criteria=CRITERIA
-        )
-    except cv2.error as error:
-        raise StereocalError(UNDETERMINED) from error
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
-
-
-def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, float]:
-    """Error of each lens model on boards that it was not fitted to, root mean square px.
-
-    Every second board is fitted and the others tested, and the reverse; only the pose of a board
-    is fitted to its own corners. NaN for a model that the boards do not determine.
-    """
-    found: dict[LensModel, float] = {}
-    for model in LENS_MODELS:
-        own, errors = replace(settings, model=model), []
-        for fitted, tested in ((0, 1), (1, 0)):
-            try:
-                values = solve_lens(search.pattern, search.views[fitted::2], search.image_size, own)
-                camera = _camera(values, search.image_size, model)
-            except StereocalError:
-                errors.append(np.full((1, 2), np.nan))
-                continue
-            errors += [_residuals(camera, search.pattern, v) for v in search.views[tested::2]]
-        found[model] = _rms(np.concatenate(errors))
-    return found
-
-
 def _draw_size(search: BoardSearch, settings: LensSettings) -> int:
     """Photographs per draw: as set, or two thirds of those with a board if there are no more.
 
@@ -354,51 +230,3 @@ def _draw_size(search: BoardSearch, settings: LensSettings) -> int:
         f"The board was found in {there}: at least {FEWEST_VIEWS} are needed; about "
         f"{RECOMMENDED_VIEWS} are recommended.{few}"
     )
-
-
-def _camera(values: FloatArray, image_size: tuple[int, int], model: LensModel) -> Camera:
-    fx, fy, cx, cy = values[:4]
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return Camera(K, values[4:8] if model == "fisheye" else values[4:], image_size, model=model)
-
-
-def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray | None:
-    """(6,): rotation vector and position (`camera_from_board`) of a board, not yet refined.
-
-    None if its corners do not determine it.
-    """
-    points, corners, K, distortion = pattern.points[view.ids], view.corners, camera.K, np.empty(0)
-    if camera.is_fisheye:
-        corners, K = camera.undistort(corners), np.eye(3)
-        known = np.isfinite(corners).all(axis=1)
-        points, corners = points[known], corners[known]
-    else:
-        distortion = camera.distortion
-    if len(points) < SMALLEST_BOARD:
-        return None
-    found, turn, shift = cv2.solvePnP(points, corners, K, distortion)
-    return np.concatenate([turn, shift]).ravel() if found else None
-
-
-def _residuals(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:
-    """Found minus projected corners (n, 2), px, with the best-fit pose of the board."""
-    points, pose = pattern.points[view.ids], board_pose(camera, pattern, view)
-    if pose is None:
-        return np.full((len(points), 2), np.nan)
-    project = cv2.fisheye.projectPoints if camera.is_fisheye else cv2.projectPoints
-
-    def residuals(pose: FloatArray) -> FloatArray:
-        seen, _ = project(points[:, None], pose[:3], pose[3:], camera.K, camera.distortion)
-        return view.corners.ravel() - np.asarray(seen, dtype=np.float64).ravel()
-
-    if camera.is_fisheye:  # which `solvePnPRefineLM` does not know
-        from scipy.optimize import least_squares  # takes 0.3 s, which every worker would wait for
-
-        pose = np.asarray(least_squares(residuals, pose, method="lm").x)
-    else:
-        turn, shift = np.split(pose[:, None], 2)
-        refined = cv2.solvePnPRefineLM(
-            points, view.corners, camera.K, camera.distortion, turn, shift
-        )
-        pose = np.concatenate(refined, dtype=np.float64).ravel()
-    return residuals(pose).reshape(-1, 2)

@@ -11,7 +11,8 @@ import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
-from stereocal.intrinsics.calibrate_lens import PARAMETERS, LensCalibration, LensSettings
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.lens_fit import PARAMETERS, LensSettings
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.arrays import read_arrays, shaped
 from stereocal.system.records import of_plain, pack, unpack

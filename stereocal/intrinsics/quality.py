@@ -8,12 +8,8 @@ import pandas as pd
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.intrinsics.boards import BoardSearch, BoardView
-from stereocal.intrinsics.calibrate_lens import (
-    RECOMMENDED_VIEWS,
-    LensCalibration,
-    LensSettings,
-    held_out_px,
-)
+from stereocal.intrinsics.calibrate_lens import RECOMMENDED_VIEWS, LensCalibration
+from stereocal.intrinsics.lens_fit import LensSettings, better_model, held_out_px
 from stereocal.rig.camera import Camera
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 from stereocal.system.photograph import FileContent, read_photograph
@@ -24,8 +20,6 @@ MINIMUM_IN_CELL = 5
 WELL_COVERED = 0.6
 SURE_FOCAL = 2e-3
 """Relative standard error of a focal length above which there is a warning."""
-LEVEL = 0.02
-"""Relative difference of the errors of two lens models below which they count as equal."""
 SYSTEMATIC = 2.0
 """Ratio of the cell means to the value expected from noise above which there is a warning."""
 LENS_COLUMNS = ("parameter", "value", "standard error", "spread of draws", "all at once")
@@ -169,12 +163,15 @@ def hint(calibration: LensCalibration) -> str | None:
 def note_on_model(search: BoardSearch, settings: LensSettings) -> str:
     """Which lens model describes the boards better, with the error of both on held-out boards."""
     px = held_out_px(search, settings)
-    if not all(math.isfinite(value) for value in px.values()):
+    if not any(np.isfinite(own).all() for own in px.values()):
         return ""
     names = {"brown": "the usual lens (brown)", "fisheye": "the fisheye"}
-    better = min(px, key=lambda model: px[model])
-    figures = ", ".join(f"{names[model]} {value:.3f} px" for model, value in px.items())
-    if px[better] > (1 - LEVEL) * px[settings.model]:
+    errors = {model: float(np.sqrt(np.square(own).mean())) for model, own in px.items()}
+    figures = ", ".join(
+        f"{names[model]} {f'{error:.3f} px' if math.isfinite(error) else 'none'}"
+        for model, error in errors.items()
+    )
+    if (better := better_model(px, settings.model)) == settings.model:
         return f"Held-out boards: {figures}. The chosen model is as good as the other, or better."
     return f"Held-out boards: {figures}. Use the lens model {better}."
 

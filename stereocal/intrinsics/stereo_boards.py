@@ -19,12 +19,8 @@ from stereocal.errors import StereocalError
 from stereocal.frames import all_cameras
 from stereocal.frames.pairing import Pair, Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
-from stereocal.intrinsics.calibrate_lens import (
-    LensCalibration,
-    LensSettings,
-    board_pose,
-    calibrate_lens,
-)
+from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
+from stereocal.intrinsics.lens_fit import LensSettings, board_pose, with_better_model
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
@@ -160,13 +156,23 @@ def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, ...]) -> StereoBoar
 
 def lenses_of_boards(
     boards: StereoBoards,
-    settings: LensSettings,
+    settings: LensSettings | None,
     executor: Executor,
     progress: Progress | None = None,
 ) -> tuple[LensCalibration, LensCalibration]:
-    """The lenses from all boards of each camera."""
+    """The lenses from all boards of each camera.
+
+    Args:
+        settings: None: with the lens model that predicts the camera's held-out boards better.
+    """
     first, second = (
-        calibrate_lens(search, settings, executor, progress, without_each=True)
+        calibrate_lens(
+            search,
+            settings or with_better_model(search, LensSettings()),
+            executor,
+            progress,
+            without_each=True,
+        )
         for search in boards.searches
     )
     return first, second

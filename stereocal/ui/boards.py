@@ -9,7 +9,6 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.frames.pairing import Pair, Pairing
 from stereocal.intrinsics import stereo_boards
-from stereocal.intrinsics.calibrate_lens import LensSettings
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -146,7 +145,7 @@ def _find(
     cameras, loose = given, dict[int, str]()
     if cameras is None:
         job.begin(stereo_boards.STAGES[2])
-        lenses = stereo_boards.lenses_of_boards(boards, LensSettings(), job.executor, job.progress)
+        lenses = stereo_boards.lenses_of_boards(boards, None, job.executor, job.progress)
         cameras = lenses[0].camera, lenses[1].camera
         outlying = {*lenses[0].outlying, *lenses[1].outlying}
         loose = {

@@ -14,12 +14,8 @@ from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import sort_files
 from stereocal.intrinsics import files, quality
 from stereocal.intrinsics.boards import find_boards
-from stereocal.intrinsics.calibrate_lens import (
-    LensCalibration,
-    LensSettings,
-    calibrate_lens,
-    digest_of_draws,
-)
+from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens, digest_of_draws
+from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project

@@ -8,7 +8,8 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import TABLE
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
+from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs

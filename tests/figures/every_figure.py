@@ -20,7 +20,8 @@ from stereocal.field.planning.forecast import forecast
 from stereocal.figures.story import read_story
 from stereocal.figures.two_sets import frame_views, telling_frame
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.intrinsics.calibrate_lens import LensSettings, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
+from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.matching.lengths import check_lengths
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.misfit import misfit_of

@@ -16,14 +16,17 @@ from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import are_crossings
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_board
-from stereocal.intrinsics.calibrate_lens import (
-    LensCalibration,
+from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
+from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
+from stereocal.intrinsics.lens_fit import (
     LensSettings,
-    calibrate_lens,
+    better_model,
+    camera_of,
     held_out_px,
+    residuals_of,
+    rms_px,
     solve_lens,
 )
-from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -41,6 +44,7 @@ from tests.lens import (
     search,
     views,
 )
+from tests.rigs.fisheyes import draw_case
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import chessboard, chessboard_corners, turned
 
@@ -288,13 +292,43 @@ class TestFisheye:
         )
         px = held_out_px(boards, self.settings)
         # A coordinate: 0.48 px held out, whichever half is fitted; Brown 5.7.
-        assert px["fisheye"] / np.sqrt(2) == pytest.approx(0.48, abs=0.02)
-        assert px["brown"] / np.sqrt(2) > 5.0
+        error = np.sqrt(np.square(px["fisheye"]).mean() / 2)
+        assert error == pytest.approx(0.48, abs=0.02)
+        assert better_model(px, "brown") == better_model(px, "fisheye") == "fisheye"
+        assert (px["brown"] / np.sqrt(2) > 5.0).all()
         lens = calibrated(boards, self.settings)
         # Fits of this lens differ by 1 to 3 px with the halves.
         np.testing.assert_allclose(lens.values[:4], (337.6, 337.1, 544.0, 377.1), atol=2.0)
         assert (np.abs(lens.values[:2] - 337.3) < 3 * lens.standard_errors[:2]).all()
         assert lens.error_px / np.sqrt(2) < 0.48
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_lenses_of_175_to_220_degrees(self, seed: int) -> None:
+        """5 to 15 boards, half of them at the rim, up to 110 degrees from the axis.
+
+        OpenCV's `fisheye.calibrate` from ten starts found 4 of these; benchmarks/fisheyes.py has
+        more.
+        """
+        lens, boards, tested = draw_case(seed)
+        about = boards.pattern, boards.views, boards.image_size, self.settings
+        true = np.append(lens.values, 0.0)
+        found, from_true = solve_lens(*about), solve_lens(*about, true)
+        # Both are at one minimum: measured, 1e-5 px.
+        np.testing.assert_allclose(found[:4], from_true[:4], rtol=0, atol=0.01)
+        if len(boards.views) >= 8:
+            assert better_model(held_out_px(boards, LensSettings()), "brown") == "fisheye"
+        errors = [
+            np.concatenate([residuals_of(camera, boards.pattern, view) for view in tested.views])
+            for camera in (camera_of(v, boards.image_size, "fisheye") for v in (found, true))
+        ]
+        # Measured on 200 lenses: 1.05 at most in 95 %.
+        assert rms_px(errors[0]) < 1.2 * rms_px(errors[1])
+
+    def test_a_usual_lens_is_not_taken_for_a_fisheye(self) -> None:
+        """On all boards together the fisheye predicts some of these 5 % better."""
+        for seed in range(8):
+            px = held_out_px(search(8, seed, 0.2), LensSettings())
+            assert better_model(px, "brown") == "brown"
 
     def test_corners_that_are_no_crossings_are_told(self) -> None:
         pose = facing()
@@ -306,7 +340,7 @@ class TestFisheye:
 
     def test_the_model_that_describes_held_out_boards_is_recommended(self) -> None:
         px = held_out_px(self.boards, LensSettings())
-        # Measured: 0.138 and 0.274 px.
-        assert px["fisheye"] < 0.6 * px["brown"]
+        # Measured: 0.138 and 0.138 px; 0.341 and 0.184.
+        assert (px["fisheye"] < 0.8 * px["brown"]).all()
         assert "Use the lens model fisheye." in note_on_model(self.boards, LensSettings())
         assert "as good as the other" in note_on_model(search(24, 1), LensSettings())
