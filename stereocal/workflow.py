@@ -35,7 +35,6 @@ from stereocal.refined.diagnosis import (
     claimed_offset,
     explain_failure,
     frames_to_judge,
-    is_out_of_step,
     offer_time_offset,
     warnings_about_fit,
 )
@@ -81,7 +80,7 @@ class Run:
     settings: CalibrationSettings = field(default_factory=CalibrationSettings)
     refined: RefineSettings | None = DEFAULT_REFINED
     """Settings of the refined method, except whether a time offset is solved for, which `settings`
-    says; None: without this method."""
+    and the screening say; None: without this method."""
     evaluation: Evaluation | None = None
     """A validation of the frames that are not left out; None without one."""
     figures: Mapping[Any, Validated] | None = None
@@ -145,7 +144,7 @@ class Run:
         self.progress("essential")
         start = _essential(chosen, settings, reconstruction, screening)
         offset = claimed_offset(screening)
-        offer = offer_time_offset(offset, screening)
+        offer = offer_time_offset(offset)
         warnings += check_inputs(frames_to_judge(chosen, screening), out_of_step=bool(offer))
         of_searches = settings.search, settings.known_points, self.trace, self.progress
         found = two_searches(chosen, start.pose, *of_searches)
@@ -155,15 +154,13 @@ class Run:
         refined = None
         if self.refined is not None:
             self.progress("refined")
-            late, drift = settings.time_offset, settings.time_drift
-            own = replace(self.refined, time_offset=late, time_drift=drift)
             try:
                 # Without an initial pose, as for a stored calibration: its files are the same.
-                refined = refine(chosen, own)
+                refined = refine(chosen, screening.solved_for(self.refined, settings))
                 warnings += filter(None, [misplaced_target(refined)])
             except StereocalError as error:
                 warnings.append(f"There is no refined set: {error}")
-        told, apart = tuple(warnings), is_out_of_step(offset)
+        told, apart = tuple(warnings), bool(offer)
         return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
 
     @step
@@ -278,8 +275,8 @@ def calibrate(
         trace: record every move of the searches.
         progress: called with the name of each method when it starts.
         refined: settings of the refined method, except whether a time offset is solved for, which
-            `settings` says; None: without this method. If it fails, the result has the other
-            methods and a warning with the reason.
+            `settings` and the screening say; None: without this method. If it fails, the result has
+            the other methods and a warning with the reason.
     """
     run = Run(dataset, settings or CalibrationSettings(), refined, trace=trace)
     if progress is not None:

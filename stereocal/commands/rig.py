@@ -58,7 +58,7 @@ def run(parsed: argparse.Namespace) -> None:
     else:
         recording = read_recording(parsed.inputs[0], parsed.lens_model)
         name, sigma = recording.name, parsed.baseline_sigma
-        settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset)
+        settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset or None)
         rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))
         sets_of = paper_sets if parsed.pairs else refined_set
         sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))

@@ -64,8 +64,24 @@ def _calibrated(
 ) -> RigCalibration:
     """The rig, however well it fits."""
     if len(recording.cameras) == 2 and not settings.time_offsets:
-        return _of_two(recording, settings)
+        alone = _of_two(recording, settings)
+        if alone is not None:
+            return alone
     pairs = calibrate_pairs(recording, settings, progress)
+    if pairs.out_of_step:
+        late = replace(settings, time_offsets=True)
+        found = _of_pairs(recording, calibrate_pairs(recording, late, progress), late, progress)
+        if found.out_of_step:
+            return found
+        settings = replace(settings, time_offsets=False)
+        pairs = calibrate_pairs(recording, settings, progress)
+    return _of_pairs(recording, pairs, settings, progress)
+
+
+def _of_pairs(
+    recording: Recording, pairs: Pairs, settings: RigSettings, progress: Progress | None
+) -> RigCalibration:
+    """The rig, from its pairs."""
     if not pairs.fits:
         raise StereocalError(_no_pair(recording, pairs))
     names = reached(list(recording.cameras), pairs.fits)
@@ -99,11 +115,14 @@ def _calibrated(
     )
 
 
-def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration:
-    """A rig of two cameras: the refined set of their pair, with its screening."""
+def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | None:
+    """A rig of two cameras: the refined set of their pair, with its screening; None if they are out
+    of step."""
     (pair,), bars = recording.pairs, shared_bars(recording)
     dataset, priors = pair_problem(recording, pair, settings)
     screening = screened(with_baseline_found(dataset), CalibrationSettings())
+    if screening.shift is not None:
+        return None
     refined = refine(screening.dataset, priors)
     pairs = Pairs(bars, {pair: PairFit.of(pair, refined)})
     kept = recording.where(~np.isin(recording.frame, screening.left_out))

@@ -41,8 +41,8 @@ class RigSettings:
     object_sigma: float | None = None
     """Standard deviation of the object's lengths, as a fraction, common to all. None: the
     recording's, else 0.1 %."""
-    time_offsets: bool = False
-    """Whether each camera may be out of step by some frames."""
+    time_offsets: bool | None = None
+    """Whether each camera may be out of step by some frames; None: where that is significant."""
 
 
 def lens_places(number: int) -> list[int]:
@@ -78,7 +78,7 @@ def unknowns_of_rig(
             ]
             blocks.append((turns + shifts, None))
         blocks.append(lens_block(name, lens_prior(camera, settings.lenses.get(name)), places))
-        offset = WIDE_TIME * (settings.time_offsets and number > 0)
+        offset = WIDE_TIME * bool(settings.time_offsets and number > 0)
         blocks.append(([(f"{name} time offset", offset, [first + TIME])], None))
     stated = recording.object.sigma_m
     longest = recording.object.longest_m

@@ -9,6 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.network.fit import RigSettings
 from stereocal.network.fuse import PairFit
 from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset
@@ -39,6 +40,8 @@ class Pairs:
     """Of the sound pairs, best first."""
     failed: Mapping[CameraPair, str] = field(default_factory=dict)
     """Pairs with enough bars and no sound fit, and why."""
+    out_of_step: bool = False
+    """Whether a pair was found out of step though that was not asked; then there are no fits."""
 
 
 def pair_name(pair: CameraPair) -> str:
@@ -64,7 +67,7 @@ def shared_bars(recording: Recording) -> dict[CameraPair, int]:
 def calibrate_pairs(
     recording: Recording, settings: RigSettings, progress: Progress | None = None
 ) -> Pairs:
-    """Calibrate every pair that shares enough bars.
+    """Calibrate every pair that shares enough bars, or until one is out of step unasked.
 
     Args:
         progress: called with the pairs done, and those in all.
@@ -80,6 +83,9 @@ def calibrate_pairs(
             fits[pair] = _fit(recording, pair, settings)
         except StereocalError as error:
             failed[pair] = str(error)
+            continue
+        if settings.time_offsets is None and fits[pair].dataset.time_offset is not None:
+            return Pairs(bars, {}, {}, out_of_step=True)
     noises = [fit.sigma_px.value for fit in fits.values()]
     limit = max(MOST_NOISE * float(np.median(noises)) if noises else 0.0, LEAST_NOISE_PX)
     for pair, fit in list(fits.items()):
@@ -111,13 +117,14 @@ def pair_problem(
 
 
 def _fit(recording: Recording, pair: CameraPair, settings: RigSettings) -> RefinedResult:
-    """The robust refined set of a pair."""
+    """The robust refined set of a pair; in step if that was asked for, or if it is out of step."""
     dataset, priors = pair_problem(recording, pair, settings)
     dataset = with_rough_baseline(dataset)
     if settings.time_offsets:
         in_step = fit_time_offset(dataset, wide_settings(dataset)).fit
-        if in_step is not None:
-            return in_step
+        return refine(dataset, priors) if in_step is None else in_step
+    if settings.time_offsets is None:
+        return with_offset_if_out_of_step(dataset, priors)[0]
     return refine(dataset, priors)
 
 

@@ -19,8 +19,9 @@ from stereocal.network.held_out import (
 from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
+from stereocal.refined.out_of_step import SIGNIFICANT, SMALLEST
 from stereocal.refined.two_views import rig_of
-from stereocal.refined.views import EACH, fit_points, jacobians_of
+from stereocal.refined.views import EACH, TIME, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.compiled import FloatArray
@@ -45,7 +46,7 @@ class RigCalibration:
     unreached: Mapping[str, str]
     """Cameras that could not be connected with the others, and why."""
     time_offsets: FloatArray
-    """(c,): by how many frames each camera is late; 0 if not asked for."""
+    """(c,): by how many frames each camera is late; 0 if they are in step."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -98,6 +99,13 @@ class RigCalibration:
         of_baselines = fit.information - fit.H
         found = fit.unknowns.covariance(fit.H / self.design_effect + of_baselines)
         return np.asarray(M @ found @ M.T)
+
+    @property
+    def out_of_step(self) -> bool:
+        """Whether a camera is out of step with the reference, significantly."""
+        errors = np.sqrt(np.diag(self.covariance)[:-1].reshape(-1, EACH)[:, TIME])
+        late = np.abs(self.time_offsets)
+        return bool(((late > SIGNIFICANT * errors) & (late >= SMALLEST)).any())
 
     @cached_property
     def image_px(self) -> dict[str, float]:

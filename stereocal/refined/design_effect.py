@@ -66,6 +66,8 @@ def design_effect(
     order = np.argsort(clusters.of_frames, kind="stable")
     groups = np.split(used[order], np.cumsum(np.bincount(clusters.of_frames))[:-1])
     H, g, _ = solve.equations(q, groups)
+    if not H.any():  # with points behind a camera
+        return 1.0
     M = solve.unknowns.M
     C = solve.unknowns.covariance(H.sum(axis=0))
     H = M.T @ H @ M

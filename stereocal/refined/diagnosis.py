@@ -10,6 +10,7 @@ from stereocal.calibration.checks import warnings_about_copies
 from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.refined.best_reading import find_wrong_input, nothing_fits
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
     MAXIMUM_LEFT_OUT,
@@ -18,7 +19,6 @@ from stereocal.refined.screening import (
     screen,
     wide_settings,
 )
-from stereocal.refined.time_offset import CLAIMED, MAXIMUM_SIGMA, apparent_offset, fit_time_offset
 from stereocal.refined.two_views import largest_turn_sigma
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -26,14 +26,6 @@ from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.numbers import rounded
 
 MAXIMUM_NAMED = 10
-EXPLAINED = 0.05
-"""An offset that explains less of the residuals is not offered. Measured on the real recording:
-0.02 with a distortion of the wrong sign, 0.5 with an offset of 0.02 frames."""
-SMALLEST_CLAIM = 0.01
-"""In frames. A smaller offset is not offered: with frames that do not follow each other, other
-errors gave offsets of 0.001 frames with far smaller standard errors."""
-WHOLE = 0.02
-"""Offsets this near to a whole number of frames are errors of counting."""
 LARGEST_SIGMA = np.radians(3.0)
 """An angle with a larger standard error counts as undetermined."""
 FLATNESS = 0.02
@@ -57,13 +49,11 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
         screening: of all frames.
         failure: what was seen of it; repeated only where no cause is found.
     """
+    offer, frames = "", dataset.correspondences.frames
     if not screening.fit:
         screening = screen(dataset)
-    offset, frames = claimed_offset(screening), dataset.correspondences.frames
-    offer = offer_time_offset(offset, screening)
+        offer = offer_time_offset(screening.shift)
     fit, dataset = screening.fit, frames_to_judge(dataset, screening)
-    if fit is None and is_out_of_step(offset):
-        return offer
     if fit is not None:
         bad = fit.frames[fit.outlying & np.isin(fit.frames, frames)]
         if 0 < len(bad) <= MAXIMUM_LEFT_OUT * len(frames):
@@ -72,8 +62,7 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     nominal = essential_fit(dataset)
     if nominal.a_unit_is_wrong:
         return inconsistency_message(dataset, nominal)
-    # Frames in another order have runs that are counted a whole number apart, and the residuals of
-    # exchanged files may follow the motion by chance.
+    # The residuals of exchanged files may follow the motion by chance.
     if (
         named := find_wrong_input(dataset, bool(offer))
         or offer
@@ -111,68 +100,29 @@ def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:
     return screening.full_dataset if screening.share > MAXIMUM_LEFT_OUT else dataset
 
 
-def is_out_of_step(offset: MeasuredOffset | None) -> bool:
-    """Whether the cameras seem to be apart by a part of a frame, for which one can solve.
-
-    Args:
-        offset: of `claimed_offset`.
-    """
-    return offset is not None and not _frames_apart(offset)
-
-
 def claimed_offset(screening: Screening) -> MeasuredOffset | None:
-    """The offset by which the cameras seem to be out of step; None if not, or if it was fitted.
-
-    The residuals of the screening's fit follow the velocities then. Where no pose fits at all, as
-    with a large offset, one is tried with the offset.
-    """
-    if screening.time_note:
+    """The offset by which the cameras are out of step; None if not, or if it is applied."""
+    dataset = screening.full_dataset
+    unjudged = screening.fit is None and not screening.failure and not screening.time_note
+    if not unjudged or len(dataset.correspondences.frames) < MINIMUM_FRAMES:
         return None
-    fit = screening.fit
-    found = _seen_offset(screening.full_dataset) if fit is None else apparent_offset(fit)
-    if found is None or not found.is_claimed(CLAIMED) or found.sigma > MAXIMUM_SIGMA:
+    try:
+        found, note = with_offset_if_out_of_step(dataset, wide_settings(dataset))
+    except StereocalError:
         return None
-    if fit is not None:
-        degrees = float(fit.degrees_of_freedom[~fit.outlying].sum())
-        if (found.frames / found.sigma) ** 2 < EXPLAINED * degrees:
-            return None
-    return found if abs(found.frames) >= SMALLEST_CLAIM else None
+    return found.time_offset if note else None
 
 
-def _frames_apart(offset: MeasuredOffset) -> int:
-    """By how many frames the cameras seem to be counted apart; 0 if they are out of step."""
-    whole = round(offset.frames)
-    return whole if abs(offset.frames - whole) < WHOLE + CLAIMED * offset.sigma else 0
-
-
-def offer_time_offset(offset: MeasuredOffset | None, screening: Screening) -> str:
+def offer_time_offset(offset: MeasuredOffset | None) -> str:
     """A message if there is a `claimed_offset`."""
     if offset is None:
         return ""
-    if whole := _frames_apart(offset):
-        frame = int(screening.full_dataset.correspondences.frames[max(whole, 0)])
-        return (
-            f"The frames of the two cameras seem to be counted {abs(whole)} apart: the secondary's "
-            f"frame {frame - whole} is of the same moment as the primary's frame {frame}. Correct "
-            "the numbers: one camera has an image less, or one more, at its start."
-        )
     return (
         f"The cameras seem to be out of step: the residuals follow the motion in the images, as if "
         f"the secondary took its frames {offset.frames:+.2f} ± {offset.sigma:.2f} frame intervals "
         "late. Calibrate with the time offset as an unknown (in the settings of the page "
         "Calibrate; on the command line --time-offset)."
     )
-
-
-def _seen_offset(dataset: Dataset) -> MeasuredOffset | None:
-    """The offset with which most frames fit, where without one nothing does."""
-    if len(dataset.correspondences.frames) < MINIMUM_FRAMES:
-        return None
-    try:
-        fit = fit_time_offset(dataset, wide_settings(dataset)).fit
-    except StereocalError:
-        return None
-    return fit.time_offset if fit and fit.outlying.mean() < MAXIMUM_LEFT_OUT else None
 
 
 def geometry_warning(fit: RefinedResult) -> str:

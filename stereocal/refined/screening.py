@@ -15,8 +15,14 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.time_offset import fit_time_offset, frames_without_neighbours, usable_after
+from stereocal.refined.time_offset import (
+    InStep,
+    fit_time_offset,
+    frames_without_neighbours,
+    usable_after,
+)
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -49,7 +55,7 @@ class Screening:
     """The frames of a data set that contradict the others."""
 
     full_dataset: Dataset
-    """The data set with all frames, brought into step if that was asked for."""
+    """The data set with all frames, in step."""
     fit: RefinedResult | None
     """The robust fit; None if there is none."""
     left_out: tuple[int, ...]
@@ -67,10 +73,10 @@ class Screening:
     by_user: tuple[int, ...] = ()
     """The frames of `left_out` that the user left out."""
     measured_offset: MeasuredOffset | None = None
-    """The time offset between the cameras; None if not asked for, or if the motion does not
-    determine it."""
+    """The time offset between the cameras; None if it was neither asked for nor significant, or if
+    the motion does not determine it."""
     time_note: str = ""
-    """What was found about it, in words; empty if not asked for."""
+    """What was found about it, in words; empty if it was neither asked for nor significant."""
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -109,6 +115,14 @@ class Screening:
             return None
         return replace(measured, frames=offset.frames, drift=offset.drift)
 
+    def solved_for(self, own: RefineSettings, asked: CalibrationSettings) -> RefineSettings:
+        """The settings of the refined method with the unknowns of time that were asked for, and
+        those by which the points were shifted."""
+        late, drift = asked.time_offset, asked.time_drift
+        if (shift := self.shift) is not None:
+            late, drift = True, drift or shift.drift != 0.0
+        return replace(own, time_offset=late, time_drift=drift)
+
     @property
     def share(self) -> float:
         """Fraction of the frames that contradict the others and were left out."""
@@ -135,7 +149,7 @@ def screen(
     Args:
         put_back: numbers of frames that are kept in any case.
         leave_out: numbers of frames of the data set that are left out in any case.
-        time_offset: bring the cameras into step.
+        time_offset: bring the cameras into step, also by an offset that is not significant.
         time_drift: find the drift of the time offset too.
     """
     frames, by_user = dataset.correspondences.frames, tuple(leave_out)
@@ -146,17 +160,14 @@ def screen(
         return unscreened(dataset, by_user=by_user, copies=copies)
     note, measured = "", None
     try:
-        if time_offset:
-            found = fit_time_offset(rest, replace(wide_settings(rest), time_drift=time_drift))
-            note, fit = found.note, found.fit
-            if fit is not None and fit.dataset.time_offset is not None:
-                measured = fit.time_offset
-                dataset = dataset.shifted(fit.dataset.time_offset)
-        if measured is None:
-            fit = refine(rest, wide_settings(rest))
+        fit, found = _fit(rest, time_offset, time_drift)
     except StereocalError as error:
         return unscreened(dataset, str(error), by_user, copies)
-    assert fit is not None
+    if found is not None:
+        note = found.note
+        if found.fit is not None and found.fit.dataset.time_offset is not None:
+            measured = found.fit.time_offset
+            dataset = dataset.shifted(found.fit.dataset.time_offset)
     out = fit.outlying & ~np.isin(fit.frames, list(put_back))
     exchanged = out & _fit_exchanged(fit, rest)
     return Screening(
@@ -170,6 +181,19 @@ def screen(
         measured_offset=measured,
         time_note=note,
     )
+
+
+def _fit(
+    dataset: Dataset, time_offset: bool, time_drift: bool
+) -> tuple[RefinedResult, InStep | None]:
+    """The robust fit, and what was found about the time offset if it was asked for, or if the
+    cameras are out of step."""
+    settings = wide_settings(dataset)
+    if time_offset:
+        found = fit_time_offset(dataset, replace(settings, time_drift=time_drift))
+        return found.fit or refine(dataset, settings), found
+    fit, note = with_offset_if_out_of_step(dataset, settings)
+    return fit, InStep(fit, note) if note else None
 
 
 def wide_settings(dataset: Dataset) -> RefineSettings:

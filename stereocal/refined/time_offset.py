@@ -83,8 +83,7 @@ def fit_time_offset(dataset: Dataset, settings: RefineSettings) -> InStep:
             "numbers belong in the column time_frame."
         )
         return InStep(None, note)
-    start, pose = _first_value(dataset, reference)
-    fit = _fit(dataset, settings, start, pose)
+    fit = fit_from(dataset, settings, *first_value(dataset, reference))
     measured = fit.time_offset
     if not measured.sigma < MAXIMUM_SIGMA:
         note = (
@@ -94,7 +93,7 @@ def fit_time_offset(dataset: Dataset, settings: RefineSettings) -> InStep:
         )
         return InStep(None, note)
     if measured.is_claimed(CLAIMED):
-        note = f"{measured.sentence()} {_effect(fit)}"
+        note = offset_note(fit)
         if not settings.time_drift and (drift := _drift(dataset, fit)):
             note += f" {drift}"
         if abs(measured.frames) > LARGEST - STEP:
@@ -107,6 +106,11 @@ def fit_time_offset(dataset: Dataset, settings: RefineSettings) -> InStep:
         "The points are used as recorded."
     )
     return InStep(fit, note)
+
+
+def offset_note(fit: RefinedResult) -> str:
+    """What was found about the time offset of a fit, and what it does to the residuals."""
+    return f"{fit.time_offset.sentence()} {_effect(fit)}"
 
 
 def _effect(fit: RefinedResult) -> str:
@@ -136,7 +140,7 @@ def _drift(dataset: Dataset, fit: RefinedResult) -> str:
     )
 
 
-def _first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | None]:
+def first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | None]:
     """The offset with the smallest epipolar residuals, of a robust pose for each."""
     best = np.inf, TimeOffset(reference=reference), robust_start(dataset, dataset.rays)
     for frames in sorted(np.arange(-LARGEST, LARGEST + STEP, STEP), key=abs):
@@ -155,7 +159,7 @@ def _first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose |
     return best[1:]
 
 
-def _fit(
+def fit_from(
     dataset: Dataset, settings: RefineSettings, offset: TimeOffset, pose: Pose | None
 ) -> RefinedResult:
     """Interpolate and fit until the remaining offset is small against its standard error."""
@@ -171,8 +175,17 @@ def _fit(
             frames=offset.frames + float(np.clip(move, -LARGEST_MOVE, LARGEST_MOVE)),
             drift=found.drift,
         )
+        fit = _left_at(fit, found, offset)
     assert fit is not None
     return fit
+
+
+def _left_at(fit: RefinedResult, found: MeasuredOffset, shift: TimeOffset) -> RefinedResult:
+    """The fit as a start for points that are shifted further: with what remains of its offset."""
+    remaining = {"time offset": found.frames - shift.frames, "time drift": 0.0}
+    names = fit.unknowns.names
+    p = [remaining.get(name, value) for name, value in zip(names, fit.p.tolist(), strict=True)]
+    return replace(fit, p=np.array(p))
 
 
 def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:

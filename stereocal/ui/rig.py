@@ -41,7 +41,7 @@ def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
         recording = store.read()
         if recording is None:
             raise StereocalError("This project holds no recording of several cameras.")
-        settings = RigSettings(time_offsets=time_offsets)
+        settings = RigSettings(time_offsets=time_offsets or None)
         found = rig_file(calibrate_rig(recording, settings, job.progress))
         sets, _ = sets_of_pairs(recording, found)
         store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))

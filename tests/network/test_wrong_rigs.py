@@ -12,6 +12,7 @@ from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
+from tests.rigs.moving_wand import wave_wand
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
@@ -99,45 +100,19 @@ def test_cameras_that_face_each_other() -> None:
         assert np.degrees(turn) < 0.5
 
 
-def test_cameras_out_of_step_have_their_offsets() -> None:
-    times = np.arange(120.0)
-
-    def wand(t: np.ndarray) -> np.ndarray:
-        middle = np.column_stack([np.sin(t / 17), 0.8 * np.sin(t / 11 + 1), np.cos(t / 23)])
-        along = np.column_stack(
-            [np.cos(t / 13), np.sin(t / 13) * np.cos(t / 29), np.sin(t / 29) * np.sin(t / 13)]
-        )
-        return np.asarray(middle[:, None] + np.array([-0.3, 0.3])[:, None] * along[:, None])
-
-    rng, late = np.random.default_rng(5), {"c1": 0.0, "c2": 0.3, "c3": -0.2}
-    truth = simulated(6)
-    to_reference = truth.points_m[0].mean(axis=0)
-    rows, points = [], []
-    for number, (name, camera) in enumerate(truth.cameras.items()):
-        placed = 0.8 * wand(times + late[name]) + to_reference
-        images = camera.project(truth.poses[name].apply(placed.reshape(-1, 3)))
-        images += rng.normal(0.0, 0.2, images.shape)
-        inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
-        at = np.flatnonzero(inside)
-        rows.append(np.column_stack([at // 2, np.full(len(at), number), 2 * (at % 2)]))
-        points.append(images[inside])
-    frame, camera_of, target = np.concatenate(rows).T
-    bar = replace(
-        truth.recording.object, points=np.array([[0.0, 0, 0], [0.16, 0, 0], [0.48, 0, 0]])
-    )
-    recording = replace(
-        truth.recording,
-        object=bar,
-        frame=frame,
-        camera=camera_of,
-        target=target,
-        points=np.concatenate(points),
-        sigma_px=np.full(len(frame), np.nan),
-    )
-    rig = calibrate_rig(recording, RigSettings(time_offsets=True))
+@pytest.mark.parametrize("asked", [None, True])
+def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
+    late = np.array([0.0, 0.3, -0.2])
+    _, recording = wave_wand(6, late, 120)
+    rig = calibrate_rig(recording, RigSettings(time_offsets=asked))
     errors = rig_file(rig).standard_errors
-    for name, offset in zip(rig.names, rig.time_offsets, strict=True):
-        assert offset == pytest.approx(late[name], abs=0.02)
+    for name, own, true in zip(rig.names, rig.time_offsets, late, strict=True):
+        assert own == pytest.approx(true, abs=0.02)
         if name != "c1":
-            assert abs(offset - late[name]) < 5 * errors[name]["time_offset"]
+            assert abs(own - true) < 5 * errors[name]["time_offset"]
     assert rig.fit.sigma_px < 0.25
+
+
+def test_cameras_in_step_have_no_offsets() -> None:
+    _, recording = wave_wand(6, np.zeros(3), 120, misfit_px=0.3)
+    assert not calibrate_rig(recording).time_offsets.any()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.errors import StereocalError
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
@@ -61,10 +60,26 @@ def test_all_files_carry_it() -> None:
         assert again.to_json() == {"time_offset_frames": entry}
 
 
-def test_it_is_offered_by_itself() -> None:
-    late = calibrate(moving(0.1))
-    assert any("out of step" in text and "+0.10" in text for text in late.warnings)
-    assert not any("step" in text for text in calibrate(moving(0.0)).warnings)
+@pytest.mark.parametrize("late", [0.1, -1.0])
+def test_an_offset_that_nobody_asked_for_is_applied_and_said(late: float) -> None:
+    found = Run(moving(late))
+    note = found.calibration.screening.time_note
+    assert "out of step" in note
+    assert ("counted 1 apart" in note) == (late == -1.0)
+    for own in found.sets.values():
+        assert own.to_json()["time_offset_frames"]["value"] == pytest.approx(late, abs=0.02)
+
+
+def test_cameras_in_step_get_no_offset_unasked() -> None:
+    found = Run(moving(0.0))
+    assert found.screening.time_note == ""
+    assert all(own.time_offset is None for own in found.sets.values())
+
+
+def test_where_all_frames_are_trusted_an_offset_is_only_offered() -> None:
+    found = calibrate(moving(0.1), CalibrationSettings(all_frames=True))
+    assert found.out_of_step and found.screening.shift is None
+    assert any("+0.10" in text for text in found.warnings)
 
 
 def test_without_moving_neighbours_it_stays_out() -> None:
@@ -93,14 +108,16 @@ def test_exchanged_targets_are_recognised_between_frames() -> None:
     assert found.measured_offset.frames == pytest.approx(0.3, abs=0.02)
 
 
-def test_a_drift_is_found_and_else_pointed_out() -> None:
+def test_a_drift_is_found_asked_for_or_not() -> None:
     data = moving(0.3, drift=2e-3)
     assert "--time-drift" in screen(data, time_offset=True).time_note
-    found = screen(data, time_offset=True, time_drift=True).measured_offset
+    for found in (screen(data, time_offset=True, time_drift=True), screen(data)):
+        own = found.measured_offset
+        assert own is not None
+        assert abs(own.drift - 2e-3) < 4 * own.drift_sigma < 1e-3
+
+
+def test_an_offset_without_which_no_pose_fits_is_found() -> None:
+    found = screen(moving(1.9, between=5)).shift
     assert found is not None
-    assert abs(found.drift - 2e-3) < 4 * found.drift_sigma < 1e-3
-
-
-def test_no_pose_fits_without_the_offset() -> None:
-    with pytest.raises(StereocalError, match="out of step"):
-        calibrate(moving(1.9, between=5))
+    assert abs(found.frames - 1.9) < 4 * found.sigma < 0.1

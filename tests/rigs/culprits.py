@@ -255,4 +255,5 @@ def accusations_of(data: Dataset) -> tuple[str, ...]:
     except StereocalError as error:
         return (str(error),)
     inputs = compare_inputs(found.refined).inputs if found.refined else []
-    return (*found.warnings, *(item.key for item in inputs if item.accused))
+    notes = filter(None, [found.screening.time_note])
+    return (*notes, *found.warnings, *(item.key for item in inputs if item.accused))

@@ -109,15 +109,25 @@ def smooth_fields(rng: np.random.Generator) -> FloatArray:
     return np.concatenate([numbers, phases, rng.standard_normal((4, WAVES, 1))], axis=2)
 
 
+def wave_errors(waves: FloatArray, places: FloatArray) -> FloatArray:
+    """(n, 2): the error of a lens at places (n, 2) in widths of the image, of rms 1.
+
+    Args:
+        waves: (2, WAVES, 4): as of `smooth_fields`, of one camera.
+    """
+    angles = 2 * np.pi * np.einsum("nk,awk->naw", places, waves[:, :, :2])
+    found = np.sum(waves[:, :, 3] * np.cos(angles + waves[:, :, 2]), axis=2)
+    return np.asarray(found / np.sqrt(0.5 * np.square(waves[:, :, 3]).sum(axis=1)))
+
+
 def with_waves(dataset: Dataset, fields: FloatArray, rms_px: float) -> Dataset:
     """The data set seen with errors of the lenses that vary smoothly over the images."""
     rows = dataset.correspondences
     size = float(max(dataset.primary.image_size))
-    moved = []
-    for pixels, waves in ((rows.primary, fields[:2]), (rows.secondary, fields[2:])):
-        angles = 2 * np.pi * np.einsum("nk,awk->naw", pixels / size, waves[:, :, :2])
-        found = np.sum(waves[:, :, 3] * np.cos(angles + waves[:, :, 2]), axis=2)
-        moved.append(pixels + rms_px * found / np.sqrt(0.5 * np.square(waves[:, :, 3]).sum(axis=1)))
+    moved = [
+        pixels + rms_px * wave_errors(waves, pixels / size)
+        for pixels, waves in ((rows.primary, fields[:2]), (rows.secondary, fields[2:]))
+    ]
     changed = replace(rows, primary=moved[0], secondary=moved[1])
     return replace(dataset, correspondences=changed)
 
