@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from stereocal.calibration import checks
+from stereocal.calibration.board_numbering import check_numbering, note_on_ways_round
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import (
     FILE_METHODS,
@@ -50,6 +51,7 @@ from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import ForecastEntries, RigParameters
+from stereocal.rig.recording import Recording
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
@@ -118,6 +120,7 @@ class Run:
     def screening(self) -> Screening:
         """The frames that contradict the others, and the recording without them."""
         self.progress("screening")
+        check_numbering(Recording.of_pair(self.dataset))
         return screened(self.dataset, self.settings)
 
     @step
@@ -137,7 +140,7 @@ class Run:
             raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
         reconstruction = reconstruction_problem(chosen, settings.known_points)
         warnings = [
-            *filter(None, [note_on_free_baseline(chosen)]),
+            *filter(None, [note_on_free_baseline(chosen), note_on_ways_round(chosen)]),
             *checks.warnings_about(chosen),
             *checks.warnings_about_copies(dataset),
         ]

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from stereocal.calibration.board_numbering import run_counter_clockwise
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.numbers import rounded
 
 ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
@@ -21,6 +23,12 @@ ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
     ("primary", "secondary"),
 )
 
+
+COUNT_ALIKE = "Count the corners of both cameras row by row, from the same corner of the board."
+MOST_CORNERS = 5, 4
+"""Columns and rows of a board that are enough to judge a reading."""
+FEWEST_TO_SHIFT = 8
+"""Frames, of which two may be lost."""
 
 FITTING = 0.003
 """Largest noise of image points, as a fraction of the image diagonal: 2.4 px of 640x480. The best
@@ -41,6 +49,8 @@ class Reading:
     remedy: str
     corrected: Callable[[], Dataset]
     """Raises a `StereocalError` where such a data set is impossible."""
+    is_likely: bool = False
+    """Whether something else speaks for it, so that it is judged in any case."""
 
 
 def changed(
@@ -74,11 +84,28 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
             "Exchange the files.",
             partial(replace, dataset, **own),
         )
+    frames, board = dataset.correspondences.frames, board_of(dataset)
     yield Reading(
-        "A and B seem to be exchanged in one of the cameras, in all frames",
-        "Exchange the two targets of one camera.",
-        partial(dataset.with_targets_exchanged, dataset.correspondences.frames),
+        "A and B seem to be exchanged in one of the cameras, in all frames"
+        if board is None
+        else "The corners of one camera seem to be counted from the opposite corner of the board",
+        "Exchange the two targets of one camera." if board is None else COUNT_ALIKE,
+        partial(dataset.with_targets_exchanged, frames),
     )
+    # The lens of a mirrored camera is mirrored too, so that the images tell by its centre alone.
+    if run_counter_clockwise(dataset):
+        for axis, claim in enumerate(
+            (
+                "The images of both cameras seem to be mirrored: u is counted from the right",
+                "v of both cameras seems to be counted from below",
+            )
+        ):
+            yield Reading(
+                claim,
+                "Give the images, or their points, as the cameras recorded them.",
+                partial(_mirrored, dataset, CAMERAS, axis),
+                is_likely=True,
+            )
     for cameras in ONE_OR_BOTH:
         yield Reading(
             f"The {whose(cameras)} distortion coefficients seem to have the wrong sign",
@@ -122,7 +149,21 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
         ),
     ):
         for which in CAMERAS:
-            yield Reading(claim, remedy, partial(_mirrored, dataset, which, axis))
+            yield Reading(claim, remedy, partial(_mirrored, dataset, (which,), axis))
+    if (board := board_of(dataset)) is not None:
+        grid = np.arange(len(board.points)).reshape(board.rows, board.columns)
+        by_columns = np.arange(len(board.points)).reshape(board.columns, board.rows).T
+        for numbers, how in (
+            (grid[:, ::-1], "from the other end of each row"),
+            (grid[::-1], "from the last row"),
+            (by_columns, "column by column"),
+            (by_columns[::-1, ::-1], "column by column, from the opposite corner"),
+        ):
+            yield Reading(
+                f"The corners of one camera seem to be counted {how}",
+                COUNT_ALIKE,
+                partial(dataset.renumbered, numbers.ravel(), dataset.correspondences.frames),
+            )
     if dataset.correspondences.rigid_object is None:
         yield Reading(
             "The columns of the table seem to stand camera by camera: A and B of one camera, then "
@@ -137,6 +178,19 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
             "Sort its files by their numbers, or write these with zeros before: 01, 02, ...",
             partial(_reordered, dataset, dict(zip(frames.tolist(), order, strict=True))),
         )
+    for whole in (1, -1, 2, -2) if len(frames) > FEWEST_TO_SHIFT else ():
+        moments = {int(frame): int(frame) - whole for frame in frames}
+        yield Reading(*counted_apart(frames, whole), partial(_reordered, dataset, moments))
+
+
+def counted_apart(frames: IntArray, whole: int) -> tuple[str, str]:
+    """The claim and the remedy where the secondary's frames are counted so many too high."""
+    frame = int(frames[min(max(whole, 0), len(frames) - 1)])
+    return (
+        f"The frames of the two cameras seem to be counted {abs(whole)} apart: the secondary's "
+        f"frame {frame - whole} is of the same moment as the primary's frame {frame}",
+        "Correct the numbers: one camera has an image less, or one more, at its start.",
+    )
 
 
 def _orders_of_words(frames: Any) -> Iterator[list[int]]:
@@ -151,11 +205,32 @@ def _orders_of_words(frames: Any) -> Iterator[list[int]]:
                 yield frames[places].tolist()
 
 
-def _mirrored(dataset: Dataset, which: CameraName, axis: int) -> Dataset:
-    points = getattr(dataset.correspondences, which).copy()
-    points[:, axis] = getattr(dataset, which).image_size[axis] - 1 - points[:, axis]
-    changes: dict[str, Any] = {which: points}
+def _mirrored(dataset: Dataset, cameras: Sequence[CameraName], axis: int) -> Dataset:
+    changes: dict[str, Any] = {}
+    for which in cameras:
+        changes[which] = points = getattr(dataset.correspondences, which).copy()
+        points[:, axis] = getattr(dataset, which).image_size[axis] - 1 - points[:, axis]
     return replace(dataset, correspondences=replace(dataset.correspondences, **changes))
+
+
+def board_of(dataset: Dataset) -> BoardPattern | None:
+    """The board that is seen; None of another object."""
+    rigid_object = dataset.correspondences.rigid_object
+    return None if rigid_object is None else rigid_object.board
+
+
+def fewer_corners(dataset: Dataset) -> Dataset:
+    """The data set with some corners of its board, its outermost ones among them: they are enough
+    to judge a reading, which takes a tenth of the time then. Of other objects all targets."""
+    if (board := board_of(dataset)) is None:
+        return dataset
+    kept = [
+        np.unique(np.linspace(0, count - 1, most).round().astype(int))
+        for count, most in zip((board.columns, board.rows), MOST_CORNERS, strict=True)
+    ]
+    row, column = np.divmod(dataset.correspondences.target, board.columns)
+    chosen = np.isin(column, kept[0]) & np.isin(row, kept[1])
+    return replace(dataset, correspondences=dataset.correspondences.where(chosen))
 
 
 def _camera_by_camera(dataset: Dataset) -> Dataset:

@@ -114,6 +114,9 @@ def suspects(dataset: Dataset) -> list[Reading]:
     if not (nominal.px < fitting_px(dataset) and nominal.spread < LENGTH_TOLERANCE):
         return [*readings_of_cameras(dataset)]
     for reading in readings_of_cameras(dataset):
+        if reading.is_likely:
+            found.append(reading)
+            continue
         with suppress(StereocalError):
             gains = _gains(nominal, essential_fit(reading.corrected()))
             if min(gains) > 1.0 and max(gains) > POSSIBLE_GAIN:

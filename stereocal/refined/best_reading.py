@@ -22,6 +22,7 @@ from stereocal.calibration.readings import (
     ONE_OR_BOTH,
     Reading,
     centred,
+    fewer_corners,
     fitting_px,
     readings_of_cameras,
     readings_of_points,
@@ -81,6 +82,7 @@ def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
         out_of_step: whether cameras out of step seem to explain the data. They fit otherwise
             estimated values too, and somewhat better many a wrong camera: neither is named then.
     """
+    dataset = fewer_corners(dataset)
     suspected = suspects(dataset)
     if not suspected:
         return []
@@ -107,13 +109,14 @@ def find_wrong_input(dataset: Dataset, out_of_step: bool = False) -> str:
     """
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
+    dataset = fewer_corners(dataset)
     nominal = noise_of_half(_fewer_frames(dataset))
     return _message(nominal, _every_reading(dataset, out_of_step), CERTAIN_GAIN)
 
 
 def nothing_fits(dataset: Dataset) -> str:
     """A message if no pose fits and `find_wrong_input` names nothing; else empty."""
-    nominal = noise_of_half(_fewer_frames(dataset))
+    nominal = noise_of_half(_fewer_frames(fewer_corners(dataset)))
     if nominal < fitting_px(dataset) or len(dataset.correspondences.bars) < MINIMUM_BARS:
         return ""
     to = f" better than to {rounded(nominal)} px" if np.isfinite(nominal) else ""
@@ -223,9 +226,10 @@ def _named(nominal: float, judged: list[JudgedReading], gain: float) -> list[Jud
 
 def _message(nominal: float, judged: list[JudgedReading], gain: float) -> str:
     """The reading with the least noise, and those that explain as much; or empty."""
-    named = _named(nominal, judged, gain)
-    if not named:
+    if not _named(nominal, judged, gain):
         return ""
+    # Of two that explain about as much the one that changes no value.
+    named = _named(nominal, judged, POSSIBLE_GAIN)
     best = named[0]
     others = dict.fromkeys(
         it.reading.claim for it in named[1:] if it.noise_px < ALIKE * best.noise_px

@@ -8,10 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from stereocal.calibration.board_numbering import check_numbering
+from stereocal.calibration.wrong_inputs import MINIMUM_BARS
 from stereocal.errors import StereocalError
+from stereocal.refined.diagnosis import explain_failure
 from stereocal.refined.refine import refine, robust_start
+from stereocal.refined.screening import unscreened
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
+from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
 
 FEWEST_BARS = 5
@@ -21,7 +26,16 @@ def with_baseline_found(dataset: Dataset) -> Dataset:
     """The data set with a free baseline set to the refined method's value; others unchanged."""
     if not dataset.baseline_is_free:
         return dataset
-    return replace(dataset, baseline_m=refine(with_rough_baseline(dataset)).pose.baseline)
+    check_numbering(Recording.of_pair(dataset))
+    rough = dataset
+    try:
+        rough = with_rough_baseline(dataset)
+        return replace(dataset, baseline_m=refine(rough).pose.baseline)
+    except StereocalError as error:
+        if len(dataset.correspondences.bars) < MINIMUM_BARS:
+            raise
+        # The cause is named, as where the baseline was measured.
+        raise StereocalError(explain_failure(rough, unscreened(rough), f"{error} ")) from error
 
 
 def with_rough_baseline(dataset: Dataset) -> Dataset:

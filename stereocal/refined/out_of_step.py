@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stereocal.calibration.readings import counted_apart
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.time_offset import (
@@ -154,9 +155,4 @@ def _counted(fit: RefinedResult) -> str:
     whole = round(offset.frames)
     if not whole or abs(offset.frames - whole) > WHOLE + CLAIMED * offset.sigma:
         return ""
-    frame = int(fit.frames[min(max(whole, 0), len(fit.frames) - 1)])
-    return (
-        f" The frames of the two cameras seem to be counted {abs(whole)} apart: the secondary's "
-        f"frame {frame - whole} is of the same moment as the primary's frame {frame}. Correct the "
-        "numbers: one camera has an image less, or one more, at its start."
-    )
+    return f" {'. '.join(counted_apart(fit.frames, whole))}"

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
@@ -102,15 +102,28 @@ class Dataset:
     def with_targets_exchanged(self, frames: npt.ArrayLike) -> "Dataset":
         """The data set with A and B exchanged in the secondary image of the given frames.
 
-        An object is turned (`RigidObject.half_turn`). Targets whose counterpart is not seen in
-        their frame are not changed.
+        An object is turned (`RigidObject.half_turn`).
         """
         rows = self.correspondences
         turned = np.array([1, 0]) if rows.rigid_object is None else rows.rigid_object.half_turn
-        at = {key: row for row, key in enumerate(zip(rows.frame, rows.target, strict=True))}
-        order = np.arange(len(rows))
-        for row in np.flatnonzero(np.isin(rows.frame, np.asarray(frames))):
-            order[row] = at.get((rows.frame[row], turned[rows.target[row]]), row)
+        return self.renumbered(turned, frames)
+
+    def renumbered(self, numbers: IntArray, frames: npt.ArrayLike) -> "Dataset":
+        """The data set with other targets in the secondary image of the given frames.
+
+        Targets whose counterpart is not seen in their frame are not changed.
+
+        Args:
+            numbers: (k,): of each target, whose secondary point it takes.
+        """
+        rows = self.correspondences
+        width = len(numbers)
+        key = rows.frame * width + rows.target
+        wanted = rows.frame * width + numbers[rows.target]
+        by_key = np.argsort(key)
+        at = by_key[np.searchsorted(key, wanted, sorter=by_key).clip(max=len(key) - 1)]
+        changes = np.isin(rows.frame, np.asarray(frames)) & (key[at] == wanted)
+        order = np.where(changes, at, np.arange(len(rows)))
         names = ("secondary", "sigma_secondary_px", "recorded", "motion")
         changed = {name: getattr(rows, name)[order] for name in names}
         return replace(self, correspondences=replace(rows, **changed))

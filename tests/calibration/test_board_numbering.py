@@ -1,0 +1,61 @@
+"""Boards that are numbered or stated wrongly are named before a pose is looked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereocal.calibration.board_numbering import check_numbering, note_on_ways_round
+from stereocal.calibration.readings import fewer_corners
+from stereocal.errors import StereocalError
+from stereocal.refined.free_baseline import with_baseline_found
+from tests.rigs.board_mistakes import MISTAKES, images_mirrored
+from tests.rigs.board_pairs import sound
+
+PAIR = sound(0, frames=12)
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        "a column too many",
+        "a column too few",
+        "rows and columns exchanged",
+        "rows and columns exchanged in one camera",
+        "half a turn of one camera",
+        "corners of one camera mirrored",
+        "frames shifted by one",
+    ],
+)
+def test_mistake_is_named(mistake: str) -> None:
+    it = MISTAKES[mistake]
+    spoiled = it.spoil(PAIR, np.random.default_rng(1)).recording
+    with pytest.raises(StereocalError) as refused:
+        with_baseline_found(spoiled.pair("primary", "secondary"))
+    assert any(word in str(refused.value).lower() for word in it.words)
+
+
+def test_sound_numbers_pass_and_other_ways_round_are_told() -> None:
+    check_numbering(PAIR.recording)
+    assert not note_on_ways_round(PAIR.recording.pair("primary", "secondary"))
+    both = images_mirrored(PAIR, (0, 1)).recording
+    check_numbering(both)
+    assert "mirrored" in note_on_ways_round(both.pair("primary", "secondary"))
+    # One camera alone is no such case.
+    one = images_mirrored(PAIR, (0,)).recording
+    assert not note_on_ways_round(one.pair("primary", "secondary"))
+
+
+def test_misnumbered_camera_is_named() -> None:
+    grid = np.arange(35).reshape(5, 7)
+    points = PAIR.points.copy()
+    points[:, :, 1] = PAIR.points[:, grid.T.ravel(), 1]
+    with pytest.raises(StereocalError, match=r"camera secondary .* a row had 5"):
+        check_numbering(replace(PAIR, points=points).recording)
+
+
+def test_fewer_corners_keep_the_outermost() -> None:
+    data = PAIR.recording.pair("primary", "secondary")
+    few = fewer_corners(data)
+    assert len(few.correspondences) < len(data.correspondences)
+    assert np.array_equal(few.bar_distances_m, data.bar_distances_m)

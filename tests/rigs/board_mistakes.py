@@ -1,0 +1,187 @@
+"""What goes wrong with a board before two cameras, one thing at a time."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from tests.rigs.board_pairs import BoardPair
+from tests.rigs.culprits import lexical
+
+Spoil = Callable[[BoardPair, np.random.Generator], BoardPair]
+
+
+@dataclass(frozen=True)
+class BoardMistake:
+    """What was done to a sound pair, and words that name it, in lower case."""
+
+    spoil: Spoil
+    words: tuple[str, ...]
+
+
+def _grid(pair: BoardPair) -> IntArray:
+    return np.arange(pair.points.shape[1]).reshape(pair.board.rows, pair.board.columns)
+
+
+def stated_as(pair: BoardPair, columns: int, rows: int) -> BoardPair:
+    """The board stated with other numbers of corners; the table is as it was."""
+    points = pair.points[:, : columns * rows]
+    return replace(pair, board=replace(pair.board, columns=columns, rows=rows), points=points)
+
+
+def numbered(pair: BoardPair, order: IntArray, cameras: tuple[int, ...]) -> BoardPair:
+    """The corners of some cameras under other numbers."""
+    points = pair.points.copy()
+    for camera in cameras:
+        points[:, :, camera] = pair.points[:, order.ravel(), camera]
+    return replace(pair, points=points)
+
+
+def _one(rng: np.random.Generator) -> int:
+    return int(rng.integers(2))
+
+
+def images_mirrored(pair: BoardPair, cameras: tuple[int, ...]) -> BoardPair:
+    """u counted from the right."""
+    points = pair.points.copy()
+    for camera in cameras:
+        points[..., camera, 0] = pair.cameras[camera].image_size[0] - 1 - points[..., camera, 0]
+    return replace(pair, points=points)
+
+
+def reordered(pair: BoardPair, rng: np.random.Generator, places: list[int]) -> BoardPair:
+    """The frames of one camera in other places."""
+    camera, count = _one(rng), len(pair.points)
+    order = np.array(places)
+    kept = (order >= 0) & (order < count)
+    points = pair.points.copy()
+    points[:, :, camera] = pair.points[order % count, :, camera]
+    return replace(pair, points=points[kept])
+
+
+def moved(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
+    """The secondary camera is turned by two degrees before the second half."""
+    camera, points, count = pair.cameras[1], pair.points.copy(), len(pair.points)
+    if pair.truth is not None:
+        camera = pair.truth.secondary
+    axis = rng.standard_normal(3)
+    turn = Rotation.from_rotvec(np.radians(2.0) * axis / np.linalg.norm(axis))
+    seen = points[count // 2 :, :, 1]
+    rays = camera.undistort(seen.reshape(-1, 2))
+    turned = turn.apply(np.column_stack([rays, np.ones(len(rays))]))
+    points[count // 2 :, :, 1] = camera.project(turned).reshape(seen.shape)
+    size = np.array(camera.image_size)
+    inside = ((points[:, :, 1] > 0) & (points[:, :, 1] < size - 1)).all(axis=(1, 2))
+    return replace(pair, points=points[inside])
+
+
+def board_of(pair: BoardPair, scale: FloatArray, second_half: bool = False) -> BoardPair:
+    """The printed board is larger by a factor along its columns and rows than is stated; all along
+    or in the second half."""
+    if pair.truth is None:  # of real corners: the stated board is changed instead
+        raise NotImplementedError
+    rng = np.random.default_rng(7)
+    own = pair.board.points - pair.board.points.mean(axis=0)
+    corners = own * np.array([*scale, 1.0])
+    points = pair.points.copy()
+    for frame, pose in enumerate(pair.placings):
+        if second_half and frame < len(points) // 2:
+            continue
+        at = pose.apply(corners)
+        seen = [pair.truth.primary.project(at)]
+        seen.append(pair.truth.secondary.project(pair.truth.pose.apply(at)))
+        points[frame] = np.stack(seen, axis=1)
+        points[frame] += pair.noise_px * rng.standard_normal(points[frame].shape)
+    sizes = np.array([camera.image_size for camera in pair.cameras])
+    inside = ((points > 0) & (points < sizes - 1)).all(axis=(1, 2, 3))
+    return replace(pair, points=points[inside])
+
+
+def with_camera(pair: BoardPair, number: int, camera: Camera) -> BoardPair:
+    cameras = list(pair.cameras)
+    cameras[number] = camera
+    return replace(pair, cameras=(cameras[0], cameras[1]))
+
+
+def half_size(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
+    which = _one(rng)
+    camera = pair.cameras[which]
+    K = camera.K.copy()
+    K[:2] *= 0.5
+    return with_camera(pair, which, replace(camera, K=K, uncertainty=None))
+
+
+def cropped(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
+    """A tenth cut off on the left of one camera's images, and an eighteenth above."""
+    which = _one(rng)
+    width, height = pair.cameras[which].image_size
+    points = pair.points.copy()
+    points[:, :, which] -= np.array([width // 10, height // 18])
+    lost = (points[:, :, which] < 0).any(axis=2)
+    points[lost] = np.nan
+    return replace(pair, points=points)
+
+
+def files_exchanged(pair: BoardPair, _: np.random.Generator) -> BoardPair:
+    one, two = pair.cameras
+    return replace(
+        pair,
+        cameras=(replace(two, image_size=one.image_size), replace(one, image_size=two.image_size)),
+    )
+
+
+def square_off(factor: float) -> Spoil:
+    def spoil(pair: BoardPair, _: np.random.Generator) -> BoardPair:
+        return replace(pair, board=replace(pair.board, square_m=factor * pair.board.square_m))
+
+    return spoil
+
+
+def _stated(columns: int, rows: int) -> Spoil:
+    return lambda p, _: stated_as(p, p.board.columns + columns, p.board.rows + rows)
+
+
+MISTAKES: Mapping[str, BoardMistake] = {
+    "a column too many": BoardMistake(_stated(1, 0), ("columns",)),
+    "a column too few": BoardMistake(_stated(-1, 0), ("columns",)),
+    "rows and columns exchanged": BoardMistake(
+        lambda p, _: stated_as(p, p.board.rows, p.board.columns), ("columns",)
+    ),
+    "both cameras mirrored": BoardMistake(lambda p, _: images_mirrored(p, (0, 1)), ("mirrored",)),
+    "one camera mirrored": BoardMistake(lambda p, r: images_mirrored(p, (_one(r),)), ("mirrored",)),
+    "corners of one camera mirrored": BoardMistake(
+        lambda p, r: numbered(p, _grid(p)[:, ::-1], (_one(r),)), ("from the other end of each row",)
+    ),
+    "rows and columns exchanged in one camera": BoardMistake(
+        lambda p, r: _transposed(p, (_one(r),)), ("columns",)
+    ),
+    "half a turn of one camera": BoardMistake(
+        lambda p, r: numbered(p, _grid(p)[::-1, ::-1], (_one(r),)), ("opposite corner",)
+    ),
+    "stretched by 1.5 %": BoardMistake(
+        lambda p, r: board_of(p, np.array([[1.015, 1.0], [1.0, 1.015]][_one(r)])),
+        ("ruler", "longer", "stretched"),
+    ),
+    "two boards of different sizes": BoardMistake(
+        lambda p, _: board_of(p, np.array([1.2, 1.2]), second_half=True), ("size",)
+    ),
+    "square 10 % too large": BoardMistake(square_off(1.1), ("baseline", "distance")),
+    "moved half-way": BoardMistake(moved, ("moved",)),
+    "frames in the order of words": BoardMistake(
+        lambda p, r: reordered(p, r, lexical(len(p.points))), ("order of words",)
+    ),
+    "frames shifted by one": BoardMistake(
+        lambda p, r: reordered(p, r, [k + 1 for k in range(len(p.points))]), ("counted 1 apart",)
+    ),
+    "K at half size": BoardMistake(half_size, ("matrix k", "focal length")),
+    "a crop": BoardMistake(cropped, ("centre", "principal point")),
+    "camera files exchanged": BoardMistake(files_exchanged, ("exchanged",)),
+}
+
+
+def _transposed(pair: BoardPair, cameras: tuple[int, ...]) -> BoardPair:
+    """The corners of some cameras counted column by column."""
+    return numbered(pair, _grid(pair).T, cameras)
