@@ -6,6 +6,7 @@ from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.system.numbers import count
 
@@ -73,7 +74,7 @@ def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
 
 def warnings_about(dataset: Dataset) -> list[str]:
     """Warnings about a data set that can be calibrated but has unusual values."""
-    found = []
+    found = [note] if (note := beyond_in_words(dataset.beyond_view)) else []
     pairs = len(dataset.correspondences)
     if pairs < FEW_PAIRS:
         found.append(

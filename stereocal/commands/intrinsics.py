@@ -37,6 +37,7 @@ from stereocal.intrinsics.stereo_boards import (
     recording_of,
 )
 from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all, write_atomically
@@ -65,7 +66,7 @@ def run(parsed: argparse.Namespace) -> None:
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
             boards = _search(photographs, pattern, proposal.pairing, executor)
             cameras = _lenses_of(boards, settings, executor)
-            write_recording(out, recording_of(boards, cameras, out.name))
+            write_recording(out, _recorded(boards, cameras, out.name))
             return
         boards_in = partial(find_boards, photographs, pattern, executor)
         search = with_bar("photographs searched", boards_in)
@@ -111,7 +112,7 @@ def detect_board(parsed: argparse.Namespace, target: Board) -> None:
             else:
                 first, second = known.cameras.values()
                 cameras = first, second
-    recording = recording_of(boards, cameras, parsed.dataset.stem)
+    recording = _recorded(boards, cameras, parsed.dataset.stem)
     if known is not None:
         names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
         recording = replace(recording, **{name: getattr(known, name) for name in names})
@@ -126,6 +127,14 @@ def write_recording(folder: Path, recording: Recording) -> None:
     """Write a data set into a folder."""
     write_all({folder / name: content for name, content in pack_recording(recording).items()})
     report(written=[folder])
+
+
+def _recorded(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str) -> Recording:
+    """The recording of the boards; says which points a fisheye sees too far out."""
+    recording = recording_of(boards, cameras, name)
+    if beyond := beyond_in_words(recording.beyond_view):
+        say(beyond)
+    return recording
 
 
 def _search(

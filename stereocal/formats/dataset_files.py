@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -130,7 +129,7 @@ def parse_dataset(
     name = f"{source}: {TABLE}"
     rows = read_table(files[found.folder + TABLE], name).strict(name)
     try:
-        return with_baseline_found(replace(survey, correspondences=rows))
+        return with_baseline_found(survey.with_points(rows))
     except RefusedRowsError as error:
         raise RefusedRowsError(f"{source}: {TABLE}: ", error.problems, error.what) from error
     except StereocalError as error:

@@ -90,5 +90,6 @@ def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
             "matched points without the column target."
         )
     rows = read_table(path.read_bytes(), label).strict(label)
-    dataset = Dataset(label, rig.primary, rig.secondary, rows, rig.pose.baseline, length)
-    return images_of_bars(dataset, rig)
+    empty, baseline = rows.of_frames([]), rig.pose.baseline
+    dataset = Dataset(label, rig.primary, rig.secondary, empty, baseline, length)
+    return images_of_bars(dataset.with_points(rows), rig)

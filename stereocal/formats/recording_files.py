@@ -249,7 +249,7 @@ def read_points_csv(
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     if rows.problems:
         raise RefusedRowsError(f"{source}: ", rows.problems, "cannot be used")
-    return Recording(
+    recording = Recording(
         name="",
         cameras=dict(cameras),
         object=rigid_object,
@@ -259,6 +259,8 @@ def read_points_csv(
         points=points,
         sigma_px=rows.values[SIGMA],
     )
+    with naming(source):
+        return recording.within_view()
 
 
 def _at(rows: Rows, row: int) -> str:

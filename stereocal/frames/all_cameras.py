@@ -26,6 +26,7 @@ from stereocal.frames.search import search_photographs
 from stereocal.frames.sides import in_order_taken
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import Photographs
@@ -219,6 +220,9 @@ def put_together(
     recording = Recording(
         "", dict(cameras), rigid_object, frame_of, camera_of, target_of, values[:, :2], values[:, 2]
     )
+    recording = recording.within_view()
+    if beyond := beyond_in_words(recording.beyond_view):
+        unused.append(beyond)
     return FoundRecording(recording, tuple(unused))
 
 

@@ -380,9 +380,12 @@ def _pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> Pose:
 
 def _distance_px(camera: Camera, pattern: BoardPattern, pose: Pose, view: BoardView) -> float:
     """Median distance of a board's corners from where a pose puts them; infinite behind it."""
-    points = pose.apply(pattern.points[view.ids])
-    if not (points[:, 2] > 0).all():
+    points, corners = pose.apply(pattern.points[view.ids]), view.corners
+    if camera.is_fisheye:
+        used = camera.uses(camera.undistort(corners))
+        points, corners = points[used], corners[used]
+    if not (len(points) and (points[:, 2] > 0).all()):
         return np.inf
     with np.errstate(all="ignore"):  # far outside the image a distortion may have no value
-        apart = np.linalg.norm(camera.project(points) - view.corners, axis=1)
+        apart = np.linalg.norm(camera.project(points) - corners, axis=1)
     return float(np.median(np.nan_to_num(apart, nan=np.inf)))

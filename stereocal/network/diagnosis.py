@@ -13,6 +13,7 @@ from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import LensPrior, lens_prior
 from stereocal.refined.views import EACH
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.numbers import rounded
 
 CONTRADICTED = 30.0
@@ -55,9 +56,10 @@ def refuse_poor_fit(rig: RigCalibration) -> None:
 
 def camera_warnings(fit: RigFit) -> list[str]:
     """What to check, of a joint fit that has ended."""
+    beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
     if not fit.is_determined:
-        return []
-    return [*_lens_warnings(fit), *_moved_warnings(fit), *_baseline_warnings(fit)]
+        return [*beyond]
+    return [*beyond, *_lens_warnings(fit), *_moved_warnings(fit), *_baseline_warnings(fit)]
 
 
 def _baseline_warnings(fit: RigFit) -> list[str]:

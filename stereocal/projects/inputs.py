@@ -81,14 +81,14 @@ class Inputs:
             name=self.name or name,
             primary=self._known("primary", primary),
             secondary=self._known("secondary", secondary),
-            correspondences=rows,
+            correspondences=rows.of_frames([]),
             baseline_m=float(self.baseline_m or (self.baseline_free and 1.0) or 0.0),
             target_distance_m=rigid_object.longest_m
             if rigid_object
             else self.target_distance_m or 0.0,
             baseline_sigma_m=np.inf if self.baseline_free else self.baseline_sigma_m,
             target_distance_sigma_m=self.target_distance_sigma_m,
-        )
+        ).with_points(rows)
         if self.exchanged:
             dataset = dataset.with_targets_exchanged(self.exchanged)
         return with_baseline_found(dataset)

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +14,7 @@ from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
+from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.rigid_object import placed
@@ -45,6 +47,8 @@ class Dataset:
     """By which the secondary points have been shifted; None if they are as recorded."""
     camera_names: tuple[str, str] | None = None
     """Their names in a recording of more, the primary first; None if they have no others."""
+    beyond_view: Mapping[str, int] = field(default_factory=dict)
+    """By camera, how many points were left out by `with_points`."""
 
     def __post_init__(self) -> None:
         bar = "distance between the targets"
@@ -62,10 +66,11 @@ class Dataset:
             check_uncertainty("baseline", self.baseline_sigma_m, self.baseline_m)
         check_uncertainty(bar, self.target_distance_sigma_m, self.target_distance_m)
         refuse_points_outside("", self.correspondences, self.primary, self.secondary)
-        used = self.primary.uses(self.rays[:2].T), self.secondary.uses(self.rays[2:].T)
-        lost = np.flatnonzero(~(used[0] & used[1]))
+        # A fisheye that a fit has moved within its errors may see points beyond `LARGEST_ANGLE`.
+        known = np.isfinite(self.rays)
+        lost = np.flatnonzero(~known.all(axis=0))
         if len(lost):
-            which = CAMERAS[int(used[0][lost[0]])]
+            which = CAMERAS[int(known[:2, lost[0]].all())]
             raise StereocalError(self._not_inverted(int(lost[0]), which))
 
     def _not_inverted(self, row: int, which: CameraName) -> str:
@@ -89,6 +94,27 @@ class Dataset:
             f"for a point this far from the centre of the {width}x{height} px image. Check the "
             f"camera file.{hint}"
         )
+
+    def with_points(self, rows: Correspondences) -> "Dataset":
+        """The data set with these points, without pairs that a fisheye images farther from its
+        axis than it is used; `beyond_view` counts them.
+
+        Raises:
+            StereocalError: more than half of a camera's points are there.
+        """
+        refuse_points_outside("", rows, self.primary, self.secondary)
+        beyond = [
+            beyond_view(camera, points, which)
+            for which, camera, points in (
+                (CAMERAS[0], self.primary, rows.primary),
+                (CAMERAS[1], self.secondary, rows.secondary),
+            )
+        ]
+        counts: dict[str, int] = {}
+        if beyond[0].any() or beyond[1].any():
+            counts.update(zip(CAMERAS, (int(own.sum()) for own in beyond), strict=True))
+            rows = rows.where(~(beyond[0] | beyond[1]))
+        return replace(self, correspondences=rows, beyond_view=counts)
 
     @property
     def baseline_is_free(self) -> bool:
@@ -142,6 +168,8 @@ class Dataset:
         shifted = replace(rows, secondary=recorded, recorded=recorded * np.nan, motion=motion)
         if offset.is_shift:
             known = found.inside(self.secondary.image_size)
+            if self.secondary.is_fisheye:
+                known &= self.secondary.uses(self.secondary.undistort(found.positions))
             shifted = replace(
                 rows,
                 secondary=np.where(known[:, None], found.positions, recorded),

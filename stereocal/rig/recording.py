@@ -13,6 +13,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 
@@ -48,6 +49,8 @@ class Recording:
     """The measured baselines; each pair in one order or the other."""
     baseline_sigma_m: float | None = None
     notes: str = ""
+    beyond_view: Mapping[str, int] = field(default_factory=dict)
+    """By camera, how many points were left out by `within_view`."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
@@ -87,6 +90,20 @@ class Recording:
                 problems.append(RowProblem(0, reason))
         if problems:
             raise RefusedRowsError("", problems, "cannot be used")
+
+    def within_view(self) -> "Recording":
+        """The recording without points that a fisheye images farther from its axis than it is used;
+        `beyond_view` counts them.
+
+        Raises:
+            StereocalError: more than half of a camera's points are there.
+        """
+        beyond, counts = np.zeros(len(self.frame), dtype=np.bool_), dict[str, int]()
+        for number, (name, camera) in enumerate(self.cameras.items()):
+            own = np.flatnonzero(self.camera == number)
+            beyond[own] = beyond_view(camera, self.points[own], name)
+            counts[name] = int(beyond[own].sum())
+        return replace(self.where(~beyond), beyond_view=counts) if beyond.any() else self
 
     def where(self, kept: BoolArray) -> "Recording":
         """The rows for which `kept` (n,) is true."""
@@ -168,6 +185,7 @@ class Recording:
             target_distance_sigma_m=self.object.sigma_m,
             notes=self.notes,
             camera_names=None if (first, second) == CAMERAS else (first, second),
+            beyond_view={name: self.beyond_view.get(name, 0) for name in (first, second)},
         )
 
     def _common(self, first: str, second: str) -> tuple[IntArray, IntArray]:

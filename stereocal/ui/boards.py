@@ -15,6 +15,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.review import board_corners, thumbnail
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.ui import jobs
 from stereocal.ui.contact_sheet import badge, on_a_sheet
@@ -156,5 +157,6 @@ def _find(
         }
     data = stereo_boards.recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
     label = None if given else OF_BOARDS
-    store.keep_boards(data, boards.sentence, {**loose, **boards.doubtful}, label, job.work.digest)
+    sentence = f"{boards.sentence} {beyond_in_words(data.beyond_view)}".rstrip()
+    store.keep_boards(data, sentence, {**loose, **boards.doubtful}, label, job.work.digest)
     settle(store.project)

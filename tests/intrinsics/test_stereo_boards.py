@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from stereocal.calibration.checks import warnings_about
 from stereocal.cli import main
 from stereocal.detection.target import parse_board, parse_target
 from stereocal.errors import StereocalError
@@ -23,11 +24,13 @@ from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     boards_in_one_order,
     find_stereo_boards,
+    lenses_of_boards,
     orders_of,
     recording_of,
     stereo_boards,
 )
 from stereocal.refined.refine import refine
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import place_bars
@@ -36,6 +39,7 @@ from tests.ball_bars import BAR_M, RIG
 from tests.files import write
 from tests.lens import PATTERN, SMALL, AtOnce
 from tests.rigs.boards import photographs, placings, stereo
+from tests.rigs.fisheyes import draw_fisheye, draw_pairs
 from tools.photographs.bars import BarSettings, photograph_bars
 from tools.photographs.objects import charuco
 from tools.photographs.rendering import PhotographSettings
@@ -314,3 +318,29 @@ def test_a_charuco_board_is_proposed(
     assert found.dictionary == dictionary
     # To 2 px of 56 a square: the corners of markers lie on their outermost pixels.
     assert found.marker == pytest.approx(marker, abs=0.04)
+
+
+def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: Path) -> None:
+    """Boards up to 100 degrees from the axis; the lenses come from the same photographs."""
+    rng = np.random.default_rng(1)
+    rig = Pose(Rotation.from_rotvec([0.02, 0.2, 0.03]).as_matrix(), np.array([-0.3, 0.01, 0.02]))
+    lenses = draw_fisheye(rng), draw_fisheye(rng)
+    boards = draw_pairs(lenses, rig, BoardPattern(5, 4, 0.03), 10, 0.1, rng)
+    first, second = lenses_of_boards(boards, None, AtOnce())
+    assert first.camera.is_fisheye and second.camera.is_fisheye
+    recording = recording_of(boards, (first.camera, second.camera), "fisheyes")
+    beyond = recording.beyond_view
+    assert min(beyond.values()) > 5
+    write(pack_recording(recording), tmp_path)
+    result = refine(read_dataset(tmp_path))
+    assert_near(result.pose, rig)
+    # Written with the points far out, as other programs do: they are left out, and counted.
+    whole = ["frame,camera,target,u,v"]
+    for seen in boards.common:
+        for which, view in zip(CAMERAS, seen.views, strict=True):
+            rows = zip(view.ids, view.corners.tolist(), strict=True)
+            whole += [f"{seen.frame},{which},{target},{u},{v}" for target, (u, v) in rows]
+    (tmp_path / "points.csv").write_text("\n".join(whole))
+    again = read_dataset(tmp_path)
+    assert again.beyond_view == beyond
+    assert f"Left out: {beyond['primary']} points of the camera primary" in warnings_about(again)[0]

@@ -1,12 +1,16 @@
 """The fisheye lens against OpenCV's, and how its errors are counted."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
+from stereocal.calibration.checks import warnings_about
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from tests.fisheye_rig import IMAGE_SIZE, fisheye, fisheye_rig, recording
 from tests.known_rig import PRIMARY
@@ -131,3 +135,28 @@ def test_a_point_beyond_75_degrees_is_named() -> None:
     )
     with pytest.raises(StereocalError, match="more than 75 degrees from its axis"):
         type(dataset)("x", half, half, rows, 1.0, 0.4)
+    empty = type(dataset)("x", half, half, rows.of_frames([]), 1.0, 0.4)
+    with pytest.raises(StereocalError, match="check its camera file"):
+        empty.with_points(rows)
+
+
+def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
+    dataset, _ = recording(150.0, 1, exact=True)
+    rows, camera = dataset.correspondences, dataset.secondary
+    moved = rows.secondary.copy()
+    directions = np.array([[0.9, 0.43], [-0.9, 0.43]])
+    moved[[4, 9]] = camera.distort(np.tan(np.radians(77.0)) * directions)
+    rows = replace(rows, secondary=moved)
+    assert not camera.outside(moved)
+    found = dataset.with_points(rows)
+    assert len(found.correspondences) == len(rows) - 2
+    assert found.beyond_view == {"primary": 0, "secondary": 2}
+    assert "2 points of the camera secondary" in warnings_about(found)[0]
+    again = Recording.of_pair(dataset)
+    points = again.points.copy()
+    points[[len(rows) + 4, len(rows) + 9]] = moved[[4, 9]]
+    again = replace(again, points=points).within_view()
+    assert again.beyond_view == found.beyond_view
+    np.testing.assert_array_equal(
+        again.pair(*CAMERAS).correspondences.primary, found.correspondences.primary
+    )

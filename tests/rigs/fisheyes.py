@@ -6,12 +6,16 @@ with the image circle inside the image, across it, or beyond it; their centre li
 own.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView
+from stereocal.intrinsics.stereo_boards import StereoBoards, stereo_boards
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from tools.photographs.rendering import turned
 
@@ -28,6 +32,7 @@ PATTERNS = (BoardPattern(5, 4, 0.03), BoardPattern(4, 5, 0.03), BoardPattern(8, 
 SLOPE = 0.05
 """Least pixels per angle within the view, over those on the axis."""
 SPACING_PX = 5.0
+MOST_TRIES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +94,54 @@ def draw_boards(
     rng: np.random.Generator,
     to: float = np.pi,
 ) -> BoardSearch:
-    """Boards that are in view whole, turned towards the camera and then tilted by 5 to 50 degrees;
-    half of them are in the outer third of the view.
+    """Boards that are in view whole.
 
     Args:
         to: largest angle of a corner from the axis.
     """
+    views: list[BoardView] = []
+    for points in _placed(min(lens.half, to), pattern, rng):
+        pixels = _whole(lens, pattern, points)
+        if pixels is not None and away_of(points).max() <= to:
+            views.append(_view(f"{len(views):02}.png", lens, pixels, noise_px, rng))
+        if len(views) >= count:
+            return BoardSearch(pattern, tuple(views))
+    raise AssertionError
+
+
+def draw_pairs(
+    lenses: tuple[Fisheye, Fisheye],
+    rig: Pose,
+    pattern: BoardPattern,
+    count: int,
+    noise_px: float,
+    rng: np.random.Generator,
+) -> StereoBoards:
+    """Boards that two cameras see whole; `rig` is secondary from primary."""
+    views: list[tuple[BoardView, BoardView]] = []
+    for points in _placed(lenses[0].half, pattern, rng):
+        both = [
+            _whole(lens, pattern, seen)
+            for lens, seen in zip(lenses, (points, rig.apply(points)), strict=True)
+        ]
+        if both[0] is not None and both[1] is not None:
+            first, second = (
+                _view(f"{side}{len(views):02}.png", lens, pixels, noise_px, rng)
+                for side, lens, pixels in zip(("left", "right"), lenses, both, strict=True)
+                if pixels is not None
+            )
+            views.append((first, second))
+        if len(views) >= count:
+            break
+    searches = tuple(BoardSearch(pattern, own) for own in zip(*views, strict=True))
+    return stereo_boards(pair_names({view.name: "" for each in views for view in each}), searches)
+
+
+def _placed(half: float, pattern: BoardPattern, rng: np.random.Generator) -> Iterator[FloatArray]:
+    """Points (n, 3) of boards that are turned towards the camera and then tilted by 5 to 50
+    degrees; the middles of half of them are in the outer third of the view."""
     points = pattern.points - pattern.points.mean(axis=0)
-    half, views = min(lens.half, to), list[BoardView]()
-    while len(views) < count:
+    for _ in range(MOST_TRIES):
         away = half * (rng.uniform(0.65, 1.0) if rng.random() < 0.5 else rng.uniform(0.0, 0.7))
         about, lean = rng.uniform(0.0, 2 * np.pi, 2)
         axes = [np.array([-np.sin(a), np.cos(a), 0.0]) for a in (about, lean)]
@@ -105,17 +149,23 @@ def draw_boards(
         R = facing @ turned(np.radians(rng.uniform(5.0, 50.0)) * axes[1])
         R = R @ turned(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
         distance = np.ptp(points, axis=0).max() / rng.uniform(0.3, 1.3)
-        seen = points @ R.T + distance * facing[:, 2]
-        pixels = lens.project(seen)
-        grid = pixels.reshape(pattern.rows, pattern.columns, 2)
-        steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
-        inside = ((pixels > 2.0) & (pixels < np.array(lens.image_size) - 3.0)).all()
-        if not inside or min(steps) < SPACING_PX or away_of(seen).max() > half:
-            continue
-        corners = pixels + noise_px * rng.normal(size=pixels.shape)
-        ids = np.arange(len(points))
-        views.append(BoardView(f"{len(views):02}.png", lens.image_size, ids, corners))
-    return BoardSearch(pattern, tuple(views))
+        yield points @ R.T + distance * facing[:, 2]
+
+
+def _whole(lens: Fisheye, pattern: BoardPattern, points: FloatArray) -> FloatArray | None:
+    """Pixels (n, 2) of the points of a board; None if it is not in view whole, or too small."""
+    pixels = lens.project(points)
+    grid = pixels.reshape(pattern.rows, pattern.columns, 2)
+    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
+    inside = ((pixels > 2.0) & (pixels < np.array(lens.image_size) - 3.0)).all()
+    return pixels if inside and min(steps) >= SPACING_PX else None
+
+
+def _view(
+    name: str, lens: Fisheye, pixels: FloatArray, noise_px: float, rng: np.random.Generator
+) -> BoardView:
+    corners = pixels + noise_px * rng.normal(size=pixels.shape)
+    return BoardView(name, lens.image_size, np.arange(len(pixels)), corners)
 
 
 def away_of(points: FloatArray) -> FloatArray:

@@ -19,6 +19,7 @@ from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.recording_files import NUMBERS, REQUIRED, pack_recording, read_points_csv
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import check_length
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.tables import EMPTY, read_rows
@@ -120,6 +121,8 @@ def _of_bars(
         np.full(len(row), np.nan),
     )
     recording.refuse_points_outside()
+    recording = recording.within_view()
+    remarks += tuple(filter(None, [beyond_in_words(recording.beyond_view)]))
     if unseen := [each for k, each in enumerate(recording.cameras) if k not in camera_of_row]:
         raise StereocalError(
             f"Camera {unseen[0]} sees no end of the bar that another camera sees: use two of the "

@@ -94,12 +94,12 @@ class Archive:
                 name=name,
                 primary=self.primary,
                 secondary=self.secondary,
-                correspondences=self.correspondences,
+                correspondences=self.correspondences.of_frames([]),
                 baseline_m=(self.baseline_m or 1.0) if measured is None else measured,
                 target_distance_m=distance,
                 baseline_sigma_m=sigma,
                 notes=" ".join(notes),
-            )
+            ).with_points(self.correspondences)
         )
 
 

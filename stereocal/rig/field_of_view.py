@@ -1,0 +1,45 @@
+"""Points that a fisheye images farther from its axis than it is used: left out, and counted."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.rig.fisheye import LARGEST_ANGLE
+from stereocal.system.numbers import count
+
+DEGREES = round(float(np.degrees(LARGEST_ANGLE)))
+MOST_BEYOND = 0.5
+"""Share of a camera's points beyond which its file is taken to be wrong. A fisheye of 180 degrees
+sees a third of a half-sphere's area beyond 75 degrees, and bars are carried in the middle."""
+
+
+def beyond_view(camera: Camera, pixels: FloatArray, name: str) -> BoolArray:
+    """(n,): whether pixels (n, 2) are farther from the axis of a fisheye than can be used.
+
+    Raises:
+        StereocalError: more than half of them are.
+    """
+    if not (camera.is_fisheye and len(pixels)):
+        return np.zeros(len(pixels), dtype=np.bool_)
+    beyond = ~camera.uses(camera.undistort(pixels))
+    if beyond.mean() > MOST_BEYOND:
+        raise StereocalError(
+            f"The fisheye of the camera {name} images {beyond.sum()} of {len(beyond)} points more "
+            f"than {DEGREES} degrees from its axis, the most that can be used (a field of view of "
+            f"{2 * DEGREES}): check its camera file."
+        )
+    return beyond
+
+
+def beyond_in_words(beyond: Mapping[str, int]) -> str:
+    """What was left out, by the camera's name; empty if nothing was."""
+    parts = [f"{count(n, 'point')} of the camera {name}" for name, n in beyond.items() if n]
+    if not parts:
+        return ""
+    return (
+        f"Left out: {' and '.join(parts)}, more than {DEGREES} degrees from the axis of the "
+        f"fisheye. It is used to a field of view of {2 * DEGREES} degrees."
+    )
