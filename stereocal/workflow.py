@@ -37,6 +37,7 @@ from stereocal.refined.diagnosis import (
     explain_failure,
     frames_to_judge,
     offer_time_offset,
+    refuse_two_recordings,
     warnings_about_fit,
 )
 from stereocal.refined.free_baseline import note_on_free_baseline
@@ -46,6 +47,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
 from stereocal.refined.stated_inputs import Input, moved_lengths
+from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
@@ -121,7 +123,9 @@ class Run:
         """The frames that contradict the others, and the recording without them."""
         self.progress("screening")
         check_numbering(Recording.of_pair(self.dataset))
-        return screened(self.dataset, self.settings)
+        found = screened(self.dataset, self.settings)
+        refuse_two_recordings(found)
+        return found
 
     @step
     def calibration(self) -> Calibration:
@@ -163,6 +167,8 @@ class Run:
                 warnings += filter(None, [misplaced_target(refined)])
             except StereocalError as error:
                 warnings.append(f"There is no refined set: {error}")
+        if refined is not None and (stretched := stretched_board(refined)):
+            warnings.append(stretched)
         told, apart = tuple(warnings), bool(offer)
         return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
 

@@ -23,6 +23,7 @@ from stereocal.refined.time_offset import (
     frames_without_neighbours,
     usable_after,
 )
+from stereocal.refined.two_recordings import other_size
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -249,6 +250,8 @@ def common_cause(fit: RefinedResult, out: BoolArray) -> str:
 
     Consecutive frames count as one case: a target that is hidden stays hidden for a while.
     """
+    if size := other_size(fit, out):
+        return size
     first = out & ~np.append(False, out[:-1])
     if np.count_nonzero(first) < MINIMUM_CASES:
         return ""

@@ -62,13 +62,13 @@ def reordered(pair: BoardPair, rng: np.random.Generator, places: list[int]) -> B
     return replace(pair, points=points[kept])
 
 
-def moved(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
-    """The secondary camera is turned by two degrees before the second half."""
+def moved(pair: BoardPair, rng: np.random.Generator, degrees: float = 2.0) -> BoardPair:
+    """The secondary camera is turned by some degrees before the second half."""
     camera, points, count = pair.cameras[1], pair.points.copy(), len(pair.points)
     if pair.truth is not None:
         camera = pair.truth.secondary
     axis = rng.standard_normal(3)
-    turn = Rotation.from_rotvec(np.radians(2.0) * axis / np.linalg.norm(axis))
+    turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis))
     seen = points[count // 2 :, :, 1]
     rays = camera.undistort(seen.reshape(-1, 2))
     turned = turn.apply(np.column_stack([rays, np.ones(len(rays))]))

@@ -1,0 +1,46 @@
+"""Recordings of boards that are two: a camera moved, or another board; and stretched boards."""
+
+import numpy as np
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.refined.diagnosis import refuse_two_recordings
+from stereocal.refined.refine import refine
+from stereocal.refined.screening import screen
+from stereocal.refined.stretched_board import stretched_board
+from stereocal.rig.dataset import Dataset
+from tests.rigs.board_mistakes import board_of, moved
+from tests.rigs.board_pairs import BoardPair, sound
+
+PAIR = sound(0, frames=16, baseline=True)
+
+
+def data(pair: BoardPair) -> Dataset:
+    return pair.recording.pair("primary", "secondary")
+
+
+def test_moved_camera_is_told_with_its_frame() -> None:
+    spoiled = moved(PAIR, np.random.default_rng(2), 1.0)
+    with pytest.raises(StereocalError, match=r"A camera moved between frames [789] "):
+        refuse_two_recordings(screen(data(spoiled)))
+
+
+def test_another_board_is_told() -> None:
+    spoiled = board_of(PAIR, np.array([1.15, 1.15]), second_half=True)
+    with pytest.raises(StereocalError, match=r"the board is 1\.1\d times as large"):
+        refuse_two_recordings(screen(data(spoiled)))
+
+
+def test_sound_recording_is_one() -> None:
+    found = screen(data(PAIR))
+    refuse_two_recordings(found)
+    assert not found.together
+
+
+def test_stretched_board_is_told_and_sound_one_is_not() -> None:
+    assert not stretched_board(refine(data(PAIR)))
+    some = board_of(PAIR, np.array([1.007, 1.0]))
+    said = stretched_board(refine(data(some)))
+    assert "rows" in said and "ruler" in said
+    with pytest.raises(StereocalError, match="columns of the board are"):
+        stretched_board(refine(data(board_of(PAIR, np.array([1.0, 1.015])))))
