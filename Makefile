@@ -6,7 +6,8 @@ PIP := $(BIN)/python -m pip install --disable-pip-version-check
 
 .PHONY: run test soak lint browser docs pictures benchmark audit clean
 
-run: $(VENV)/.compiled
+# The first page comes at once; what is not compiled yet is compiled beside it.
+run: $(VENV)/.run
 	$(BIN)/streamlit run app.py
 
 # A process per core, each of one thread, which takes over tests that others have not begun. All is

@@ -16,10 +16,11 @@ def main() -> None:
     st.set_page_config(page_title="stereocal", page_icon=str(icon), layout="wide")
     page = show_menu()
     with title_shown(page):
-        from stereocal.ui.navigation import check_settings, run_page, warm_up
+        from stereocal.ui.navigation import check_settings, run_page
         from stereocal.ui.project import keep_address
+        from stereocal.ui.warm_up import WARM_UP
     check_settings()
-    warm_up()
+    WARM_UP.start()
     keep_address()
     run_page(page)
 

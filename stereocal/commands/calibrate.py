@@ -17,7 +17,7 @@ from stereocal.commands.options import (
     refine_settings_from,
     settings_from,
 )
-from stereocal.commands.warming import compile_apart
+from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.formats.evaluation_files import validation_in_summary
@@ -71,7 +71,7 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.kit:
         from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
 
-        compile_apart()
+        compile_all()
     settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
     refined = refine_settings_from(parsed, free) if parsed.refined else None

@@ -5,7 +5,7 @@ import argparse
 from stereocal.commands.calibrate import validate
 from stereocal.commands.console import Options
 from stereocal.commands.options import finish
-from stereocal.commands.warming import compile_apart
+from stereocal.commands.warming import compile_all
 from stereocal.paper_kit.reproduction import (
     FileComparison,
     ReproducibleResult,
@@ -34,7 +34,7 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> int:
     """Compute the files again, write them, and print how each compares; the exit status."""
     archived = read_archive(parsed.archive)
-    compile_apart()
+    compile_all()
     sets = _computed_again(archived)
     files = {name: rig.dumps().encode() for name, rig in sets.items()}
     found = compare(archived, sets)

@@ -157,10 +157,18 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
                 found[n, ALL] = _correlation(image, x, y, found[n])
                 n += 1
                 if n == found.shape[0]:
-                    larger = np.empty((2 * n, ALL + 1))
-                    larger[:n] = found
-                    found = larger
+                    found = _twice_as_long(found)
     return found[:n]
+
+
+@internal
+def _twice_as_long(found: FloatArray) -> FloatArray:
+    """numba takes 3 s to compile the assignment of a slice, with its messages about shapes."""
+    larger = np.empty((2 * found.shape[0], found.shape[1]))
+    for i in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            larger[i, j] = found[i, j]
+    return larger
 
 
 @compiled
@@ -170,8 +178,6 @@ def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> Non
     """
     along, half = np.empty((2, 2)), np.full(2, HALF_WINDOW)
     penalty, before = np.zeros(ALL), np.empty(ALL)
-    # numba would compile again for each literal constant.
-    size, rounds, samples, stride = int(CORE), int(ROUNDS), 0, 1
     left = MAXIMUM_FITS
     for i in range(starts.shape[0]):
         if left == 0:
@@ -182,12 +188,10 @@ def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> Non
             before[a] = p[a]
         along[0, 0], along[0, 1] = -math.sin(p[2]), math.cos(p[2])
         along[1, 0], along[1, 1] = -math.sin(p[3]), math.cos(p[3])
-        pixels = window(level, p[0], p[1], along, half, stride)
+        pixels = window(level, p[0], p[1], along, half, 1)
         if pixels.shape[0] < 3 * CORE:
             continue
-        cost, _ = fit_parameters(
-            pixels, p, size, HALF_WINDOW, samples, penalty, rounds, TOLERANCE_PX
-        )
+        cost, _ = fit_parameters(pixels, p, CORE, HALF_WINDOW, 0, penalty, ROUNDS, TOLERANCE_PX)
         if not plausible(p, before, 3.0) or 2.0 * abs(p[6]) < SMALLEST_CONTRAST:
             continue
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)

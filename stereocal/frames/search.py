@@ -166,10 +166,13 @@ def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Fr
 
 
 def compile_detection() -> None:
-    """Compile the numba code of the search (12 s the first time) on a synthetic photograph."""
+    """Compile the numba code of the search (8 s the first time) on synthetic photographs."""
     photograph = np.full((240, 320), 120, np.uint8)
     board = np.kron([[40, 200], [200, 40]], np.ones((35, 35))).astype(np.uint8)
     for left in (60, 190):
         photograph[85:155, left : left + 70] = board
     detect_targets(cv2.GaussianBlur(photograph, (0, 0), 1.0))
-    find_balls(cv2.cvtColor(photograph, cv2.COLOR_GRAY2BGR), Balls(("#ff0000", "#0000ff")))
+    coloured = np.full((240, 320, 3), 120, np.uint8)
+    for left, blue in ((60, 0), (190, 220)):
+        cv2.circle(coloured, (left + 35, 120), 30, (blue, 0, 220 - blue), -1)
+    find_balls(coloured, Balls(("#dc0000", "#0000dc")))

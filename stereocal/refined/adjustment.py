@@ -37,8 +37,6 @@ TOLERANCE = 1e-9
 """A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
 ROUGH_TOLERANCE = 1e-2
 """The same while the limit is still being lowered: a tenth of a standard error."""
-LARGEST_LOG_RATIO, BISECTIONS = 20.7, 24
-"""Range of the logarithm of a variance, a factor of 1e9, and halvings of it: to 1e-6."""
 
 
 @internal
@@ -492,26 +490,3 @@ def length_innovations(
             found[n, 0], found[n, 1] = work.along[OWN], 0.0
             for i in range(OWN):
                 found[n, 1] += gradient[i] * gradient[i]
-
-
-@compiled
-def excess_variance(squares: FloatArray, variances: FloatArray, left: float, third: float) -> float:
-    """The variance c for which sum(squares / (c + variances)) is `left`, by bisection of its log.
-
-    Args:
-        third: if not 0, c is that for which the lower third of the terms is this.
-    """
-    high = np.log(10.0 * len(squares) * squares.max())
-    low = high - LARGEST_LOG_RATIO
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        terms = squares / (np.exp(middle) + variances)
-        if third > 0.0:
-            too_small = np.sort(terms)[(len(terms) - 1) // 3] > third
-        else:
-            too_small = terms.sum() > left
-        if too_small:
-            low = middle
-        else:
-            high = middle
-    return float(np.exp(0.5 * (low + high)))

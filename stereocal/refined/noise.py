@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from stereocal.refined.adjustment import excess_variance
 from stereocal.rig.compiled import FloatArray, IntArray
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
@@ -17,6 +16,8 @@ OUTLIER_PROBABILITY = 1e-5
 """Probability that a good frame exceeds the limit."""
 THIRD = 1 / 3
 """Robust scales use this quantile: with 3 of 10 points wrong, half of the frames are bad."""
+LARGEST_LOG_RATIO, BISECTIONS = 20.7, 24
+"""Range of the logarithm of a variance, a factor of 1e9, and halvings of it: to 1e-6."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,26 @@ def scatter_of(
     ):
         return 0.0
     third = float(chdtri(1.0, 1 - THIRD)) if robust else 0.0
-    return float(np.sqrt(excess_variance(squares, variances, left, third)))
+    return float(np.sqrt(_excess_variance(squares, variances, left, third)))
+
+
+def _excess_variance(
+    squares: FloatArray, variances: FloatArray, left: float, third: float
+) -> float:
+    """The variance c for which sum(squares / (c + variances)) is `left`, by bisection of its log.
+
+    Args:
+        third: if not 0, c is that for which the lower third of the terms is this.
+    """
+    high = float(np.log(10.0 * len(squares) * squares.max()))
+    low = high - LARGEST_LOG_RATIO
+    rank = (len(squares) - 1) // 3
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        terms = squares / (np.exp(middle) + variances)
+        small = np.partition(terms, rank)[rank] > third if third > 0.0 else terms.sum() > left
+        low, high = (middle, high) if small else (low, middle)
+    return float(np.exp(0.5 * (low + high)))
 
 
 def lower_third(values: FloatArray) -> Any:

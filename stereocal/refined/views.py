@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.refined.distortion import distort, distortion_derivatives, set_distortion
-from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.compiled import FloatArray, compiled, contiguous, internal
 from stereocal.rig.decompositions import backward, factor, forward
 
 EACH = 16
@@ -359,8 +359,8 @@ def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, fits: Poin
     seen, ray = np.full((2, count, 2), np.nan), np.full((2, count, 2), np.nan)
     unit = Unit(seen, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
     for n in range(len(pixels)):
-        seen[0], ray[0] = pixels[n], rays[n]
-        if np.isfinite(pixels[n, :, 0]).sum() < 2:
+        copy_views(rays[n], ray[0])
+        if copy_views(pixels[n], seen[0]) < 2:
             continue
         x[:] = np.nan
         start_unit(cameras, ray, x, work.small)
@@ -369,19 +369,33 @@ def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, fits: Poin
         fill_normal_matrix(unit, 0.0, work)
         if not factor(work.V, 1e-14):
             continue
-        fits.residuals[n] = np.where(np.isnan(seen[0]), np.nan, work.r[0])
-        fits.points[n] = x[:3]
+        copy_views(work.r[0], fits.residuals[n])
+        for c in range(count):
+            if np.isnan(seen[0, c, 0]):
+                fits.residuals[n, c, 0] = fits.residuals[n, c, 1] = np.nan
         for j in range(3):
+            fits.points[n, j] = x[j]
             b[:] = 0.0
             b[j] = 1.0
             forward(work.V, b)
             backward(work.V, b)
-            fits.covariances[n, :, j] = b[:3]
+            for i in range(3):
+                fits.covariances[n, i, j] = b[i]
         if len(fits.by_shared):
             fill_shared(cameras, unit, x, True, work)
             fill_point_derivatives(
                 seen[0], work.Jx[0], work.Js[0], fits.covariances[n], fits.by_shared[n]
             )
+
+
+@internal
+def copy_views(views: FloatArray, to: FloatArray) -> int:
+    """Copy values (c, 2) of each camera; how many of them are there."""
+    there = 0
+    for c in range(len(views)):
+        there += not np.isnan(views[c, 0])
+        to[c, 0], to[c, 1] = views[c, 0], views[c, 1]
+    return there
 
 
 @internal
@@ -413,7 +427,7 @@ def jacobians_of(cameras: Cameras, points: FloatArray) -> tuple[FloatArray, Floa
     """
     shape = len(points), len(cameras.R), 2
     by_point, by_shared = np.full((*shape, 3), np.nan), np.full((*shape, EACH), np.nan)
-    _fill_jacobians(cameras, points, by_point, by_shared)
+    _fill_jacobians(cameras, contiguous(points), by_point, by_shared)
     return by_point, by_shared
 
 
@@ -430,4 +444,9 @@ def _fill_jacobians(
             x[i] = points[n, i]
         if fill_residuals(cameras, unit, x, work) < np.inf:
             fill_shared(cameras, unit, x, True, work)
-            by_point[n], by_shared[n] = work.Jx[0], work.Js[0]
+            for c in range(count):
+                for k in range(2):
+                    for i in range(3):
+                        by_point[n, c, k, i] = work.Jx[0, c, k, i]
+                    for i in range(EACH):
+                        by_shared[n, c, k, i] = work.Js[0, c, k, i]

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import inspect
+import pickle
 import re
 import threading
 import time
@@ -32,6 +33,9 @@ _IMPORTED = re.compile(rf"^from ({_PACKAGE.name}[.\w]*) import ([\w, ]*)", re.MU
 
 FAST_MATH = {"contract", "nsz", "arcp", "reassoc"}
 """Allows reordered sums, so that loops over points are vectorised; keeps the rules for NaN."""
+
+_ON_DISK: list[Any] = []
+"""The cached code of each function that was decorated."""
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
@@ -77,11 +81,44 @@ def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
     decorated: Callable[P, T] = numba.njit(
         cache=True, nogil=True, error_model="numpy", fastmath=FAST_MATH, **untyped
     )(function)
+    _without_literals(decorated)
     # By itself, numba invalidates the cache only when the function's own file changes.
     on_disk = getattr(getattr(decorated, "_cache", None), "_cache_file", None)
     if on_disk is not None:  # None with NUMBA_DISABLE_JIT
         on_disk._source_stamp = _stamp(Path(inspect.getfile(function)))
+        on_disk._load_index = functools.partial(_readable_index, on_disk._load_index)
+        _ON_DISK.append(on_disk)
     return decorated
+
+
+def _readable_index(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
+    """What the cache has of a function; nothing if it names a class that another version moved.
+
+    numba reads the signatures before it compares the versions.
+    """
+    try:
+        return load()
+    except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
+        return {}
+
+
+def uncompiled() -> bool:
+    """Whether the cache lacks any function of the modules that are imported."""
+    return not all(on_disk._load_index() for on_disk in _ON_DISK)
+
+
+def _without_literals(dispatcher: Any) -> None:
+    """By itself, numba compiles a function again for each constant argument of compiled code."""
+    general_of: Callable[[Any], Any] = types.unliteral
+    types_of_call = getattr(dispatcher, "get_call_template", None)
+    if types_of_call is None:  # with NUMBA_DISABLE_JIT
+        return
+
+    def of_any_value(arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        general = {name: general_of(each) for name, each in named.items()}
+        return types_of_call(tuple(map(general_of, arguments)), general)
+
+    dispatcher.get_call_template = of_any_value
 
 
 @functools.cache

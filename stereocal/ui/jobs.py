@@ -30,6 +30,7 @@ from stereocal.system.tasks import EndingError, StoppedError
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, callback, clear_refusal, show_stale
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.warm_up import WARM_UP
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -183,6 +184,7 @@ def start_button(
 
 
 def _drive(job: Job) -> None:
+    WARM_UP.over.wait()  # else this process would compile what others are compiling
     try:
         if address := scheduler_of(os.environ):
             with engine(scheduler=address) as job.executor:
@@ -228,6 +230,7 @@ def bring_up_to_date(
     """
     if not current and short:
         with ErrorsShown(), st.spinner(spinner), suppress(StoppedError):
+            WARM_UP.over.wait()
             work.run(Job(work, pool()))
             stale = ""
         show_stale(stale)

@@ -1,24 +1,16 @@
 """How a page is run: its messages and errors, the way to the next, and the server's own work."""
 
-import logging
 import os
-import threading
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from functools import partial
 from itertools import pairwise
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import StreamlitPage
-from streamlit.runtime.scriptrunner import StopException, add_script_run_ctx, get_script_run_ctx
+from streamlit.runtime.scriptrunner import StopException
 
-from stereocal.commands.warming import compile_all
-from stereocal.errors import StereocalError
-from stereocal.projects.home import sweep
 from stereocal.projects.recording import ProjectRecording
-from stereocal.projects.server_settings import ServerSettings, default_home
+from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
@@ -35,6 +27,7 @@ from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.warm_up import compiling_shown
 
 FITS = """<style>
 [data-testid=stFileUploaderDropzoneInstructions] span { white-space: normal; }
@@ -85,9 +78,6 @@ ARRIVAL = """<script>/* {} */
 would be on nothing, or on the button of the same name at the end. A link of the menu keeps it."""
 
 _NEXT, _PAGE = "next_page", "page_at"
-SWEEP_EVERY_S = 3600.0
-LOOK_EVERY_S = 0.3
-_LOG = logging.getLogger(__name__)
 
 
 def check_settings() -> None:
@@ -118,7 +108,7 @@ def run_page(page: StreamlitPage) -> None:
         saved = show_project(project)
     stopped = None
     try:
-        with _compiling_shown(top):
+        with compiling_shown(top):
             try:
                 with ErrorsShown():
                     page.run()
@@ -170,83 +160,3 @@ def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
 def go_to(name: str) -> None:
     """Open a page (for callbacks)."""
     st.session_state[_NEXT] = f"pages/{name}.py"
-
-
-class WarmUp:
-    """Background work of the server, in a thread of its own; pages read its progress."""
-
-    done = total = 0
-    """Functions compiled; a total of 0 until a compilation begins: all may be in the cache."""
-    over = False
-
-    def show(self, bar: DeltaGenerator) -> None:
-        """The progress, if something is being compiled."""
-        if self.total and not self.over:
-            said = f"Compiling once: {self.done} of {self.total} functions"
-            bar.progress(self.done / self.total, said)
-
-    def run(self) -> None:
-        """Delete old projects, compile, and delete old projects every hour."""
-
-        def count(done: int, total: int) -> None:
-            self.done, self.total = done, total
-
-        while True:
-            with suppress(StereocalError, OSError):  # as on a read-only disk: until the next time
-                settings = ServerSettings.from_environment()
-                sweep(default_home(), settings.undo_days, settings.keep_days)
-            if not self.over:
-                try:
-                    compile_all(count)
-                except Exception:  # reported again where the function is used
-                    _LOG.exception("The server could not compile everything ahead.")
-                self.over = True
-            time.sleep(SWEEP_EVERY_S)
-
-
-@st.cache_resource(show_spinner=False)
-def warm_up() -> WarmUp:
-    """The background work; the first call starts it."""
-    state = WarmUp()
-    threading.Thread(target=state.run, daemon=True, name="warm-up").start()
-    return state
-
-
-@contextmanager
-def _compiling_shown(place: DeltaGenerator) -> Iterator[None]:
-    """Show the progress of the compilation above a page until it is over.
-
-    While the page is drawn, a thread shows it: drawing in the page's own script could end that
-    halfway. Nothing of a thread arrives once the page is drawn; a fragment takes over.
-    """
-    if warm_up().over:
-        yield
-        return
-    drawn = threading.Event()
-    bar = place.empty()
-    with place:
-        _show_when(drawn)
-
-    def show() -> None:
-        while not drawn.is_set() and not warm_up().over:
-            warm_up().show(bar)
-            drawn.wait(LOOK_EVERY_S)
-        bar.empty()
-
-    thread = threading.Thread(target=show, daemon=True, name="compiling shown")
-    add_script_run_ctx(thread, get_script_run_ctx())
-    thread.start()
-    try:
-        yield
-    finally:
-        drawn.set()
-        thread.join()
-
-
-@st.fragment(run_every=LOOK_EVERY_S)
-def _show_when(drawn: threading.Event) -> None:
-    if warm_up().over:
-        st.rerun()
-    bar = st.empty()  # in place of the bar of the page before
-    if drawn.is_set():
-        warm_up().show(bar)

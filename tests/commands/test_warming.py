@@ -1,8 +1,11 @@
 """After the server's start nobody waits for a compilation, and no time contains one."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[2]
 WORK = """
@@ -79,3 +82,37 @@ def test_nothing_that_a_page_does_compiles_anything_more() -> None:
         cwd=ROOT,
     )
     assert run.stdout == "[]\n", run.stdout + run.stderr
+
+
+COUNT = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from stereocal.commands.warming import FUNCTIONS, compile_all
+
+shown = []
+print(compile_all(lambda done, total: shown.append((done, total))) - FUNCTIONS)
+assert shown[-1] == (FUNCTIONS, FUNCTIONS)
+for one in gc.get_objects():
+    if isinstance(one, Dispatcher) and one.py_func.__module__.startswith("stereocal"):
+        kinds = one._cache._cache_file._load_index()
+        if len(kinds) != 1:
+            print(one.py_func.__name__, len(kinds))
+"""
+OF_BOTH_LENSES = {"_fill_errors", "cost", "reprojection_cost", "reprojection_shift", "search"}
+"""A fisheye has a scale of the pixels at each point."""
+
+
+@pytest.mark.soak
+def test_each_function_is_compiled_once_and_all_are(tmp_path: Path) -> None:
+    """But those that two processes compile at the same time: at most a tenth."""
+    run = subprocess.run(
+        [sys.executable, "-c", COUNT],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )
+    beyond, *others = run.stdout.splitlines()
+    assert abs(int(beyond)) <= 12
+    assert sorted(others) == sorted(f"{name} 2" for name in OF_BOTH_LENSES)

@@ -5,10 +5,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numba import types
 
-from stereocal.rig.compiled import contiguous, internal
+from stereocal.rig.compiled import _readable_index, compiled, contiguous, internal
 
 ROOT = Path(__file__).parents[2]
 ASK = """
@@ -54,3 +56,23 @@ def test_plain_copies_only_what_is_not_plain() -> None:
     assert contiguous(writable.T).flags.carray
     writable.setflags(write=False)
     assert contiguous(writable).flags.carray
+
+
+@compiled
+def _power(base: float, exponent: int) -> float:
+    return float(base**exponent)
+
+
+def test_a_constant_in_compiled_code_compiles_nothing_again() -> None:
+    dispatcher: Any = _power
+    constant: Any = types.IntegerLiteral
+    for exponent in (constant(3), constant(4), types.int64):
+        dispatcher.get_call_template((types.float64, exponent), {})
+    assert len(dispatcher.overloads) == 1
+
+
+def test_code_on_disk_that_names_a_lost_class_is_not_used() -> None:
+    def load() -> dict[object, str]:
+        raise AttributeError("Can't get attribute 'Moved'")
+
+    assert _readable_index(load) == {}
