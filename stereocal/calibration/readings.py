@@ -42,11 +42,17 @@ def fitting_px(dataset: Dataset) -> float:
 
 
 @dataclass(frozen=True)
-class Reading:
-    """What may be wrong, what to do about it, and the corrected data set."""
+class Claim:
+    """What may be wrong, and what to do about it."""
 
     claim: str
     remedy: str
+
+
+@dataclass(frozen=True)
+class Reading(Claim):
+    """A claim about two cameras, and the corrected data set."""
+
     corrected: Callable[[], Dataset]
     """Raises a `StereocalError` where such a data set is impossible."""
     is_likely: bool = False

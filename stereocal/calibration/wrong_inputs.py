@@ -69,6 +69,8 @@ class PoseFit:
     """Median absolute deviation of the bar lengths, relative."""
     scale: float
     """Median of stated over reconstructed bar length; 1 if baseline and bar agree."""
+    scale_is_free: bool = False
+    """Whether the baseline is free, so that the scale tells nothing."""
 
     @property
     def only_scale_is_wrong(self) -> bool:
@@ -101,7 +103,8 @@ def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
         return NO_FIT
     median = float(np.median(known))
     spread = float(np.median(np.abs(known - median)))
-    return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)))
+    free = dataset.baseline_is_free
+    return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)), free)
 
 
 def suspects(dataset: Dataset) -> list[Reading]:
@@ -131,11 +134,13 @@ def _gains(nominal: PoseFit, reading: PoseFit) -> tuple[float, float]:
     return nominal.px / max(reading.px, 1e-9), nominal.spread / max(reading.spread, 1e-9)
 
 
-def scaled_readings(dataset: Dataset) -> Iterator[Reading]:
+def scaled_readings(
+    dataset: Dataset, tried: Sequence[Sequence[CameraName]] = ONE_OR_BOTH
+) -> Iterator[Reading]:
     """Another focal length, or size of the images, of one camera, of the other, and of both, each
     at its best factor."""
     for of_size in (False, True):
-        for cameras in ONE_OR_BOTH:
+        for cameras in tried:
             camera: Camera = getattr(dataset, cameras[0])
             if of_size and camera.size_factor is not None:
                 continue  # K contradicts the image size: a reading of its own
@@ -244,7 +249,7 @@ def _best_factor(corrected: Callable[[float], Dataset], factors: FloatArray) -> 
             return NO_FIT_COST
         if not np.isfinite(found.px):
             return NO_FIT_COST
-        lengths = np.hypot(found.spread, np.log(found.scale))
+        lengths = np.hypot(found.spread, 0.0 if found.scale_is_free else np.log(found.scale))
         return float(np.log(max(found.px, 1e-9)) + np.log(lengths))
 
     tried = np.log(factors)

@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.network.diagnosis import camera_warnings, refuse_poor_fit
+from stereocal.network.diagnosis import camera_warnings, contradicts_lenses, refuse_poor_fit
 from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import Fused, PairFit, fuse
 from stereocal.network.pairs import (
@@ -20,6 +20,7 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
+from stereocal.network.wrong_inputs import check_inputs, find_wrong_input, refuse_same_points
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
@@ -51,12 +52,19 @@ def calibrate_rig(
     Args:
         progress: called with the steps done, and those in all.
     """
+    refuse_same_points(recording)
     try:
         rig = _calibrated(recording, settings or RigSettings(), progress)
         refuse_poor_fit(rig)
-    except np.linalg.LinAlgError as error:  # of numbers that no rig explains
-        raise StereocalError(NO_RIG) from error
-    return rig
+    except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
+        known = isinstance(error, StereocalError)
+        raise StereocalError(
+            find_wrong_input(recording) or (str(error) if known else NO_RIG)
+        ) from error
+    if rig.unreached and (wrong := find_wrong_input(recording)):
+        raise StereocalError(wrong)
+    possible = check_inputs(rig.recording, contradicts_lenses(rig.fit))
+    return replace(rig, warnings=(*possible, *rig.warnings))
 
 
 def _calibrated(
@@ -88,7 +96,7 @@ def _of_pairs(
     unreached = {
         name: _why_unreached(name, pairs) for name in recording.cameras if name not in names
     }
-    kept = of_cameras(recording, names)
+    kept = recording.of_cameras(names)
     pairs, fused = _consistent(kept, pairs, settings)
     noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
     wide = replace(settings, lenses=dict.fromkeys(names, WIDE_LENS), object_sigma=WIDE_LENGTH_PRIOR)
@@ -131,23 +139,6 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | Non
     left_out = tuple(sorted({*screening.left_out, *refined.outlying_frames}))
     warnings = tuple(camera_warnings(fit))
     return RigCalibration(fit, pairs, (), left_out, {}, np.zeros(2), warnings)
-
-
-def of_cameras(recording: Recording, names: list[str]) -> Recording:
-    """A recording with some of its cameras only."""
-    every = list(recording.cameras)
-    if names == every:
-        return recording
-    numbers = np.array([names.index(name) if name in names else -1 for name in every])
-    found = recording.where(numbers[recording.camera] >= 0)
-    return replace(
-        found,
-        cameras={name: recording.cameras[name] for name in names},
-        camera=numbers[found.camera],
-        baselines_m={
-            pair: length for pair, length in recording.baselines_m.items() if {*pair} <= {*names}
-        },
-    )
 
 
 def _consistent(recording: Recording, pairs: Pairs, settings: RigSettings) -> tuple[Pairs, Fused]:

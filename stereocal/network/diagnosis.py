@@ -79,6 +79,23 @@ def _baseline_warnings(fit: RigFit) -> list[str]:
     return list(filter(None, warnings))
 
 
+def contradicts_lenses(fit: RigFit) -> bool:
+    """Whether the images contradict the stated lens of any camera."""
+    return max(_lens_chi_squares(fit)) > CONTRADICTED
+
+
+def _lens_chi_squares(fit: RigFit) -> list[float]:
+    """Of the cameras."""
+    return [
+        _lens_chi_square(
+            fit.q[lens_places(number)],
+            camera.lens_values,
+            lens_prior(camera, fit.rig_settings.lenses.get(name)),
+        )
+        for number, (name, camera) in enumerate(fit.recording.cameras.items())
+    ]
+
+
 def _lens_warnings(fit: RigFit) -> list[str]:
     """Cameras whose files the images contradict, and which of them look exchanged."""
     names, stated = list(fit.recording.cameras), list(fit.recording.cameras.values())
@@ -88,7 +105,7 @@ def _lens_warnings(fit: RigFit) -> list[str]:
     ]
     lenses = [fit.q[lens_places(number)] for number in range(len(names))]
     files = [camera.lens_values for camera in stated]
-    chi_squares = [_lens_chi_square(*each) for each in zip(lenses, files, priors, strict=True)]
+    chi_squares = _lens_chi_squares(fit)
     for a, b in combinations(range(len(names)), 2):
         before = chi_squares[a] + chi_squares[b]
         after = _lens_chi_square(lenses[a], files[b], priors[a])

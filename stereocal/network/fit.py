@@ -121,13 +121,19 @@ class RigFit(RobustFit):
         poses: Sequence[Pose],
         settings: RigSettings,
         velocities: FloatArray | None = None,
+        held: RefineSettings | None = None,
     ) -> None:
-        """From first poses; velocities (n, 2) of the points in pixels per frame, if known."""
+        """From first poses.
+
+        Args:
+            velocities: (n, 2): of the points in pixels per frame, if known.
+            held: with the noise that is not to be estimated.
+        """
         self.recording, self.rig_settings = recording, settings
         seen = Observations.of_recording(recording, velocities)
         unknowns = unknowns_of_rig(recording, poses, settings, seen.has_lengths)
         R, baselines = np.array([pose.R for pose in poses]), baselines_of(recording, settings)
-        super().__init__(seen, unknowns, RefineSettings(), R, baselines)
+        super().__init__(seen, unknowns, held or RefineSettings(), R, baselines)
 
     @property
     def cameras(self) -> Cameras:

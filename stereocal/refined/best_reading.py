@@ -9,7 +9,7 @@ lens that the fit moves far from its prior counts as noise.
 Nothing is named where no reading fits.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,6 +20,7 @@ from scipy.special import chdtri
 
 from stereocal.calibration.readings import (
     ONE_OR_BOTH,
+    Claim,
     Reading,
     centred,
     fewer_corners,
@@ -36,7 +37,9 @@ from stereocal.calibration.wrong_inputs import (
 )
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns
+from stereocal.rig.camera import CameraName
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import rounded
 
@@ -67,12 +70,14 @@ MOST_ALTERNATIVES = 3
 class JudgedReading:
     """A reading and the noise that it leaves."""
 
-    reading: Reading
+    reading: Claim
     noise_px: float
     fits: bool
     """Whether that is noise of image points."""
     rank: float
     """The reading with the least is the best."""
+    of_lenses: float = np.inf
+    """Chi-square of the lenses about the stated ones; infinite if not known."""
 
 
 def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
@@ -87,12 +92,14 @@ def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
     if not suspected:
         return []
     nominal = noise_of_half(_fewer_frames(dataset))
-    if nominal < fitting_px(dataset) and not _named(nominal, _by_noise(suspected), POSSIBLE_GAIN):
+    if nominal < fitting_px(dataset) and not named_readings(
+        nominal, _by_noise(suspected), POSSIBLE_GAIN
+    ):
         return []
     judged = _every_reading(dataset, out_of_step)
-    if message := _message(nominal, judged, CERTAIN_GAIN):
+    if message := message_of(nominal, judged, CERTAIN_GAIN):
         raise StereocalError(message)
-    possible = [] if out_of_step else _named(nominal, judged, POSSIBLE_GAIN)
+    possible = [] if out_of_step else named_readings(nominal, judged, POSSIBLE_GAIN)
     return [
         f"{best.reading.claim}: all points and lengths would then fit to "
         f"{rounded(best.noise_px)} px instead of {rounded(nominal)} px, which is not enough to be "
@@ -111,7 +118,7 @@ def find_wrong_input(dataset: Dataset, out_of_step: bool = False) -> str:
         return ""
     dataset = fewer_corners(dataset)
     nominal = noise_of_half(_fewer_frames(dataset))
-    return _message(nominal, _every_reading(dataset, out_of_step), CERTAIN_GAIN)
+    return message_of(nominal, _every_reading(dataset, out_of_step), CERTAIN_GAIN)
 
 
 def nothing_fits(dataset: Dataset) -> str:
@@ -142,7 +149,7 @@ def _every_reading(dataset: Dataset, out_of_step: bool) -> list[JudgedReading]:
     judged = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
     if not out_of_step:
         dataset = _fewer_frames(dataset)
-        judged += _by_noise([*_centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
+        judged += _by_noise([*centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
     return sorted(judged, key=lambda it: it.rank)
 
 
@@ -151,13 +158,13 @@ def _by_noise(readings: Iterable[Reading], handicap: float = 1.0) -> list[Judged
     for reading in readings:
         with suppress(StereocalError):
             data = _fewer_frames(reading.corrected())  # an order is that of all frames
-            noise = noise_of_half(data) if _is_near(data) else float("inf")
+            noise = noise_of_half(data) if is_near(data) else float("inf")
             fits = handicap * noise < fitting_px(data)
             found.append(JudgedReading(reading, noise, fits, handicap * noise))
     return found
 
 
-def _is_near(dataset: Dataset) -> bool:
+def is_near(dataset: Dataset) -> bool:
     """Whether the essential matrix fits so well that a reading is worth its fit."""
     return essential_fit(dataset).px < FAR * fitting_px(dataset)
 
@@ -171,12 +178,36 @@ def noise_of_half(dataset: Dataset) -> float:
         fit = _fit(dataset)
     except StereocalError:
         return float("inf")
-    degrees, p = fit.degrees_of_freedom, fit.p
-    half = float(np.median(fit.chi_squares / chdtri(np.maximum(degrees, 1), 0.5)))
-    of_prior = float(p @ fit.unknowns.precision @ p) / (2.0 * degrees.sum())
-    upside_down = ALIKE if fit.pose.R[1, 1] < 0.0 else 1.0
+    on_its_head = bool(fit.pose.R[1, 1] < 0.0)
+    return typical_noise(
+        fit.sigma_px.value,
+        fit.chi_squares,
+        fit.degrees_of_freedom,
+        fit.unknowns,
+        fit.p,
+        on_its_head,
+    )
+
+
+def typical_noise(
+    sigma_px: float,
+    chi_squares: FloatArray,
+    degrees: IntArray,
+    unknowns: Unknowns,
+    p: FloatArray,
+    on_its_head: bool,
+) -> float:
+    """The noise in pixels with which half of the frames fit; values far from their priors, and a
+    camera that would stand on its head, count as noise.
+
+    Args:
+        chi_squares, degrees: (f,): of the frames, with this sigma.
+        p: (k,): the free parameters.
+    """
+    half = float(np.median(chi_squares / chdtri(np.maximum(degrees, 1), 0.5)))
+    of_prior = float(p @ unknowns.precision @ p) / (2.0 * degrees.sum())
     stretched = np.exp(min(of_prior, LARGEST_EXPONENT))
-    return float(fit.sigma_px.value * np.sqrt(half) * stretched * upside_down)
+    return float(sigma_px * np.sqrt(half) * stretched * (ALIKE if on_its_head else 1.0))
 
 
 def _fit(dataset: Dataset, **lenses: Any) -> RefinedResult:
@@ -189,9 +220,11 @@ def _fit(dataset: Dataset, **lenses: Any) -> RefinedResult:
     return refine(dataset, settings)
 
 
-def _centred_readings(dataset: Dataset) -> Iterator[Reading]:
+def centred_readings(
+    dataset: Dataset, tried: Sequence[Sequence[CameraName]] = ONE_OR_BOTH
+) -> Iterator[Reading]:
     """The principal point elsewhere, as of images that were cropped."""
-    for cameras in ONE_OR_BOTH:
+    for cameras in tried:
         free = {which: LensPrior(centre_px=np.inf) for which in cameras}
         try:
             fit = _fit(dataset, **free)
@@ -219,17 +252,17 @@ def _centred_readings(dataset: Dataset) -> Iterator[Reading]:
         )
 
 
-def _named(nominal: float, judged: list[JudgedReading], gain: float) -> list[JudgedReading]:
+def named_readings(nominal: float, judged: list[JudgedReading], gain: float) -> list[JudgedReading]:
     """The readings that fit, and so many times better than what was given; the best first."""
     return [it for it in judged if it.fits and gain * it.noise_px < nominal]
 
 
-def _message(nominal: float, judged: list[JudgedReading], gain: float) -> str:
+def message_of(nominal: float, judged: list[JudgedReading], gain: float) -> str:
     """The reading with the least noise, and those that explain as much; or empty."""
-    if not _named(nominal, judged, gain):
+    if not named_readings(nominal, judged, gain):
         return ""
     # Of two that explain about as much the one that changes no value.
-    named = _named(nominal, judged, POSSIBLE_GAIN)
+    named = named_readings(nominal, judged, POSSIBLE_GAIN)
     best = named[0]
     others = dict.fromkeys(
         it.reading.claim for it in named[1:] if it.noise_px < ALIKE * best.noise_px

@@ -1,7 +1,7 @@
 """A recording of one object by any number of cameras; any two of them are a data set."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from unicodedata import category
@@ -109,6 +109,22 @@ class Recording:
         """The rows for which `kept` (n,) is true."""
         columns = ("frame", "camera", "target", "points", "sigma_px")
         return replace(self, **{name: getattr(self, name)[kept] for name in columns})
+
+    def of_cameras(self, names: Sequence[str]) -> "Recording":
+        """The recording with some of its cameras only, in the order of all."""
+        every = list(self.cameras)
+        if list(names) == every:
+            return self
+        numbers = np.array([names.index(name) if name in names else -1 for name in every])
+        found = self.where(numbers[self.camera] >= 0)
+        return replace(
+            found,
+            cameras={name: self.cameras[name] for name in names},
+            camera=numbers[found.camera],
+            baselines_m={
+                pair: length for pair, length in self.baselines_m.items() if {*pair} <= {*names}
+            },
+        )
 
     def images(self, values: FloatArray | None = None) -> tuple[IntArray, FloatArray]:
         """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen.

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
-from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit, RigSettings, camera_at
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import rig_file
@@ -66,7 +66,7 @@ def test_errors_are_as_stated(cameras: int) -> None:
 @pytest.mark.parametrize("measured", [False, True])
 def test_a_rig_of_two_cameras_is_the_refined_set_of_calibrate(measured: bool) -> None:
     truth = simulated(3, 3)
-    recording = of_cameras(truth.recording, ["c1", "c2"])
+    recording = truth.recording.of_cameras(["c1", "c2"])
     if measured:
         baseline = float(np.linalg.norm(truth.poses["c2"].T))
         recording = replace(recording, baselines_m={("c1", "c2"): baseline}, baseline_sigma_m=0.005)
@@ -90,7 +90,7 @@ def test_a_rig_of_two_cameras_is_the_refined_set_of_calibrate(measured: bool) ->
 
 def test_two_views_of_the_joint_fit_are_the_pair() -> None:
     truth = simulated(3, 3)
-    recording = of_cameras(truth.recording, ["c1", "c2"])
+    recording = truth.recording.of_cameras(["c1", "c2"])
     pair = refine(with_baseline_found(recording.pair("c1", "c2")))
     fit = RigFit(recording, [Pose(np.eye(3), np.zeros(3)), pair.pose], RigSettings())
     assert fit.run()

@@ -11,7 +11,7 @@ from stereocal.cli import main
 from stereocal.commands.intrinsics import write_recording
 from stereocal.errors import StereocalError
 from stereocal.field.checking.rig_check import check_rig
-from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
@@ -55,7 +55,7 @@ def test_two_turned_cameras_are_named(truth: SimulatedRig, rig: RigFile) -> None
 
 
 def test_of_two_cameras_it_cannot_be_told_which(truth: SimulatedRig, rig: RigFile) -> None:
-    found = check_rig(rig, of_cameras(later(bumped(truth, "c2", 0.2, 160)), ["c2", "c3"]))
+    found = check_rig(rig, later(bumped(truth, "c2", 0.2, 160)).of_cameras(["c2", "c3"]))
     assert found.verdict == "moved"
     assert found.moved == ()
     assert found.explanations == (("c2",), ("c3",))

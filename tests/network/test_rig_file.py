@@ -9,7 +9,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import camera_table
-from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import rig_notes, rig_sentence
@@ -96,7 +96,7 @@ def files(truth: SimulatedRig, tmp_path_factory: pytest.TempPathFactory) -> dict
 def file_of(recording: Recording, pair: CameraPair, folder: Path, length: float = 1.0) -> Path:
     """The refined file of a pair, perhaps with a wrong length of the object."""
     wand = replace(recording.object, points=length * recording.object.points)
-    own = of_cameras(replace(recording, object=wand), [*pair])
+    own = replace(recording, object=wand).of_cameras([*pair])
     fit = refine(with_baseline_found(replace(own, name="").pair(*pair)), PAIR_SETTINGS)
     refined_parameters(fit).save(folder / f"{'-'.join(pair)}.json")
     return folder / f"{'-'.join(pair)}.json"

@@ -7,12 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.network.calibrate import calibrate_rig, of_cameras
+from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from tests.rigs.moving_wand import wave_wand
+from tests.rigs.spoiled_rigs import MISTAKES
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
@@ -38,14 +39,23 @@ def test_a_sound_rig_has_no_warnings(seed: int) -> None:
     assert rig.warnings == ()
 
 
-@pytest.mark.parametrize(("seed", "cameras"), [(1, 3), (3, 4)])
-def test_exchanged_camera_files_are_named(seed: int, cameras: int) -> None:
-    recording = simulated(seed, cameras).recording
-    files = dict(recording.cameras)
-    files["c1"], files["c2"] = files["c2"], files["c1"]
-    rig = calibrate_rig(replace(recording, cameras=files))
-    (warning,) = rig.warnings
-    assert "c1 and c2 look exchanged" in warning
+@pytest.mark.parametrize(
+    ("kind", "mistake", "names"),
+    [
+        ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
+        ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
+        ("3 cameras", "K of half size", "camera c1's"),
+        ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
+        ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
+        ("3 cameras", "frames shifted by one", "frames of camera c1 seem to be counted 1 apart"),
+        ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
+        ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have one lens"),
+    ],
+)
+def test_a_wrong_input_is_refused_and_its_camera_named(kind: str, mistake: str, names: str) -> None:
+    """All kinds, 6 kinds of rig: `python -m benchmarks.wrong_rigs wrong`."""
+    with pytest.raises(StereocalError, match=names):
+        calibrate_rig(MISTAKES[mistake](kind, 0))
 
 
 def test_a_measured_baseline_that_the_rig_leaves_is_said() -> None:
@@ -69,7 +79,7 @@ def test_a_bumped_camera_is_named(degrees: float) -> None:
 
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
     recording = bumped(simulated(1), "c2", 0.2, 80)
-    (warning,) = calibrate_rig(of_cameras(recording, ["c1", "c2"])).warnings
+    (warning,) = calibrate_rig(recording.of_cameras(["c1", "c2"])).warnings
     assert "moved at about frame" in warning
     assert "cannot be told which" in warning
 
@@ -78,17 +88,6 @@ def test_a_camera_that_was_turned_away_agrees_with_no_other() -> None:
     rig = calibrate_rig(bumped(simulated(3, 4), "c2", 2.0, 80))
     assert [*rig.unreached] == ["c2"]
     assert "stand still" in rig.unreached["c2"]
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_mirrored_images_are_reported(seed: int) -> None:
-    truth = simulated(seed, 4)
-    rows, points = truth.recording, truth.recording.points.copy()
-    mirrored = rows.camera == 2
-    points[mirrored, 0] = IMAGE_SIZE[0] - 1 - points[mirrored, 0]
-    with pytest.raises(StereocalError) as refused:
-        calibrate_rig(replace(rows, points=points))
-    assert "zoom" not in str(refused.value)
 
 
 def test_cameras_that_face_each_other() -> None:

@@ -268,7 +268,7 @@ def in_no_order(recording: Recording, rng: np.random.Generator) -> Recording:
 def by_words(recording: Recording, rng: np.random.Generator) -> Recording:
     """The frames of one camera in the order of words."""
     own = recording.camera == _one(recording, rng)
-    frames = np.unique(recording.frame[own]).tolist()
+    frames = np.unique(recording.frame).tolist()
     other = dict(zip(sorted(frames, key=str), frames, strict=True))
     frame = recording.frame.copy()
     frame[own] = [other[each] for each in frame[own].tolist()]

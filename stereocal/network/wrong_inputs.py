@@ -1,0 +1,348 @@
+"""Which wrong input of a rig explains its points, if they do not fit as they were given.
+
+As of a pair (`refined.best_reading`), each reading is judged by the noise that one robust fit
+leaves, with the usual priors of the lenses and the lengths held; here it is the joint fit of all
+cameras, of the readings with the best essential matrices. Of more than `MOST_CAMERAS`, each camera
+is judged with those with which it shares most bars.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from stereocal.calibration.readings import FITTING, same_lens
+from stereocal.calibration.wrong_inputs import essential_fit, suspects
+from stereocal.errors import StereocalError
+from stereocal.network.fit import RigFit, RigSettings, camera_at
+from stereocal.network.fuse import PairFit, chained
+from stereocal.network.pairs import FEWEST_BARS, reached, shared_bars
+from stereocal.network.rig_readings import (
+    ESTIMATED_HANDICAP,
+    RigReading,
+    best_pair,
+    carried_over,
+    readings_of_rig,
+    with_lenses,
+)
+from stereocal.refined.best_reading import (
+    CERTAIN_GAIN,
+    FAR,
+    HELD_LENGTHS,
+    MOST_STEPS,
+    POSSIBLE_GAIN,
+    JudgedReading,
+    message_of,
+    typical_noise,
+)
+from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.refine import refine
+from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import IntArray
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import CameraPair, Recording
+from stereocal.system.numbers import rounded
+
+MOST_FRAMES = 75
+"""Are enough to tell; of longer recordings so many, evenly spread."""
+MOST_POINTS, MOST_IN_ROW = 9, 3
+"""Of an object; of a row, and of a column, of a board."""
+MOST_CAMERAS = 4
+CONTRADICTED, FAR_FROM_FILE, BETTER = 30.0, 100.0, 0.3
+"""Chi-squares of the lenses about the stated ones, from which on a reading may explain them that
+fits the images no better, or one that estimates a value; and what it leaves of them, at most."""
+ALIKE = 1.05
+"""Noise that counts as equal."""
+CLEAN, CLEAN_PX = 3.0, 0.5
+"""A reading that explains the rig leaves at most so many times the noise of its best pair, or this
+many pixels."""
+ANY_LENS = LensPrior(0.3, 50.0)
+QUICK_PAIRS = 2
+"""Of a camera."""
+WORTH_A_FIT = 2.0
+"""Times the best reprojection error of all readings' essential matrices."""
+SAME_POINTS = 0.2
+"""Share of the points of two cameras that are exactly the same where one file was given twice."""
+
+
+@dataclass(frozen=True)
+class RigNoise:
+    """What a joint fit leaves."""
+
+    px: float
+    of_lenses: float
+    """Chi-square of the lenses about the stated ones."""
+    best_pair_px: float
+    """The noise of the best pair by itself."""
+    cameras: Mapping[str, Camera]
+    """As fitted."""
+    pairs: tuple[PairFit, ...] = ()
+    """From which it began."""
+
+
+NO_FIT = RigNoise(np.inf, np.inf, np.inf, {})
+
+
+def refuse_same_points(recording: Recording) -> None:
+    """Raise an error if two cameras have the same points."""
+    frames, images = recording.images()
+    names = list(recording.cameras)
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            one, other = images[:, :, a], images[:, :, b]
+            both = np.isfinite(one[..., 0]) & np.isfinite(other[..., 0])
+            same = both & (one == other).all(axis=2)
+            if same.sum() > max(SAME_POINTS * both.sum(), FEWEST_BARS):
+                raise StereocalError(
+                    f"The cameras {names[a]} and {names[b]} have exactly the same points, as in "
+                    f"frame {frames[same.any(axis=1)][0]}: the points of one camera were given for "
+                    "both. Give each camera its own."
+                )
+
+
+def check_inputs(recording: Recording, lenses_contradicted: bool) -> list[str]:
+    """Reject inputs of a rig that are certainly wrong, though it fits; return warnings about those
+    that may be.
+
+    Args:
+        lenses_contradicted: whether the images contradict the stated lens of any camera.
+    """
+    found: list[str] = []
+    for part, about in _parts(recording):
+        nominal = noise_of_rig(part)
+        possible = _judged(part, nominal, _suspects(part, about))
+        if not (lenses_contradicted or _named(nominal, possible, POSSIBLE_GAIN)):
+            continue
+        judged = _judged(part, nominal, every_reading(part, about))
+        if named := _named(nominal, judged, CERTAIN_GAIN):
+            raise StereocalError(_message(nominal, named))
+        found += [
+            f"{it.reading.claim}: all points and lengths would then fit to {rounded(it.noise_px)} "
+            f"px instead of {rounded(nominal.px)} px, which is not enough to be certain. Check it."
+            for it in _named(nominal, judged, POSSIBLE_GAIN)[:1]
+        ]
+    return list(dict.fromkeys(found))
+
+
+def find_wrong_input(recording: Recording) -> str:
+    """A message that names the wrong input of a rig if one explains the points; else empty."""
+    found = []
+    for part, about in _parts(recording):
+        nominal = noise_of_rig(part)
+        judged = _judged(part, nominal, every_reading(part, about))
+        if named := _named(nominal, judged, CERTAIN_GAIN):
+            found.append((named[0].rank, _message(nominal, named)))
+    return min(found, default=(0.0, ""))[1]
+
+
+def _parts(recording: Recording) -> list[tuple[Recording, list[str]]]:
+    """Groups of cameras that share bars, and the cameras that each is to tell about."""
+    bars = shared_bars(recording)
+    names = reached([*recording.cameras], [pair for pair, n in bars.items() if n >= FEWEST_BARS])
+    if len(names) < 2:
+        return []
+    if len(names) <= MOST_CAMERAS:
+        return [(_fewer_points(recording.of_cameras(names)), names)]
+    found = []
+    for name in names:
+        group = [name]
+        while len(group) < MOST_CAMERAS:  # the camera that shares most bars with one of the group
+            group += next({*pair} - {*group} for pair in bars if len({*pair} & {*group}) == 1)
+        ordered = [each for each in names if each in group]
+        found.append((_fewer_points(recording.of_cameras(ordered)), [name]))
+    return found
+
+
+def _fewer_points(recording: Recording) -> Recording:
+    """Of the frames in which cameras see a bar together, and of a large object's points, enough."""
+    frames, images = recording.images()
+    common = frames[(np.isfinite(images[..., 0]).sum(axis=2) > 1).any(axis=1)]
+    if len(common) > MOST_FRAMES:
+        common = common[np.linspace(0, len(common) - 1, MOST_FRAMES).round().astype(int)]
+    count, board = len(recording.object.names), recording.object.board
+    chosen = _spread(count, MOST_POINTS)
+    if board is not None:
+        grid = np.arange(count).reshape(board.rows, board.columns)
+        chosen = grid[np.ix_(*(_spread(n, MOST_IN_ROW) for n in grid.shape))]
+    kept = np.isin(recording.frame, common) & np.isin(recording.target, chosen)
+    return recording.where(kept)
+
+
+def _spread(count: int, most: int) -> IntArray:
+    """At most so many of some indices, evenly spread, with the first and the last."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
+
+
+def every_reading(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
+    """All of `readings_of_rig`, and one file of several cameras."""
+    yield from _one_file(recording)
+    yield from readings_of_rig(recording, about)
+
+
+def _suspects(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
+    for name in about:
+        if (pair := best_pair(recording, name)) is not None:
+            yield from carried_over(recording, pair, suspects(recording.pair(*pair)))
+
+
+def _one_file(recording: Recording) -> Iterator[RigReading]:
+    """One lens for several cameras, which have others."""
+    cameras = recording.cameras
+    groups = {
+        tuple(other for other in cameras if same_lens(cameras[name], cameras[other]))
+        for name in cameras
+    }
+    for group in sorted(groups):
+        if len(group) < 2:
+            continue
+        fit = noise_of_rig(recording, lenses=dict.fromkeys(group, ANY_LENS))
+        if not fit.cameras:
+            continue
+        fitted = {name: replace(fit.cameras[name], uncertainty=None) for name in group}
+        focal = " and ".join(f"{fitted[name].K[0, 0]:.0f}" for name in group)
+        yield RigReading(
+            f"The cameras {' and '.join(group)} have one lens, with a focal length of "
+            f"{cameras[group[0]].K[0, 0]:.0f} px, but lenses of {focal} px would fit",
+            "Was one file used for several cameras? Give each camera its own.",
+            group,
+            partial(with_lenses, recording, fitted),
+            ESTIMATED_HANDICAP,
+        )
+
+
+def _judged(
+    recording: Recording, nominal: RigNoise, readings: Iterable[RigReading]
+) -> list[JudgedReading]:
+    """The readings that are worth a fit, with the noise that they leave, the best first."""
+    bars, found, px = shared_bars(recording), [], []
+    every = [*readings]
+    for reading in every:
+        px.append(np.inf)
+        with suppress(StereocalError):
+            px[-1] = _quick_px(reading.corrected(), reading.cameras, bars)
+    best = min([_quick_px(recording, [*recording.cameras], bars), *px])
+    for reading, quick_px in zip(every, px, strict=True):
+        if quick_px <= WORTH_A_FIT * best < np.inf:
+            data = reading.corrected()
+            known = [pair for pair in nominal.pairs if not {*pair.pair} & {*reading.cameras}]
+            noise = noise_of_rig(data, known)
+            limit = min(max(CLEAN * noise.best_pair_px, CLEAN_PX), _fitting_px(data))
+            fits = noise.px < limit and reading.least_gain * noise.px < nominal.px
+            least = FAR_FROM_FILE if reading.is_estimated else CONTRADICTED
+            of_lenses = noise.of_lenses if nominal.of_lenses > least else np.inf
+            rank = reading.handicap * noise.px
+            found.append(JudgedReading(reading, noise.px, fits, rank, of_lenses))
+    return sorted(found, key=lambda it: it.rank)
+
+
+def _quick_px(recording: Recording, cameras: Sequence[str], bars: Iterable[CameraPair]) -> float:
+    """The mean reprojection error of the essential matrices of some cameras with others."""
+    pairs = {
+        pair for name in cameras for pair in [each for each in bars if name in each][:QUICK_PAIRS]
+    }
+    return float(np.mean([essential_fit(recording.pair(*pair)).px for pair in pairs]))
+
+
+def _named(nominal: RigNoise, judged: list[JudgedReading], gain: float) -> list[JudgedReading]:
+    """The readings that explain the points so many times better, or the lenses where the images fit
+    both ways; the best first."""
+    fitting = [it for it in judged if it.fits]
+    if better := [it for it in fitting if gain * it.noise_px < nominal.px]:
+        return better
+    alike = [
+        it
+        for it in fitting
+        if it.noise_px < ALIKE * nominal.px and it.of_lenses < BETTER * nominal.of_lenses
+    ]
+    return sorted(alike, key=lambda it: it.of_lenses)
+
+
+def _message(nominal: RigNoise, named: list[JudgedReading]) -> str:
+    """What is said of the best of some readings, and of those that explain as much."""
+    best = named[0]
+    if CERTAIN_GAIN * best.noise_px < nominal.px:
+        return message_of(nominal.px, named, 0.0)
+    return (
+        f"{best.reading.claim}: the lenses would then be as their files say, from which the images "
+        f"deviate as they were given (chi-square {rounded(best.of_lenses)} instead of "
+        f"{rounded(nominal.of_lenses)}). {best.reading.remedy}"
+    )
+
+
+def noise_of_rig(
+    recording: Recording,
+    known: Sequence[PairFit] = (),
+    lenses: Mapping[str, LensPrior] | None = None,
+) -> RigNoise:
+    """What the joint fit of all cameras leaves; `NO_FIT` where none fits.
+
+    Args:
+        known: fits of pairs.
+        lenses: priors other than the usual ones.
+    """
+    settings = RefineSettings(
+        scatter_m=HELD_LENGTHS * recording.object.longest_m, maximum_steps=MOST_STEPS
+    )
+    pairs = _first_pairs(recording, settings, known)
+    names = list(recording.cameras)
+    if len(reached(names, [pair.pair for pair in pairs])) < len(names):
+        return NO_FIT
+    free = replace(recording, baselines_m={})
+    of_rig = RigSettings(lenses=lenses or {})
+    fit = RigFit(free, chained(names, pairs), of_rig, held=settings)
+    least = min(pair.noise_px for pair in pairs)
+    fit.start_at({}, least)
+    with suppress(np.linalg.LinAlgError):
+        if fit.run() and fit.is_determined:
+            own = enumerate(recording.cameras.items())
+            cameras = {name: camera_at(camera, fit.q, number) for number, (name, camera) in own}
+            px = typical_noise(
+                fit.sigma_px,
+                fit.chi_squares,
+                fit.degrees_of_freedom,
+                fit.unknowns,
+                fit.p,
+                _one_on_its_head(fit.poses),
+            )
+            of_lenses = float(fit.p @ fit.unknowns.precision @ fit.p)
+            return RigNoise(px, of_lenses, least, cameras, tuple(pairs))
+    return NO_FIT
+
+
+def _first_pairs(
+    recording: Recording, settings: RefineSettings, known: Sequence[PairFit]
+) -> list[PairFit]:
+    """Sound pairs that connect the cameras, those with the most bars."""
+    found, names, limit = [*known], [*recording.cameras], _fitting_px(recording)
+    bars = [pair for pair, count in shared_bars(recording).items() if count >= FEWEST_BARS]
+    near = {pair: essential_fit(recording.pair(*pair)).px for pair in bars}
+    far = FAR * min(near.values(), default=np.inf)
+    for pair, px in near.items():
+        if not px < far or _connected(names, [fit.pair for fit in found], pair):
+            continue
+        with suppress(StereocalError, np.linalg.LinAlgError):
+            fit = refine(with_rough_baseline(recording.pair(*pair)), settings)
+            if fit.sigma_px.value < limit:
+                found.append(PairFit.of(pair, fit))
+    return sorted(found, key=lambda fit: fit.noise_px)
+
+
+def _connected(names: list[str], joined: list[CameraPair], pair: CameraPair) -> bool:
+    """Whether pairs connect two cameras."""
+    group = {pair[0]}
+    for _ in names:
+        group |= {name for each in joined if {*each} & group for name in each}
+    return pair[1] in group
+
+
+def _one_on_its_head(poses: Sequence[Pose]) -> bool:
+    """Whether a camera stands on its head beside the others."""
+    down = np.array([pose.R[1] for pose in poses])  # of each camera, in the reference's frame
+    return bool((down @ down.sum(axis=0) < 0.0).any())
+
+
+def _fitting_px(recording: Recording) -> float:
+    return FITTING * min(float(np.hypot(*own.image_size)) for own in recording.cameras.values())
