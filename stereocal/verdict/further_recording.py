@@ -7,6 +7,10 @@ recording in the same volume, a third as long as this one, differs by so much fr
 by what its finite number of frames makes. Frames follow each other where their errors are alike, or
 where their bars lie close together. Runs are at least as long as that lasts: shorter ones would
 repeat each other, and count for more than they tell.
+
+Of boards taken one by one, each is a run: its corners share its errors (focus, tilt, bend), and a
+few boards have few of these. A further recording of half as many boards differs by what their
+number makes, which boards drawn with replacement show.
 """
 
 import math
@@ -19,6 +23,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stereocal.calibration.methods import METHOD_NAMES, Method, errors_of
+from stereocal.calibration.readings import board_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation import evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
@@ -42,6 +47,9 @@ MOST_FRAMES = 40_000
 """Of all of them together; longer recordings are not compared."""
 SMALLEST_RATIO = 1.1
 """Of two figures that are worth telling apart."""
+DRAWN = 200
+FEWEST_BOARDS, MOST_GROUPS = 5, 20
+LENGTH_OF_BOARDS = 1 / 2
 LARGEST = float(np.log(3.0))
 """Half width in logarithms: few frames show runs that differ by far more than recordings do."""
 
@@ -78,7 +86,7 @@ def further_recordings(
     table = model.dataset.correspondences
     length = max(model.clusters.length, _length_of_places(model))
     if length == 1:
-        return {}
+        return {} if board_of(model.dataset) is None else _further_boards(model, files, seed)
     order = np.argsort(table.time_frame, kind="stable")
     used = order[model.used_rows[order]]
     at = np.unique(table.time_frame[used], return_inverse=True)[1]
@@ -87,12 +95,7 @@ def further_recordings(
     found: dict[Method, Further] = {}
     for method, rig in files.items():
         rng = np.random.default_rng([seed, 0xF127])
-        seen = replace(
-            model.dataset,
-            primary=rig.primary,
-            secondary=rig.secondary,
-            baseline_m=rig.pose.baseline,
-        )
+        seen = _seen_by(model, rig)
         errors = errors_of(seen, rig.pose)
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
         mean, median = partial(np.mean, axis=-1), partial(np.median, axis=-1)
@@ -105,6 +108,86 @@ def further_recordings(
         )
         found[method] = Further(in_images, of_pairs, *of_lengths)
     return found
+
+
+def sentence_on_runs(model: RefinedResult) -> str:
+    """What the intervals are for, where `further_recordings` widens them."""
+    text = model.clusters.text
+    if not text and _length_of_places(model) == 1:
+        return (
+            "The corners of a board share its errors: the intervals are for a further recording in "
+            "the same volume, of at least half as many boards."
+        )
+    alike = f", and neighbours have alike errors ({text})" if text else ""
+    return (
+        f"The frames follow each other{alike}: the intervals are for a further recording in the "
+        "same volume, at least a third as long."
+    )
+
+
+def _further_boards(
+    model: RefinedResult, files: Mapping[Method, Rig], seed: int
+) -> dict[Method, Further]:
+    """Of boards taken one by one: the corners of a board share its errors, so that a recording has
+    as many independent ones as boards. They are drawn with replacement, again and again."""
+    table, used = model.dataset.correspondences, model.used_rows
+    frames, at = np.unique(table.frame[used], return_inverse=True)
+    bars = np.flatnonzero(used[table.bars].all(axis=1))
+    of_bars = np.searchsorted(frames, table.frame[table.bars[bars, 0]])
+    if len(frames) < FEWEST_BOARDS:
+        return {}
+    found: dict[Method, Further] = {}
+    for method, rig in files.items():
+        rng = np.random.default_rng([seed, 0xB0A2])
+        seen = _seen_by(model, rig)
+        errors = errors_of(seen, rig.pose)
+        px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
+        drawn = rng.integers(len(frames), size=(DRAWN, len(frames)))
+        in_images = _half_width_of_boards(px[drawn].mean(axis=1), len(frames))
+        lengths = [errors.length[bars[of_bars == board]] for board in range(len(frames))]
+        known = [own[np.isfinite(own)] for own in lengths]
+        samples = [np.concatenate([known[board] for board in boards]) for boards in drawn]
+        of_lengths = (
+            _half_width_of_boards(np.array([figure(own) for own in samples]), len(frames))
+            for figure in (np.mean, np.median, partial(np.percentile, q=95))
+        )
+        of_pairs = _half_width_of_boards_fcp(seen, rig.pose, np.flatnonzero(used), at)
+        found[method] = Further(in_images, max(of_pairs, in_images), *of_lengths)
+    return found
+
+
+def _half_width_of_boards(figures: FloatArray, boards: int) -> float:
+    """From a figure of as many boards as the recording has, drawn with replacement (draws,)."""
+    variance = float(np.log(np.maximum(figures, 1e-300)).var()) * boards / (boards - 1)
+    return _half_width_of_finite(variance)
+
+
+def _half_width_of_finite(variance: float) -> float:
+    """For the finite number of boards of a further recording, from the variance of the logarithm of
+    a figure by that of this one."""
+    return min(1.96 * math.sqrt(variance / LENGTH_OF_BOARDS), LARGEST)
+
+
+def _half_width_of_boards_fcp(seen: Dataset, pose: Pose, used: IntArray, at: IntArray) -> float:
+    """That of the FCP, from its log odds without each board, or some of many (jackknife)."""
+    groups = np.arange(int(at.max()) + 1) % MOST_GROUPS
+    odds = [_log_odds_of_fcp(seen, pose, used[groups[at] != group]) for group in np.unique(groups)]
+    return _half_width_of_finite(float(np.var(odds)) * (len(odds) - 1))
+
+
+def _log_odds_of_fcp(seen: Dataset, pose: Pose, own: IntArray) -> float:
+    """Of the pairs of some rows (r,)."""
+    rows = np.zeros(len(seen.correspondences), dtype=np.bool_)
+    rows[own] = True
+    fcp = figures_of_set(evaluate.count_set(seen, pose, rows=rows))[0]
+    return float(np.log((fcp * len(own) + 0.5) / ((1.0 - fcp) * len(own) + 0.5)))
+
+
+def _seen_by(model: RefinedResult, rig: Rig) -> Dataset:
+    """The data set of a fit with the lenses and the baseline of a file."""
+    return replace(
+        model.dataset, primary=rig.primary, secondary=rig.secondary, baseline_m=rig.pose.baseline
+    )
 
 
 def _length_of_places(model: RefinedResult) -> int:
@@ -144,15 +227,10 @@ def _half_width_of_fcp(
 
     def between(order: IntArray, runs: int) -> float:
         """Variance between the runs of frames in an order (f,)."""
-        odds = []
-        for own in np.array_split(order, runs):
-            rows = np.zeros(len(seen.correspondences), dtype=np.bool_)
-            rows[used[np.isin(at, own)]] = True
-            fcp, pairs = (
-                figures_of_set(evaluate.count_set(seen, pose, rows=rows))[0],
-                int(rows.sum()),
-            )
-            odds.append(np.log((fcp * pairs + 0.5) / ((1.0 - fcp) * pairs + 0.5)))
+        odds = [
+            _log_odds_of_fcp(seen, pose, used[np.isin(at, own)])
+            for own in np.array_split(order, runs)
+        ]
         return float(np.var(odds, ddof=1))
 
     def spread(runs: int) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.verdict.forecast import Forecast, Verdict, sure
 from stereocal.verdict.forecast_draws import ForecastFigures
+from stereocal.verdict.further_recording import sentence_on_runs
 from stereocal.verdict.in_words import (
     digits,
     distance,
@@ -138,12 +139,7 @@ def recommend(
     if forecast is not None and found is not None:
         certainty = _how_sure(found, forecast, validation)
         if forecast.draws.further:
-            text = forecast.refined.clusters.text
-            alike = f", and neighbours have alike errors ({text})" if text else ""
-            in_runs = (
-                f"The frames follow each other{alike}: the intervals are for a further recording "
-                "in the same volume, at least a third as long."
-            )
+            in_runs = sentence_on_runs(forecast.refined)
     holds, left_out = found is not None and found.holds, left_out_line(calibration.screening)
     lengths = _length_in_words(calibration.dataset, measure.length_p95, holds)
     use = " ".join(filter(None, (lengths, _use(match, measure))))

@@ -20,6 +20,7 @@ class BoardMistake:
 
     spoil: Spoil
     words: tuple[str, ...]
+    needs_truth: bool = False
 
 
 def _grid(pair: BoardPair) -> IntArray:
@@ -162,14 +163,13 @@ MISTAKES: Mapping[str, BoardMistake] = {
         lambda p, r: numbered(p, _grid(p)[::-1, ::-1], (_one(r),)), ("opposite corner",)
     ),
     "stretched by 1.5 %": BoardMistake(
-        lambda p, r: board_of(p, np.array([[1.015, 1.0], [1.0, 1.015]][_one(r)])),
-        ("ruler", "longer", "stretched"),
+        lambda p, r: board_of(p, np.array([[1.015, 1.0], [1.0, 1.015]][_one(r)])), ("ruler",), True
     ),
     "two boards of different sizes": BoardMistake(
-        lambda p, _: board_of(p, np.array([1.2, 1.2]), second_half=True), ("size",)
+        lambda p, _: board_of(p, np.array([1.2, 1.2]), second_half=True), ("times as large",), True
     ),
-    "square 10 % too large": BoardMistake(square_off(1.1), ("baseline", "distance")),
-    "moved half-way": BoardMistake(moved, ("moved",)),
+    "square 10 % too large": BoardMistake(square_off(1.1), ("contradict each other",)),
+    "moved half-way": BoardMistake(moved, ("a camera moved",)),
     "frames in the order of words": BoardMistake(
         lambda p, r: reordered(p, r, lexical(len(p.points))), ("order of words",)
     ),
@@ -178,7 +178,7 @@ MISTAKES: Mapping[str, BoardMistake] = {
     ),
     "K at half size": BoardMistake(half_size, ("matrix k", "focal length")),
     "a crop": BoardMistake(cropped, ("centre", "principal point")),
-    "camera files exchanged": BoardMistake(files_exchanged, ("exchanged",)),
+    "camera files exchanged": BoardMistake(files_exchanged, ("camera files seem to be exchanged",)),
 }
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray
@@ -125,6 +125,27 @@ def draw_placings(
             if len(found) == count:
                 break
     return tuple(found)
+
+
+def waved_placings(
+    rig: Rig, far: float, board: BoardPattern, rng: np.random.Generator, frames: int, length: int
+) -> tuple[Pose, ...]:
+    """A board that is somewhere else every `length` frames, and moves evenly between; fewer frames
+    where it would leave the images."""
+    keys = [*draw_placings(rig, far, board, rng, frames // length + 12)]
+    corners, found = true_corners(board, 0.0), list[Pose]()
+    here = keys.pop()
+    while keys and len(found) < frames:
+        there = keys.pop()
+        turns = Slerp([0, 1], Rotation.from_matrix(np.stack([here.R, there.R])))
+        way = [
+            Pose(turns(share).as_matrix(), (1.0 - share) * here.T + share * there.T)
+            for share in np.arange(length) / length
+        ]
+        if all(images_of(rig, pose, corners) is not None for pose in way):
+            found += way
+            here = there
+    return tuple(found[:frames])
 
 
 def sound(number: int, frames: int = 20, baseline: bool = False) -> BoardPair:
