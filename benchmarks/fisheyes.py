@@ -1,19 +1,28 @@
-"""Are fisheyes found from boards? `python -m benchmarks.fisheyes [--lenses 200]`
+"""Fisheyes of 175 to 220 degrees: `python -m benchmarks.fisheyes [STUDY ...] [--trials N]`.
 
-Simulated lenses of 175 to 220 degrees (`tests/rigs/fisheyes.py`): 5 to 15 boards of 4x5 to 8x6
-corners, half of them at the rim, noise of 0.1 to 0.5 px. A fit has converged if its error is that
-of a fit from the true lens. The peer is OpenCV's `fisheye.calibrate`, with its own start and with
-the best of ours.
+`lenses` (2 minutes): are they found from boards? Simulated ones (`tests/rigs/fisheyes.py`): 5 to 15
+boards of 4x5 to 8x6 corners, half of them at the rim, noise of 0.1 to 0.5 px. A fit has converged
+if its error is that of a fit from the true lens. The peer is OpenCV's `fisheye.calibrate`, with its
+own start and with the best of ours.
+
+`errors`: are the stated errors of lenses true? 8 to 24 boards.
+
+`forecast`: are 95 % of the lengths of fresh boards within what is forecast? Pairs side by side and
+facing each other, lenses from the same 20 boards; and bars before fisheyes of 150 degrees.
 """
 
+import warnings
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 
-from benchmarks.studies import exact_interval, numbers_asked
+from benchmarks.studies import exact_interval, run_studies
 from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import Estimate
 from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.fisheye_fit import STARTS
 from stereocal.intrinsics.lens_fit import (
     FEWEST_VIEWS,
@@ -25,8 +34,20 @@ from stereocal.intrinsics.lens_fit import (
     rms_px,
     solve_lens,
 )
+from stereocal.intrinsics.stereo_boards import lenses_of_boards, recording_of
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.compiled import FloatArray
-from tests.rigs.fisheyes import draw_case
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.rigid_object import BoardPattern
+from stereocal.simulation.simulate import observe
+from stereocal.verdict.forecast import forecast_files
+from stereocal.workflow import Run
+from tests.fisheye_rig import NOISE_PX
+from tests.fisheye_rig import recording as recording_of_bars
+from tests.lens import AtOnce
+from tests.rigs.fisheyes import draw_boards, draw_case, draw_fisheye, draw_pairs, radius_of
+from tools.photographs.rendering import turned
 
 SETTINGS = LensSettings(model="fisheye")
 SAME = 1.001
@@ -65,9 +86,8 @@ def opencv(boards: BoardSearch, starts: FloatArray) -> float:
     return fx
 
 
-def main() -> None:
+def lenses(count: int) -> None:
     """Print how many are found, and how well they predict."""
-    count = numbers_asked(__doc__, lenses=200).lenses
     refused, missed, ratios, peers, proposed, compared = 0, 0, [], np.zeros(2, int), 0, 0
     for seed in range(count):
         lens, boards, tested = draw_case(seed)
@@ -97,5 +117,93 @@ def main() -> None:
     )
 
 
+def errors(count: int) -> None:
+    """Print errors over stated errors, of the parameters and of images at 70 degrees."""
+    found, shifts = [], []
+    for seed in range(count):
+        rng = np.random.default_rng(5000 + seed)
+        lens, pattern = draw_fisheye(rng), BoardPattern(8, 6, 0.03)
+        boards = draw_boards(lens, pattern, int(rng.integers(8, 25)), rng.uniform(0.1, 0.5), rng)
+        fit = calibrate_lens(boards, SETTINGS, AtOnce())
+        error, sigma = fit.of_all[:8] - lens.values, fit.standard_errors[:8]
+        found.append(error / sigma)
+        angle = np.radians(np.array([70.0]))
+        by_k = lens.values[0] * angle ** np.array([3, 5, 7, 9])
+        moves = np.array([*radius_of(angle, lens.values[4:]), 0.0, 1.0, 0.0, *by_k])
+        covariance = fit.correlation * np.outer(sigma, sigma)
+        shifts.append(moves @ error / np.sqrt(moves @ covariance @ moves))
+    rms = np.sqrt(np.mean(np.square(found), axis=0))
+    print("rms z of fx fy cx cy k1 k2 k3 k4:", " ".join(f"{value:.2f}" for value in rms))
+    print(f"rms z of images at 70 degrees: {np.sqrt(np.mean(np.square(shifts))):.2f}")
+
+
+def forecast(count: int) -> None:
+    """Print the forecast of 95 % of lengths over the truth, and how often its interval holds it."""
+    across = turned([0.02, np.pi - 0.03, 0.01])
+    rigs = {
+        "side by side": Pose(turned([0.02, 0.2, 0.03]), np.array([-0.3, 0.01, 0.02])),
+        "facing": Pose(across, -across @ np.array([0.01, 0.02, 0.6])),
+    }
+    for name, rig in rigs.items():
+        report(name, [of_boards(rig, seed) for seed in range(count)])
+    report("bars, 150 degrees", [of_bars(seed) for seed in range(count)])
+
+
+def report(name: str, each: list[tuple[Estimate, float]]) -> None:
+    """Print a line on forecasts and the true values."""
+    ratios = [own.value / true for own, true in each]
+    inside = sum(own.low <= true <= own.high for own, true in each)
+    low, middle, high = np.percentile(ratios, (0, 50, 100))
+    width = np.median([own.high / own.low for own, _ in each])
+    print(
+        f"{name}: forecast over truth {middle:.2f} ({low:.2f} to {high:.2f}), "
+        f"inside {inside} of {len(each)}, width {width:.1f}"
+    )
+
+
+def of_boards(rig: Pose, seed: int) -> tuple[Estimate, float]:
+    """The forecast of 95 % of lengths, and the truth on the diagonals of 200 fresh boards."""
+    rng, pattern = np.random.default_rng(seed), BoardPattern(8, 6, 0.03)
+    pair = draw_fisheye(rng), draw_fisheye(rng)
+    boards = draw_pairs(pair, rig, pattern, 20, 0.2, rng)
+    first, second = lenses_of_boards(boards, None, AtOnce())
+    recording = recording_of(boards, (first.camera, second.camera), "boards")
+    data = with_baseline_found(recording.pair("primary", "secondary"))
+    fresh = draw_pairs(pair, rig, pattern, 200, 0.2, rng).common
+    corners = [0, len(pattern.points) - 1, pattern.columns - 1, -pattern.columns]
+    points = [np.concatenate([v.views[k].corners[corners] for v in fresh]) for k in (0, 1)]
+    return judged(data, points[0], points[1], float(np.linalg.norm(pattern.points[-1])))
+
+
+def of_bars(seed: int) -> tuple[Estimate, float]:
+    """The same of bars, from 30 frames."""
+    data, scene = recording_of_bars(150.0, 1000 + seed, 30)
+    _, fresh = recording_of_bars(150.0, 5000 + seed, 400)
+    test = observe(replace(fresh, rig=scene.rig), np.random.default_rng(seed), NOISE_PX, "test")
+    rows = test.correspondences
+    at = rows.bars.ravel()
+    return judged(data, rows.primary[at], rows.secondary[at], test.target_distance_m)
+
+
+def judged(
+    data: Dataset, primary: FloatArray, secondary: FloatArray, length_m: float
+) -> tuple[Estimate, float]:
+    """The forecast, and the truth on pixels (2 n, 2) of the ends of bars, one after the other."""
+    calibration = Run(data).calibration
+    found = calibration.refined
+    assert found is not None
+    rig = found.apply(data)
+    first, second = rig.primary.undistort(primary), rig.secondary.undistort(secondary)
+    points = triangulate_rays(found.pose.R, found.pose.T, np.vstack([first.T, second.T]))
+    seen = rig.primary.uses(first) & rig.secondary.uses(second)
+    points = np.where(seen[:, None], points, np.nan).reshape(-1, 2, 3)
+    lengths = np.linalg.norm(points[:, 0] - points[:, 1], axis=1)
+    true = float(np.nanquantile(np.abs(lengths / length_m - 1.0), 0.95))
+    return forecast_files(calibration).draws.figures["refined"].p95_error_3d, true
+
+
 if __name__ == "__main__":
-    main()
+    warnings.simplefilter("error")
+    run_studies(
+        {"lenses": (lenses, 200), "errors": (errors, 40), "forecast": (forecast, 20)}, __doc__
+    )

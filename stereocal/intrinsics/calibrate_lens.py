@@ -24,10 +24,12 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.fisheye_fit import lens_information, lenses_without_each
 from stereocal.intrinsics.lens_fit import (
     FEWEST_VIEWS,
     MINIMUM_VIEWS,
     LensSettings,
+    boards_of,
     camera_of,
     residuals_of,
     rms_px,
@@ -42,6 +44,8 @@ RECOMMENDED_VIEWS = 50
 OUTLYING = 2.0
 """A photograph is an outlier if its error exceeds this multiple of the median."""
 CHUNK = 5
+MEDIAN_CHI2_8 = 7.344
+"""Median of chi-square with 8 degrees of freedom."""
 SHRUNK = 0.02
 """Share of the identity in the correlation."""
 MEDIAN_OVER_MEAN = np.pi / 2
@@ -90,6 +94,8 @@ class LensCalibration:
     @cached_property
     def standard_errors(self) -> FloatArray:
         """(9,): standard errors of `values`, by the delete-d jackknife (see the module)."""
+        if self.settings.model == "fisheye":
+            return np.append(np.sqrt(np.diag(self._covariance)), 0.0)
         views, repeats = len(self.search.views), len(self.drawn)
         variance = self.spread**2
         jackknife = self.per_draw / (views - self.per_draw) * variance
@@ -101,6 +107,9 @@ class LensCalibration:
 
         Shrunk by 2 % so that it can be inverted: fewer than 9 draws determine no full matrix.
         """
+        if self.settings.model == "fisheye":
+            sigma = self.standard_errors[: len(LENS_UNKNOWNS)]
+            return np.asarray(self._covariance / np.outer(sigma, sigma))
         known = self.draws[:, : len(LENS_UNKNOWNS)]
         scale = known.std(axis=0)
         found = np.eye(len(LENS_UNKNOWNS))
@@ -109,6 +118,26 @@ class LensCalibration:
             among = np.corrcoef(known[:, free], rowvar=False)
             found[np.ix_(free, free)] = (1 - SHRUNK) * among + SHRUNK * np.eye(len(free))
         return found
+
+    @cached_property
+    def _covariance(self) -> FloatArray:
+        """(8, 8): of the errors of a fisheye: that of the least squares, scaled to how much the
+        draws differ by the jackknife.
+
+        k1 to k4 cancel each other at all angles where there are corners, which a correlation of few
+        draws, shrunk, does not say: of 40 lenses it stated 2.2 times the true shift at 70 degrees
+        (rms of errors over stated ones 0.59; with this 1.04).
+        """
+        unknowns = len(LENS_UNKNOWNS)
+        boards = boards_of(self.search.pattern, self.search.views)
+        information = lens_information(boards, self.of_all[:unknowns])[0].sum(axis=0)
+        scale = np.sqrt(np.diag(information))
+        covariance = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
+        apart = self.draws[:, :unknowns] - self.of_all[:unknowns]
+        excess = np.einsum("ni,ij,nj->n", apart, information, apart)
+        jackknife = self.per_draw / (len(self.search.views) - self.per_draw)
+        factor = jackknife * float(np.median(excess)) / MEDIAN_CHI2_8
+        return np.asarray(factor * covariance)
 
     @cached_property
     def camera(self) -> Camera:
@@ -164,12 +193,13 @@ def calibrate_lens(
     drawn = np.array([np.sort(rng.choice(len(views), size, False)) for rng in draws])
     every, total = np.arange(len(views))[None], settings.repeats
     chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, total, CHUNK))]
-    if without_each:
+    fisheye = settings.model == "fisheye"
+    if without_each and not fisheye:
         chunks += [np.delete(every, at, axis=1) for at in range(len(views))]
         total += len(views)
     own = replace(search, refused=())
     # Every draw would try all starts, or two neighbouring ones might end in different lenses.
-    start = _started(search, settings) if settings.model == "fisheye" else None
+    start = _started(search, settings) if fisheye else None
     given = own, settings, start
     tasks = (
         Task(solve_draws, (*given, chunk), len(chunk) * (number > 0))
@@ -181,6 +211,11 @@ def calibrate_lens(
     if not np.isfinite(used).all() or used[:, :2].min() <= 0:
         raise undetermined(search, settings)
     others = without if without_each else None
+    if without_each and fisheye:
+        boards = boards_of(search.pattern, views)
+        others = np.pad(
+            lenses_without_each(boards, used[0, : len(LENS_UNKNOWNS)]), ((0, 0), (0, 1))
+        )
     return LensCalibration(search, settings, drawn, used[1:], used[0], others)
 
 

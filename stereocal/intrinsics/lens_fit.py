@@ -103,7 +103,7 @@ def solve_lens(
         # results in 20 runs, 1e-9 apart.
         cv2.setNumThreads(1)
     if settings.model == "fisheye":
-        return fit_fisheye(_boards(pattern, views), image_size, start)
+        return fit_fisheye(boards_of(pattern, views), image_size, start)
     boards = (
         [pattern.points[view.ids].astype("f4") for view in views],
         [view.corners.astype("f4") for view in views],
@@ -180,7 +180,7 @@ def camera_of(values: FloatArray, image_size: tuple[int, int], model: LensModel)
     return Camera(K, values[4:8] if model == "fisheye" else values[4:], image_size, model=model)
 
 
-def _boards(pattern: BoardPattern, views: Sequence[BoardView]) -> Boards:
+def boards_of(pattern: BoardPattern, views: Sequence[BoardView]) -> Boards:
     return Boards([pattern.points[view.ids] for view in views], [view.corners for view in views])
 
 
@@ -194,7 +194,7 @@ def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatA
     if len(points) < SMALLEST_BOARD:
         return None
     if camera.is_fisheye:
-        posed = pose_boards(_boards(pattern, [view]), camera.lens_values)
+        posed = pose_boards(boards_of(pattern, [view]), camera.lens_values)
         return np.append(cv2.Rodrigues(posed.R[0])[0], posed.t[0])
     found, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.distortion)
     return np.concatenate([turn, shift]).ravel() if found else None
@@ -206,7 +206,7 @@ def residuals_of(camera: Camera, pattern: BoardPattern, view: BoardView) -> Floa
     if pose is None:
         return np.full((len(points), 2), np.nan)
     if camera.is_fisheye:
-        return pose_boards(_boards(pattern, [view]), camera.lens_values).residuals
+        return pose_boards(boards_of(pattern, [view]), camera.lens_values).residuals
     refined = cv2.solvePnPRefineLM(
         points, view.corners, camera.K, camera.distortion, pose[:3, None], pose[3:, None]
     )

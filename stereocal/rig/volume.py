@@ -45,11 +45,15 @@ class Volume:
         """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0)]
-        if not len(points):
+        return cls.around(_directions_and_depths(points))
+
+    @classmethod
+    def around(cls, places: FloatArray) -> "Volume":
+        """The volume of bar ends whose directions and depths are given, (n, 3)."""
+        if not len(places):
             raise StereocalError("No bar is in front of the cameras, so there is no volume.")
-        ranges = _directions_and_depths(points)
-        low, high = ranges.min(axis=0), ranges.max(axis=0)
-        margin = (high - low) / (max(len(points) / 2, MINIMUM_BARS) - 1)
+        low, high = places.min(axis=0), places.max(axis=0)
+        margin = (high - low) / (max(len(places) / 2, MINIMUM_BARS) - 1)
         low, high = low - margin, high + margin
         low[2] = max(low[2], 0.0)
         return cls(*zip(low.tolist(), high.tolist(), strict=True))
@@ -60,11 +64,13 @@ class Volume:
         Points with NaN, and those behind the camera, do not.
         """
         points = np.asarray(points_m, dtype=np.float64)
-        low, high = self.limits
         with np.errstate(all="ignore"):
-            found = _directions_and_depths(points)
-            inside = ((found >= low) & (found <= high)).all(axis=1) & (points[:, 2] > 0)
-        return np.asarray(inside)
+            return self.has(_directions_and_depths(points)) & (points[:, 2] > 0)
+
+    def has(self, places: FloatArray) -> BoolArray:
+        """(n,): which directions and depths (n, 3) are in the ranges."""
+        low, high = self.limits
+        return np.asarray(((places >= low) & (places <= high)).all(axis=1))
 
     @property
     def limits(self) -> tuple[FloatArray, FloatArray]:

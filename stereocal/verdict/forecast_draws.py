@@ -257,7 +257,10 @@ def _truths(
     of_images = M.T @ model.information @ M / model.design_effect
     prior = model.unknowns.precision
     if of_boards and lenses_without(model.dataset, model.settings):
-        of_images, prior = np.asarray(np.linalg.inv(model.p_covariance)), np.zeros((k, k))
+        unit = np.sqrt(np.diag(model.p_covariance))
+        scaled = np.linalg.inv(model.p_covariance / np.outer(unit, unit))
+        of_images = 0.5 * (scaled + scaled.T) / np.outer(unit, unit)
+        prior = np.zeros((k, k))
     found = np.empty((len(scales), len(M)))
     for own, scale in zip(found, scales, strict=True):
         A = of_images / scale**2 + prior

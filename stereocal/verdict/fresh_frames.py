@@ -60,10 +60,11 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
         raise StereocalError("A forecast needs at least 3 bars with both targets.")
     middles, along = ends.mean(axis=1), ends[:, 0] - ends[:, 1]
     lengths = np.linalg.norm(along, axis=1)
-    places = np.column_stack([middles[:, :2] / middles[:, 2:], np.log(middles[:, 2])])
-    directions = along / lengths[:, None]
-
-    volume = Volume.of_bars(ends)
+    wide, directions = model.primary.is_fisheye, along / lengths[:, None]
+    places = _places(middles, wide)
+    places[:, 2] = np.log(places[:, 2])
+    in_front = ends.reshape(-1, 3)[ends[:, :, 2].ravel() > 0]
+    volume = Volume.around(_places(in_front, wide))
     drawn = _drawn(len(ends), draws, bars, rng)
     rule = (4 / ((DIMENSIONS + 2) * len(ends))) ** (1 / (DIMENSIONS + 4))
     spread, axes = _root(np.cov(places.T)), _root(directions.T @ directions / len(ends))
@@ -84,8 +85,8 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
         turn -= np.sum(turn * directions[own], axis=1, keepdims=True) * directions[own]
         turned = directions[own] + h * turn
         turned *= 0.5 * (lengths[own] / np.linalg.norm(turned, axis=1))[:, None]
-        depth = np.exp(moved[:, 2:])
-        middle = np.hstack([moved[:, :2] * depth, depth])
+        moved[:, 2] = np.exp(moved[:, 2])
+        middle = _points(moved, wide)
         bars_tried = np.stack([middle + turned, middle - turned], axis=1)
         seen = _seen(model, volume, bars_tried)
         at = np.flatnonzero(wanted)[seen]
@@ -128,14 +129,45 @@ def _distinct(weights: FloatArray, groups: int, rng: np.random.Generator) -> Int
     return found
 
 
+def _places(points: FloatArray, wide: bool) -> FloatArray:
+    """(n, 3): direction and depth of points (n, 3) in the primary's frame: x/z, y/z and z.
+
+    Args:
+        wide: the camera is a fisheye: the two components of the angle from the axis, and the
+            distance. On the plane z = 1 nearly all directions are at the rim, and there the depth
+            of a bar in the middle is a place many times farther away than any bar was.
+    """
+    x, y, z = points.T
+    if not wide:
+        return np.column_stack([x / z, y / z, z])
+    r = np.maximum(np.hypot(x, y), 1e-12)
+    angle = np.arctan2(r, z)
+    return np.column_stack([angle * x / r, angle * y / r, np.hypot(r, z)])
+
+
+def _points(places: FloatArray, wide: bool) -> FloatArray:
+    """The inverse of `_places`."""
+    x, y, z = places.T
+    if not wide:
+        return np.column_stack([x * z, y * z, z])
+    angle = np.maximum(np.hypot(x, y), 1e-12)
+    across = z * np.sin(angle) / angle
+    return np.column_stack([across * x, across * y, z * np.cos(angle)])
+
+
 def _seen(model: RefinedResult, volume: Volume, bars: FloatArray) -> BoolArray:
     """(n,): whether both ends of bars (n, 2, 3) are in the volume and in both images."""
     points = np.ascontiguousarray(bars.reshape(-1, 3))
     pixels = np.empty((len(points), 4))
     photograph(model.q, model.lenses, points, pixels)
     sizes = np.array([*model.primary.image_size, *model.secondary.image_size]) - 0.5
-    seen = ((pixels > -0.5) & (pixels < sizes)).all(axis=1) & volume.contains(points)
-    seen &= model.pose.apply(points)[:, 2] > 0
+    seen = ((pixels > -0.5) & (pixels < sizes)).all(axis=1) & (points[:, 2] > 0)
+    seen &= volume.has(_places(points, model.primary.is_fisheye))
+    others = model.pose.apply(points)
+    seen &= others[:, 2] > 0
+    for camera, own in ((model.primary, points), (model.secondary, others)):
+        if camera.is_fisheye:
+            seen &= camera.uses(own[:, :2] / own[:, 2:])
     return np.asarray(seen.reshape(-1, 2).all(axis=1))
 
 

@@ -108,7 +108,11 @@ def fcp_interval(counts: IntArray) -> Estimate:
 
 
 def share_interval(cases: IntArray, of: IntArray) -> Estimate:
-    """The share of cases (draws, halves)."""
+    """The share of cases (draws, halves), of the draws that have any; NaN if none has."""
+    known = of.sum(axis=1) > 0
+    cases, of = cases[known], of[known]
+    if not len(of):
+        return Estimate(float("nan"), float("nan"), float("nan"))
     shares = cases.sum(axis=1) / of.sum(axis=1)
     pooled = float(cases.sum() / of.sum())
     if np.mean(cases == 0) < RARELY_NONE:
