@@ -87,18 +87,48 @@ def held_out(fit: RigFit, clusters: Clusters) -> dict[str, HeldOutErrors]:
     return found
 
 
+def predicted_apart(fit: RigFit, frame: int) -> float:
+    """How much worse the frames before and from one on predict each other than the halves of each
+    do, as a factor; above 1 something changed there, and not only where the object was."""
+    used = fit.frames[fit.used]
+    parts = used[used < frame], used[used >= frame]
+    within = (_ratio(fit, *np.array_split(part, 2)) for part in parts)
+    return _ratio(fit, *parts) / max(1.0, *within)
+
+
+def _ratio(fit: RigFit, first: IntArray, second: IntArray) -> float:
+    """How many times worse frames are predicted by others than they fit by themselves, the smaller
+    factor of the two (medians); 1 where a part cannot be fitted."""
+    fits = [_fitted_to(fit, part) for part in (first, second)]
+    ratios = []
+    for part, own, other in zip((first, second), fits, fits[::-1], strict=True):
+        if own is None or other is None:
+            return 1.0
+        units = np.flatnonzero(np.isin(fit.frames[fit.frame_of], part))
+        itself, predicted = (
+            float(np.nanmedian(frame_errors(residuals, fit.frame_of[units], len(fit.frames))))
+            for _, residuals in (point_fits(each.cameras, fit.seen, units) for each in (own, other))
+        )
+        ratios.append(predicted / itself)
+    return min(ratios)
+
+
+def _fitted_to(fit: RigFit, frames: IntArray) -> RigFit | None:
+    """A fit of some frames from the end of one; None if it fails."""
+    settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
+    again = RigFit(fit.recording.where(np.isin(fit.recording.frame, frames)), fit.poses, settings)
+    again.start_at(fit.unknowns.named(fit.p), fit.sigma_px)
+    return again if again.run() else None
+
+
 def _errors(fit: RigFit, parts: IntArray) -> HeldOutErrors | None:
     """The errors of all parts (f,) of the used frames; None if a fit fails."""
     seen, used = fit.seen, fit.used
-    start = fit.unknowns.named(fit.p)
-    settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
     pixels, lengths = list[FloatArray](), list[FloatArray]()
     for part in range(PARTS):
         out = used[parts == part]
-        fitted = np.isin(fit.recording.frame, seen.frames[used[parts != part]])
-        again = RigFit(fit.recording.where(fitted), fit.poses, settings)
-        again.start_at(start, fit.sigma_px)
-        if not again.run():
+        again = _fitted_to(fit, seen.frames[used[parts != part]])
+        if again is None:
             return None
         units = np.flatnonzero(np.isin(seen.frame_of, out))
         points, residuals = point_fits(again.cameras, seen, units)

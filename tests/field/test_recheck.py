@@ -19,8 +19,11 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
+from stereocal.refined.two_views import BASELINE, shared_unknowns
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
@@ -43,8 +46,10 @@ from tests.rigs.refined_rigs import (
     Misjudged,
     in_runs,
     random_rig,
+    smooth_fields,
     stated,
     waved_scene,
+    with_waves,
 )
 
 COARSE = Smallest(float(np.radians(1.0)), 0.05)
@@ -255,3 +260,25 @@ def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count(
     written = repaired_parameters(check, None).uncertainties
     assert written is not None
     assert written["design_effect"] == check.noise.design_effect
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_lenses_that_are_not_as_their_model_make_no_movement(seed: int) -> None:
+    """A quarter in time of a waved bar, which was elsewhere in the other three."""
+    rng = np.random.default_rng(seed)
+    cameras, fields = random_rig(rng), smooth_fields(rng)
+    off = Misjudged(noise_px=0.2)
+    data = with_waves(stated(waved_scene(cameras, rng, 320, 20), rng, off), fields, 0.4)
+    frames = data.correspondences.frames
+    prior = prior_of(refined_parameters(refine(data.of_frames(frames[80:]))))
+    still = images_of_bars(data.of_frames(frames[:80]), prior.rig)
+    assert recheck(prior, still).verdict != "moved"
+    turn = Rotation.from_rotvec(np.radians([0.12, 0.0, 0.16])).as_matrix()
+    pose = prior.rig.pose
+    turned = replace(prior.rig, pose=Pose(turn @ pose.R, turn @ pose.T))
+    assert recheck(replace(prior, rig=turned, q=_at(prior.q, turned)), still).verdict == "moved"
+
+
+def _at(q: FloatArray, rig: RigParameters) -> FloatArray:
+    """The shared unknowns with the pose of a rig."""
+    return np.concatenate([shared_unknowns(rig)[: BASELINE + 1], q[BASELINE + 1 :]])

@@ -77,6 +77,11 @@ def test_a_bumped_camera_is_named(degrees: float) -> None:
     assert abs(when - 80) < 15
 
 
+def test_lenses_that_are_not_as_their_model_make_no_movement() -> None:
+    _, recording = wave_wand(18, np.zeros(3), 100, misfit_px=0.4)
+    assert calibrate_rig(recording).warnings == ()
+
+
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
     recording = bumped(simulated(1), "c2", 0.2, 80)
     (warning,) = calibrate_rig(recording.of_cameras(["c1", "c2"])).warnings

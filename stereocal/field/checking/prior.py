@@ -9,7 +9,7 @@ import numpy as np
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.matching.reconstruction import POSE, noise_of_file
 from stereocal.refined.noise import ASSUMED, GIVEN
-from stereocal.refined.two_views import BAR, shared_unknowns
+from stereocal.refined.two_views import BAR, shared_lens_places, shared_unknowns
 from stereocal.refined.unknowns import DEFAULT_DISTANCE
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -19,6 +19,8 @@ SPENT = 12.0
 """Degrees of freedom that a calibration spends on the pose and, in part, on the lenses."""
 DEGREES_GIVEN, DEGREES_ASSUMED = 1000.0, 4.0
 """For a noise that was stated, and for one that nothing was known about."""
+LENS_ERROR = 0.5
+"""Of the images, for each unknown of a lens: rms in units of the noise."""
 SMALLEST_EIGENVALUE = 1e-12
 """Least of the correlation; directions below are taken as exact."""
 
@@ -45,6 +47,25 @@ class Prior:
     def covariance(self) -> FloatArray:
         """(25, 25)."""
         return np.asarray(self.root @ self.root.T)
+
+    def with_lens_errors(self, dataset: Dataset) -> "Prior":
+        """The prior of lenses with errors that no calibration shows, where the images of a data
+        set are.
+
+        A lens is nowhere exactly as its model. The pose of the file makes up for that where its
+        bars were, and not elsewhere: bars at other places then look as if a camera had moved.
+        """
+        covariance, rows = self.covariance, dataset.correspondences
+        of_cameras = (rows.primary, dataset.primary), (rows.secondary, dataset.secondary)
+        for number, (pixels, camera) in enumerate(of_cameras):
+            places = shared_lens_places(number)
+            x = camera.undistort(pixels)
+            f, r2 = float(np.mean(self.q[places[:2]])), np.square(x).sum(axis=1)
+            # Images move by these, over the change of fx, fy, cx, cy, k1, k2, p1, p2.
+            moves = [*np.abs(x).T, 1.0, 1.0, f * r2**1.5, f * r2**2.5, 2 * f * r2, 2 * f * r2]
+            sizes = np.array([np.sqrt(np.mean(np.square(each))) for each in moves])
+            covariance[places, places] += (LENS_ERROR * self.sigma_px / sizes) ** 2
+        return replace(self, root=root_of(covariance))
 
     def with_bar_of(self, dataset: Dataset) -> "Prior":
         """The prior for the bar of a data set: that of the calibration, whose factor is correlated

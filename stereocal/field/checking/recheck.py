@@ -55,6 +55,7 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
         smallest: the smallest movement that matters; "same" is reported only if it would be seen.
     """
     prior = prior.with_bar_of(images.dataset) if images.bars else prior
+    prior = prior.with_lens_errors(images.dataset)
     smallest = smallest or Smallest()
     check, focal = _Check(prior, images), focal_changes(prior)
     blocks = check.blocks
@@ -169,7 +170,7 @@ class _Check:
         for groups, change in parts:
             fit = Fit(self.prior, self.images.of_groups(groups), change, noise.sigma_px)
             fit.minimise(noise.outlying[groups])
-            effect, clusters = _design_effect(fit, of_file > 1)
+            effect, clusters = _design_effect(fit, of_file > 1 or self.images.follow_each_other)
             if effect > found.design_effect:
                 degrees = min(noise.degrees, float(clusters * max(len(change), 1)))
                 found = replace(found, design_effect=effect, degrees=degrees)
