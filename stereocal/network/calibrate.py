@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.diagnosis import camera_warnings, contradicts_lenses, refuse_poor_fit
@@ -20,13 +21,19 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
-from stereocal.network.wrong_inputs import check_inputs, find_wrong_input, refuse_same_points
+from stereocal.network.wrong_inputs import (
+    check_inputs,
+    contradicting_lengths,
+    find_wrong_input,
+    refuse_same_points,
+)
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import interpolate
 from stereocal.system.numbers import count
@@ -53,18 +60,29 @@ def calibrate_rig(
         progress: called with the steps done, and those in all.
     """
     refuse_same_points(recording)
+    check_numbering(recording)
     try:
         rig = _calibrated(recording, settings or RigSettings(), progress)
         refuse_poor_fit(rig)
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         known = isinstance(error, StereocalError)
-        raise StereocalError(
-            find_wrong_input(recording) or (str(error) if known else NO_RIG)
-        ) from error
+        cause = contradicting_lengths(recording) or find_wrong_input(recording)
+        raise StereocalError(cause or (str(error) if known else NO_RIG)) from error
     if rig.unreached and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.recording, contradicts_lenses(rig.fit))
-    return replace(rig, warnings=(*possible, *rig.warnings))
+    told = [*possible, *rig.warnings, _question(rig)]
+    return replace(rig, warnings=tuple(filter(None, told)))
+
+
+def _question(rig: RigCalibration) -> str:
+    """Whether unusually long lengths are in metres; empty if none is."""
+    pair = next(iter(rig.pairs.fits))
+    of_rig, dataset = rig.pair(*pair), rig.recording.pair(*pair)
+    if dataset.baseline_is_free:
+        dataset = replace(dataset, baseline_m=of_rig.pose.baseline)
+    question = question_about_units(dataset, of_rig.pose)
+    return question and f"{question} If not, correct them: no residual shows a wrong unit."
 
 
 def _calibrated(

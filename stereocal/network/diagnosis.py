@@ -1,7 +1,5 @@
 """What is wrong with a whole camera: its file, or that it moved during the recording."""
 
-from itertools import combinations
-
 import numpy as np
 
 from stereocal.calibration.methods import POOR_LENGTH
@@ -13,14 +11,15 @@ from stereocal.network.result import RigCalibration
 from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import LensPrior, lens_prior
 from stereocal.refined.views import EACH
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.numbers import rounded
 
 CONTRADICTED = 30.0
 """Chi-square of a camera's focal length and centre about the stated ones, of 3 values."""
-BETTER = 0.3
-"""What is left of it, at most, when the files of two cameras are exchanged."""
+UPRIGHT = 0.7
+"""Cosine of the angle within which cameras stand alike."""
 BLOCKS = 16
 """Into which a recording is divided to find when a camera moved."""
 MOVED, OF_COST = 60.0, 0.1
@@ -65,7 +64,13 @@ def camera_warnings(fit: RigFit) -> list[str]:
     beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
     if not fit.is_determined:
         return [*beyond]
-    return [*beyond, *_lens_warnings(fit), *_moved_warnings(fit), *_baseline_warnings(fit)]
+    return [
+        *beyond,
+        *_on_their_heads(fit),
+        *_lens_warnings(fit),
+        *_moved_warnings(fit),
+        *_baseline_warnings(fit),
+    ]
 
 
 def _baseline_warnings(fit: RigFit) -> list[str]:
@@ -103,32 +108,50 @@ def _lens_chi_squares(fit: RigFit) -> list[float]:
 
 
 def _lens_warnings(fit: RigFit) -> list[str]:
-    """Cameras whose files the images contradict, and which of them look exchanged."""
-    names, stated = list(fit.recording.cameras), list(fit.recording.cameras.values())
-    priors = [
-        lens_prior(camera, fit.rig_settings.lenses.get(name))
-        for name, camera in zip(names, stated, strict=True)
-    ]
-    lenses = [fit.q[lens_places(number)] for number in range(len(names))]
-    files = [camera.lens_values for camera in stated]
-    chi_squares = _lens_chi_squares(fit)
-    for a, b in combinations(range(len(names)), 2):
-        before = chi_squares[a] + chi_squares[b]
-        after = _lens_chi_square(lenses[a], files[b], priors[a])
-        after += _lens_chi_square(lenses[b], files[a], priors[b])
-        if before > CONTRADICTED and after < BETTER * before:
-            return [
-                f"The camera files of {names[a]} and {names[b]} look exchanged: each lens fits the "
-                "other camera's images."
-            ]
+    """Cameras whose files the images contradict."""
     return [
-        f"The images contradict the stated lens of camera {names[number]}: its focal length would "
-        f"be {rounded(100 * abs(lenses[number][0] / files[number][0] - 1))} % "
-        f"{'longer' if lenses[number][0] > files[number][0] else 'shorter'}. Is it the file of "
-        "this camera, with this zoom and focus?"
-        for number in range(len(names))
-        if chi_squares[number] > CONTRADICTED
+        f"The images contradict the stated lens of camera {name}: "
+        f"{_what_contradicts(fit.q[lens_places(number)], camera, prior)}"
+        for number, (name, camera) in enumerate(fit.recording.cameras.items())
+        for prior in [lens_prior(camera, fit.rig_settings.lenses.get(name))]
+        if _lens_chi_square(fit.q[lens_places(number)], camera.lens_values, prior) > CONTRADICTED
     ]
+
+
+def _what_contradicts(fitted: FloatArray, camera: Camera, prior: LensPrior) -> str:
+    """Whether it is the focal length or the centre, by their uncertainties."""
+    stated = camera.lens_values
+    longer = fitted[0] / stated[0] - 1.0
+    away = float(np.linalg.norm(fitted[2:4] - stated[2:4]))
+    if away / prior.centre_px > abs(longer) / prior.focal:
+        return (
+            f"its centre would be {rounded(away)} px from the stated one, at ({fitted[2]:.0f}, "
+            f"{fitted[3]:.0f}) px. Were its images cropped, mirrored or turned, or is it the file "
+            "of another camera?"
+        )
+    return (
+        f"its focal length would be {rounded(100 * abs(longer))} % "
+        f"{'longer' if longer > 0.0 else 'shorter'}. Is it the file of this camera, with this zoom "
+        "and focus?"
+    )
+
+
+def _on_their_heads(fit: RigFit) -> list[str]:
+    """Cameras that are upside down beside the others, which are alike."""
+    found, names = [], list(fit.recording.cameras)
+    down = np.array([pose.R[1] for pose in fit.poses])  # of each camera, in the reference's frame
+    for number, name in enumerate(names):
+        others = np.delete(down, number, axis=0).mean(axis=0)
+        if (
+            len(names) > 2
+            and np.linalg.norm(others) > UPRIGHT
+            and down[number] @ others < -(UPRIGHT**2)
+        ):
+            found.append(
+                f"The camera {name} stands on its head beside the others. If it was not mounted "
+                "so, its images are turned by half a turn."
+            )
+    return found
 
 
 def _lens_chi_square(fitted: FloatArray, stated: FloatArray, prior: LensPrior) -> float:

@@ -14,12 +14,17 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import BoolArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.rigid_object import FEWEST_TO_PLACE
 from stereocal.system.tasks import Progress
 
 FEWEST_BARS = 8
 """Bars that two cameras must share: with fewer, their pose and lenses can fit wrong points too."""
+FEWEST_BOARDS, MANY = 4, 80
+"""Placings that are enough where two cameras share so many points in them: boards have more points
+than bars."""
 MOST_NOISE = 4.0
 """Of a sound pair, over the median of all pairs."""
 LEAST_NOISE_PX = 2.0
@@ -52,9 +57,12 @@ def pair_name(pair: CameraPair) -> str:
 def shared_bars(recording: Recording) -> dict[CameraPair, int]:
     """How many bars each pair of cameras sees, of all pairs that see any; most first."""
     _, pixels = recording.images()
-    ends = pixels[..., 0][:, list(recording.object.longest)]
-    whole = np.asarray(np.isfinite(ends).all(axis=1), dtype=np.int64)
-    counts, names = whole.T @ whole, list(recording.cameras)
+    seen, names = np.isfinite(pixels[..., 0]), list(recording.cameras)
+    if recording.object.board is None:
+        whole = np.asarray(seen[:, list(recording.object.longest)].all(axis=1), dtype=np.int64)
+        counts = whole.T @ whole
+    else:  # a board of which some corners are hidden is one too
+        counts = (_common_points(seen) >= FEWEST_TO_PLACE).sum(axis=0)
     found = {
         (names[i], names[j]): int(counts[i, j])
         for i in range(len(names))
@@ -62,6 +70,25 @@ def shared_bars(recording: Recording) -> dict[CameraPair, int]:
         if counts[i, j]
     }
     return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _common_points(seen: BoolArray) -> IntArray:
+    """(f, c, c): how many points (f, k, c) two cameras see in each frame."""
+    points = seen.astype(np.int64)
+    return np.asarray(points.transpose(0, 2, 1) @ points)
+
+
+def pairs_worth_a_fit(recording: Recording) -> list[CameraPair]:
+    """The pairs that share enough bars, or fewer placings of an object with many points; the most
+    bars first."""
+    names = list(recording.cameras)
+    points = _common_points(np.isfinite(recording.images()[1][..., 0])).sum(axis=0)
+    return [
+        pair
+        for pair, bars in shared_bars(recording).items()
+        if bars >= FEWEST_BARS
+        or (bars >= FEWEST_BOARDS and points[names.index(pair[0]), names.index(pair[1])] >= MANY)
+    ]
 
 
 def calibrate_pairs(
@@ -73,7 +100,7 @@ def calibrate_pairs(
         progress: called with the pairs done, and those in all.
     """
     bars = shared_bars(recording)
-    worth = [pair for pair, count in bars.items() if count >= FEWEST_BARS]
+    worth = pairs_worth_a_fit(recording)
     fits: dict[CameraPair, RefinedResult] = {}
     failed: dict[CameraPair, str] = {}
     for number, pair in enumerate(worth):

@@ -13,12 +13,13 @@ from functools import partial
 
 import numpy as np
 
+from stereocal.calibration.checks import LARGEST_SCALE_ERROR
 from stereocal.calibration.readings import FITTING, same_lens
-from stereocal.calibration.wrong_inputs import essential_fit, suspects
+from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message, suspects
 from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings, camera_at
 from stereocal.network.fuse import PairFit, chained
-from stereocal.network.pairs import FEWEST_BARS, reached, shared_bars
+from stereocal.network.pairs import FEWEST_BARS, pairs_worth_a_fit, reached, shared_bars
 from stereocal.network.rig_readings import (
     ESTIMATED_HANDICAP,
     RigReading,
@@ -110,21 +111,24 @@ def check_inputs(recording: Recording, lenses_contradicted: bool) -> list[str]:
     Args:
         lenses_contradicted: whether the images contradict the stated lens of any camera.
     """
-    found: list[str] = []
+    certain, possible = list[tuple[float, str]](), list[str]()
     for part, about in _parts(recording):
         nominal = noise_of_rig(part)
-        possible = _judged(part, nominal, _suspects(part, about))
-        if not (lenses_contradicted or _named(nominal, possible, POSSIBLE_GAIN)):
-            continue
+        if nominal.px < _largest_noise(part, nominal) and not lenses_contradicted:
+            suspected = _judged(part, nominal, _suspects(part, about))
+            if not _named(nominal, suspected, POSSIBLE_GAIN):
+                continue
         judged = _judged(part, nominal, every_reading(part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
-            raise StereocalError(_message(nominal, named))
-        found += [
+            certain.append((named[0].rank, _message(nominal, named)))
+        possible += [
             f"{it.reading.claim}: all points and lengths would then fit to {rounded(it.noise_px)} "
             f"px instead of {rounded(nominal.px)} px, which is not enough to be certain. Check it."
             for it in _named(nominal, judged, POSSIBLE_GAIN)[:1]
         ]
-    return list(dict.fromkeys(found))
+    if certain:
+        raise StereocalError(min(certain)[1])
+    return list(dict.fromkeys(possible))
 
 
 def find_wrong_input(recording: Recording) -> str:
@@ -135,13 +139,26 @@ def find_wrong_input(recording: Recording) -> str:
         judged = _judged(part, nominal, every_reading(part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
             found.append((named[0].rank, _message(nominal, named)))
-    return min(found, default=(0.0, ""))[1]
+    return min(found)[1] if found else ""
+
+
+def contradicting_lengths(recording: Recording) -> str:
+    """A message if a measured baseline and the object cannot both be right; else empty."""
+    for pair in recording.pairs:
+        if recording.baseline_m(*pair) is None or recording.baseline_sigma_m == np.inf:
+            continue
+        with suppress(StereocalError):
+            dataset = recording.pair(*pair)
+            fit = essential_fit(dataset)
+            if fit.only_scale_is_wrong and abs(np.log(fit.scale)) > np.log(LARGEST_SCALE_ERROR):
+                return f"The cameras {' and '.join(pair)}: {inconsistency_message(dataset, fit)}"
+    return ""
 
 
 def _parts(recording: Recording) -> list[tuple[Recording, list[str]]]:
     """Groups of cameras that share bars, and the cameras that each is to tell about."""
     bars = shared_bars(recording)
-    names = reached([*recording.cameras], [pair for pair, n in bars.items() if n >= FEWEST_BARS])
+    names = reached([*recording.cameras], pairs_worth_a_fit(recording))
     if len(names) < 2:
         return []
     if len(names) <= MOST_CAMERAS:
@@ -229,13 +246,18 @@ def _judged(
             data = reading.corrected()
             known = [pair for pair in nominal.pairs if not {*pair.pair} & {*reading.cameras}]
             noise = noise_of_rig(data, known)
-            limit = min(max(CLEAN * noise.best_pair_px, CLEAN_PX), _fitting_px(data))
-            fits = noise.px < limit and reading.least_gain * noise.px < nominal.px
+            fits = noise.px < _largest_noise(data, noise)
+            fits = fits and reading.least_gain * noise.px < nominal.px
             least = FAR_FROM_FILE if reading.is_estimated else CONTRADICTED
             of_lenses = noise.of_lenses if nominal.of_lenses > least else np.inf
             rank = reading.handicap * noise.px
             found.append(JudgedReading(reading, noise.px, fits, rank, of_lenses))
     return sorted(found, key=lambda it: it.rank)
+
+
+def _largest_noise(recording: Recording, fit: RigNoise) -> float:
+    """The largest noise that cameras which fit together leave, in pixels."""
+    return min(max(CLEAN * fit.best_pair_px, CLEAN_PX), _fitting_px(recording))
 
 
 def _quick_px(recording: Recording, cameras: Sequence[str], bars: Iterable[CameraPair]) -> float:
@@ -317,8 +339,8 @@ def _first_pairs(
 ) -> list[PairFit]:
     """Sound pairs that connect the cameras, those with the most bars."""
     found, names, limit = [*known], [*recording.cameras], _fitting_px(recording)
-    bars = [pair for pair, count in shared_bars(recording).items() if count >= FEWEST_BARS]
-    near = {pair: essential_fit(recording.pair(*pair)).px for pair in bars}
+    worth = pairs_worth_a_fit(recording)
+    near = {pair: essential_fit(recording.pair(*pair)).px for pair in worth}
     far = FAR * min(near.values(), default=np.inf)
     for pair, px in near.items():
         if not px < far or _connected(names, [fit.pair for fit in found], pair):

@@ -12,8 +12,9 @@ from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
+from stereocal.simulation.simulate import lens_off_by
 from tests.rigs.moving_wand import wave_wand
-from tests.rigs.spoiled_rigs import MISTAKES
+from tests.rigs.spoiled_rigs import MISTAKES, sound
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
@@ -49,6 +50,7 @@ def test_a_sound_rig_has_no_warnings(seed: int) -> None:
         ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
         ("3 cameras", "frames shifted by one", "frames of camera c1 seem to be counted 1 apart"),
         ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
+        ("3 cameras", "object in cm, baseline", "c1 and c2: .*The distance looks like centimetres"),
         ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have one lens"),
     ],
 )
@@ -56,6 +58,40 @@ def test_a_wrong_input_is_refused_and_its_camera_named(kind: str, mistake: str, 
     """All kinds, 6 kinds of rig: `python -m benchmarks.wrong_rigs wrong`."""
     with pytest.raises(StereocalError, match=names):
         calibrate_rig(MISTAKES[mistake](kind, 0))
+
+
+def test_lengths_of_another_unit_are_asked_about() -> None:
+    (warning,) = calibrate_rig(MISTAKES["object in cm"]("3 cameras", 0)).warnings
+    assert "Are these lengths in metres?" in warning and "if they are in cm" in warning
+
+
+def test_a_camera_on_its_head_is_said() -> None:
+    """Its points tell it only where the centre of its lens is far from that of its images."""
+    warnings = calibrate_rig(MISTAKES["one upside down"]("5 cameras, waved bar", 7)).warnings
+    assert any("camera c4 stands on its head beside the others" in warning for warning in warnings)
+
+
+def test_a_lens_is_contradicted_by_what_contradicts() -> None:
+    """Its centre, 78 px off, and not its focal length, which the fit hardly moves."""
+    recording = sound("3 cameras", 1)[0].recording
+    camera = recording.cameras["c2"]
+    away = lens_off_by(camera, 0.0, (60.0, -50.0))
+    found = calibrate_rig(replace(recording, cameras={**recording.cameras, "c2": away}))
+    (warning,) = [each for each in found.warnings if "lens of camera c2" in each]
+    assert "its centre would be" in warning and "focal length" not in warning
+
+
+def test_seven_boards_of_many_corners_connect_a_camera() -> None:
+    """Some of them are seen in part, without the corners that are farthest apart."""
+    recording = sound("3 cameras, board", 2)[0].recording
+    frames = np.unique(recording.frame[recording.camera == 2])[:7]
+    few = (recording.camera != 2) | np.isin(recording.frame, frames)
+    few &= (recording.camera != 2) | (recording.target > 0) | (recording.frame > frames[3])
+    rig = calibrate_rig(recording.where(np.asarray(few)))
+    assert not rig.unreached
+    truth = sound("3 cameras, board", 2)[0]
+    turn = Rotation.from_matrix(rig.poses["c3"].R @ truth.poses["c3"].R.T).magnitude()
+    assert np.degrees(turn) < 0.4  # 0.24, of a lens that seven boards know to 5 px
 
 
 def test_a_measured_baseline_that_the_rig_leaves_is_said() -> None:
