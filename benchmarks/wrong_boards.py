@@ -27,8 +27,9 @@ from tests.rigs.board_mistakes import MISTAKES, BoardMistake
 from tests.rigs.board_pairs import BoardPair, draw_placings, images_of, sound, true_corners
 
 SUBSET, FURTHER, MOST, MOST_BASELINE = 20, 40, 3.0, 0.05
-REFUSED, NOTED, OTHER, WRONG, RIGHT = (
-    *("refused and named", "named in a note", "refused for another reason"),
+REFUSED, WARNED, NOTED, OTHER, WRONG, RIGHT = (
+    *("refused and named", "named, and not to be relied on", "named in a note"),
+    "refused for another reason",
     *("silent and wrong", "silent, and right"),
 )
 ALWAYS = ("The baseline was not measured", "The corners of the board run counter-clockwise")
@@ -43,6 +44,7 @@ class Said:
     is_refused: bool
     accusations: tuple[str, ...]
     error: float | None = None
+    is_cautioned: bool = False
 
 
 def said_of(pair: BoardPair) -> Said:
@@ -55,7 +57,7 @@ def said_of(pair: BoardPair) -> Said:
     except StereocalError as found:
         return Said(str(found).lower(), True, (str(found),))
     accusing = tuple(note for note in notes if note and not note.startswith(ALWAYS))
-    return Said(" ".join(notes).lower(), False, accusing, error)
+    return Said(" ".join(notes).lower(), False, accusing, error, bool(run.recommendation.caution))
 
 
 def _error(pair: BoardPair, run: Run) -> float:
@@ -86,7 +88,7 @@ def judged(mistake: BoardMistake, pair: BoardPair, rng: np.random.Generator) -> 
     if said.is_refused:
         return REFUSED if named else OTHER
     if named:
-        return NOTED
+        return WARNED if said.is_cautioned else NOTED
     return RIGHT if said.error is not None and said.error < MOST else WRONG
 
 

@@ -25,7 +25,7 @@ ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
 
 
 COUNT_ALIKE = "Count the corners of both cameras row by row, from the same corner of the board."
-MOST_CORNERS = 5, 4
+MOST_CORNERS = 4, 3
 """Columns and rows of a board that are enough to judge a reading."""
 FEWEST_TO_SHIFT = 8
 """Frames, of which two may be lost."""

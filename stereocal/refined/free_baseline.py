@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.board_numbering import check_numbering
+from stereocal.calibration.readings import fewer_corners
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS
 from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import explain_failure
@@ -35,7 +36,8 @@ def with_baseline_found(dataset: Dataset) -> Dataset:
         if len(dataset.correspondences.bars) < MINIMUM_BARS:
             raise
         # The cause is named, as where the baseline was measured.
-        raise StereocalError(explain_failure(rough, unscreened(rough), f"{error} ")) from error
+        few = fewer_corners(rough)
+        raise StereocalError(explain_failure(few, unscreened(few), f"{error} ")) from error
 
 
 def with_rough_baseline(dataset: Dataset) -> Dataset:

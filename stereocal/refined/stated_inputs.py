@@ -19,6 +19,8 @@ _PARTS = {
     "distortion": ("Distortion", "distortion"),
 }
 """The same of parts of a lens."""
+FAR_OFF = 0.05
+"""Of a stated input: 2.5 % of the image diagonal for a centre."""
 _LENGTH_NAMES = {"baseline": "The baseline", "distance": "The distance between the targets"}
 
 
@@ -127,6 +129,22 @@ def moved_length(name: str, fitted_m: float, measured_m: float, sigma_m: float, 
         f"apart, more than its {known} uncertainty of {rounded(1000 * sigma_m)} mm. Measure it "
         "again, or state how it was measured."
     )
+
+
+def far_off(inputs: Sequence[Input]) -> str:
+    """Why no set is to be relied on, if an accused input is far off; or empty."""
+    names = [_names(item.key)[1] for item in inputs if item.accused and _is_far_off(item)]
+    if not names:
+        return ""
+    return f"The images contradict {' and '.join(names)} by far: correct it first."
+
+
+def _is_far_off(item: Input) -> bool:
+    """Whether a length, a focal length or a centre is off by `FAR_OFF`."""
+    if item.others_say is None or item.key.endswith("distortion"):
+        return False
+    away = np.linalg.norm(item.others_say - item.stated)
+    return bool(away > FAR_OFF * np.linalg.norm(item.stated))
 
 
 _LENGTHS_ASKED = "how the lengths were measured (laser 2 mm, tape 5 mm)"

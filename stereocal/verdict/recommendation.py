@@ -16,6 +16,7 @@ import numpy as np
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
+from stereocal.refined.stated_inputs import far_off
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.verdict.forecast import Forecast, Verdict, sure
@@ -150,6 +151,7 @@ def recommend(
         caution = why_held_out_not_trusted([calibration.screening], errors)
     else:
         caution = why_not_trusted(calibration)
+    caution = " ".join(filter(None, (caution, far_off(calibration.inputs))))
     sentences = tuple(filter(None, (use, *figures, certainty, left_out, in_runs)))
     return Recommendation(match, measure, found, sentences, caution)
 

@@ -1,12 +1,16 @@
 """Recordings of boards that are two: a camera moved, or another board; and stretched boards."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import refuse_two_recordings
+from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
+from stereocal.refined.stated_inputs import far_off
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.rig.dataset import Dataset
 from tests.rigs.board_mistakes import board_of, moved
@@ -44,3 +48,12 @@ def test_stretched_board_is_told_and_sound_one_is_not() -> None:
     assert "rows" in said and "ruler" in said
     with pytest.raises(StereocalError, match="columns of the board are"):
         stretched_board(refine(data(board_of(PAIR, np.array([1.0, 1.015])))))
+
+
+def test_a_length_that_is_far_off_is_a_reason_not_to_rely_on_the_files() -> None:
+    def caution(factor: float) -> str:
+        board = replace(PAIR.board, square_m=factor * PAIR.board.square_m)
+        return far_off(compare_inputs(refine(data(replace(PAIR, board=board)))).inputs)
+
+    assert "contradict" in caution(1.1)
+    assert not caution(1.01)
