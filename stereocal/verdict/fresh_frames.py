@@ -67,6 +67,9 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
     volume = Volume.around(_places(in_front, wide))
     drawn = _drawn(len(ends), draws, bars, rng)
     rule = (4 / ((DIMENSIONS + 2) * len(ends))) ** (1 / (DIMENSIONS + 4))
+    to_camera = wide and _stand_by_rays(places, directions)
+    if to_camera:
+        directions = np.einsum("nji,nj->ni", _facing(places), directions)
     spread, axes = _root(np.cov(places.T)), _root(directions.T @ directions / len(ends))
     even = np.broadcast_to(np.arange(draws)[:, None] % 2 == 0, drawn.shape)
     fresh = ends[drawn]
@@ -84,6 +87,8 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
         turn = rng.standard_normal((len(own), 3)) @ axes
         turn -= np.sum(turn * directions[own], axis=1, keepdims=True) * directions[own]
         turned = directions[own] + h * turn
+        if to_camera:
+            turned = np.einsum("nij,nj->ni", _facing(moved), turned)
         turned *= 0.5 * (lengths[own] / np.linalg.norm(turned, axis=1))[:, None]
         moved[:, 2] = np.exp(moved[:, 2])
         middle = _points(moved, wide)
@@ -153,6 +158,27 @@ def _points(places: FloatArray, wide: bool) -> FloatArray:
     angle = np.maximum(np.hypot(x, y), 1e-12)
     across = z * np.sin(angle) / angle
     return np.column_stack([across * x, across * y, z * np.cos(angle)])
+
+
+def _facing(places: FloatArray) -> FloatArray:
+    """(n, 3, 3): the least rotations of the axis of a fisheye to the directions of `_places`."""
+    angle = np.maximum(np.hypot(places[:, 0], places[:, 1]), 1e-12)
+    x, y = places[:, 0] / angle, places[:, 1] / angle
+    s, c = np.sin(angle), np.cos(angle)
+    rows = (
+        (c * x * x + y * y, (c - 1.0) * x * y, s * x),
+        ((c - 1.0) * x * y, c * y * y + x * x, s * y),
+        (-s * x, -s * y, c),
+    )
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _stand_by_rays(places: FloatArray, directions: FloatArray) -> bool:
+    """Whether bars (n, 3) are more alike as seen along their rays than in space: boards are turned
+    to the camera, and poles stand upright."""
+    by_ray = np.einsum("nji,nj->ni", _facing(places), directions)
+    spreads = [np.linalg.det(own.T @ own) for own in (directions, by_ray)]
+    return bool(spreads[1] < spreads[0])
 
 
 def _seen(model: RefinedResult, volume: Volume, bars: FloatArray) -> BoolArray:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import read_camera, write_opencv_camera
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from tests.known_rig import SECONDARY
@@ -146,3 +147,22 @@ class TestRefusals:
         np.testing.assert_array_equal(back.K, SECONDARY.K)
         np.testing.assert_array_equal(back.distortion, SECONDARY.distortion)
         assert back.image_size == SECONDARY.image_size
+
+
+def test_a_rational_lens_of_140_degrees_is_undistorted_in_its_whole_image() -> None:
+    """Eight coefficients as of OpenCV's rational model, of a lens that is nearly equidistant."""
+    lens = [0.5177316, 0.0405462, 3e-4, -2e-4, 2.568208e-4, 0.8113298, 0.1286591, 3.096235e-3]
+    matrix = np.array([[703.0, 0.0, 953.2], [0.0, 705.1, 728.9], [0.0, 0.0, 1.0]])
+    read = read_camera(write_opencv_camera(Camera(matrix, np.array(lens), (1920, 1440))), "x.yml")
+    u, v = np.meshgrid(np.linspace(0, 1919, 24), np.linspace(0, 1439, 18))
+    pixels = np.column_stack([u.ravel(), v.ravel()])
+    rays = read.undistort(pixels)
+    assert np.hypot(*rays.T).max() > np.tan(np.radians(75.0))
+    found, _ = cv2.projectPoints(
+        np.column_stack([rays, np.ones(len(rays))]),
+        np.zeros(3),
+        np.zeros(3),
+        matrix,
+        np.array(lens),
+    )
+    np.testing.assert_allclose(found.reshape(-1, 2), pixels, rtol=0, atol=1e-9)

@@ -25,7 +25,7 @@ from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.verdict.forecast import Forecast, forecast_files
 from stereocal.verdict.forecast_draws import draw_forecast
-from stereocal.verdict.fresh_frames import fresh_bars, noise_given
+from stereocal.verdict.fresh_frames import _facing, _stand_by_rays, fresh_bars, noise_given
 from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
 from stereocal.workflow import calibrate
@@ -117,6 +117,17 @@ def test_fresh_bars_of_fisheyes_are_as_far_away_as_recorded_ones() -> None:
     assert_allclose(found, expected, rtol=0.1)
     away = np.arctan2(np.hypot(ends[:, 0], ends[:, 1]), ends[:, 2])
     assert away.max() < np.radians(75.0)
+
+
+def test_whether_bars_stand_by_the_rays_of_a_fisheye_or_in_space() -> None:
+    rng = np.random.default_rng(3)
+    places = np.column_stack([rng.uniform(-1.0, 1.0, (60, 2)), np.ones(60)])
+    upright = np.tile([0.0, 1.0, 0.0], (60, 1)) + 0.1 * rng.normal(size=(60, 3))
+    across = np.column_stack([rng.normal(size=(60, 2)), np.zeros(60)])
+    boards = np.einsum("nij,nj->ni", _facing(places), across)
+    unit = [own / np.linalg.norm(own, axis=1)[:, None] for own in (upright, boards)]
+    assert not _stand_by_rays(places, unit[0])
+    assert _stand_by_rays(places, unit[1])
 
 
 def test_draws_without_points_are_not_counted() -> None:
