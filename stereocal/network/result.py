@@ -23,7 +23,7 @@ from stereocal.refined.out_of_step import SIGNIFICANT, SMALLEST
 from stereocal.refined.two_views import rig_of
 from stereocal.refined.views import EACH, TIME, fit_points, jacobians_of
 from stereocal.rig.camera import Camera
-from stereocal.rig.clusters import Clusters, clusters_of
+from stereocal.rig.clusters import Clusters, clusters_of, follow_each_other, in_runs
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -90,7 +90,12 @@ class RigCalibration:
     @cached_property
     def design_effect(self) -> float:
         """How many times the clusters scatter more than independent frames would; at least 1."""
-        return design_effect(self.fit, self.fit.q, self.fit.used, self.clusters)
+        fit, clusters = self.fit, self.clusters
+        seen = fit.seen.pixels[~fit.outlying[fit.frame_of]]
+        number = int(np.isfinite(seen[:, 0, :, 0]).sum(axis=0).argmax())
+        if follow_each_other(seen[:, 0, number]):
+            clusters = in_runs(clusters)
+        return design_effect(fit, fit.q, fit.used, clusters)
 
     @cached_property
     def covariance(self) -> FloatArray:

@@ -19,6 +19,9 @@ LONGEST = 200
 NOTICED = 2.33
 """Standard errors of the first two autocorrelations above which errors are alike: of recordings
 without runs 1 in 100."""
+FEWEST_PLACES, NEAR = 16, 0.5
+"""Places, and their median step over their median distance from the middle, of an object that is
+waved; at random places it is about 1.4."""
 PAIRS = 10
 """Pairs of frames that an autocorrelation needs."""
 
@@ -72,6 +75,26 @@ def clusters_of(times: IntArray, residuals: FloatArray) -> Clusters:
         numbers[i] = numbers[i - 1] + new
         start = places[i] if new else start
     return Clusters(numbers, length)
+
+
+def in_runs(clusters: Clusters) -> Clusters:
+    """The clusters, in `FEWEST` runs where there are none; for frames that follow each other though
+    too few show that their errors are alike."""
+    n = len(clusters.of_frames)
+    if clusters.has_runs or n < FEWEST:
+        return clusters
+    return Clusters(np.arange(n) * FEWEST // n, n // FEWEST)
+
+
+def follow_each_other(places: FloatArray) -> bool:
+    """Whether each place (n, 2) in an image is near the one before it, as of a waved object;
+    places that are not seen are NaN."""
+    seen = places[np.isfinite(places[:, 0])]
+    if len(seen) < FEWEST_PLACES:
+        return False
+    steps = np.linalg.norm(np.diff(seen, axis=0), axis=1)
+    apart = np.linalg.norm(seen - np.median(seen, axis=0), axis=1)
+    return bool(np.median(steps) < NEAR * np.median(apart))
 
 
 def _places(times: IntArray) -> IntArray:

@@ -113,6 +113,14 @@ def test_a_bumped_camera_is_named(degrees: float) -> None:
     assert abs(when - 80) < 15
 
 
+def test_frames_of_a_waved_wand_count_for_less_where_lenses_are_off() -> None:
+    """The autocorrelation of the residuals alone does not show it: the design effect was 1."""
+    _, recording = wave_wand(1, np.zeros(4), 150, misfit_px=0.2)
+    rig = calibrate_rig(recording, RigSettings(time_offsets=False))
+    assert not rig.clusters.has_runs
+    assert rig.design_effect > 1.5
+
+
 def test_lenses_that_are_not_as_their_model_make_no_movement() -> None:
     _, recording = wave_wand(18, np.zeros(3), 100, misfit_px=0.4)
     assert calibrate_rig(recording).warnings == ()

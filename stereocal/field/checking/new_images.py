@@ -10,6 +10,7 @@ from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
@@ -20,9 +21,6 @@ from stereocal.system.numbers import count
 LARGEST = 1000
 """Pairs that are used; of more, as many are taken evenly."""
 FEWEST_PAIRS = 8
-FEWEST_BARS, NEAR = 16, 0.5
-"""Bars, and their median step over their median distance from the middle, of a bar that is waved;
-of bars at random places it is about 1.4."""
 AMBIGUOUS, THRESHOLDED = "ambiguous", "error_px"
 
 
@@ -53,12 +51,7 @@ class NewImages:
     def follow_each_other(self) -> bool:
         """Whether each bar is near the one before it, as those of a bar that is waved."""
         rows = self.dataset.correspondences
-        if self.bars < FEWEST_BARS:
-            return False
-        places = rows.primary[rows.bars[:, 0]]
-        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-        apart = np.linalg.norm(places - np.median(places, axis=0), axis=1)
-        return bool(np.median(steps) < NEAR * np.median(apart))
+        return follow_each_other(rows.primary[rows.bars[:, 0]])
 
     def stating(self, sigma_px: float | None) -> "NewImages":
         """The same with the noise of the points as stated (px); None: as they state it."""

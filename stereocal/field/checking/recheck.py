@@ -28,7 +28,7 @@ from stereocal.field.checking.since import Since, since_when
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
 from stereocal.refined.two_views import pose_of, rig_of
-from stereocal.rig.clusters import FEWEST, Clusters
+from stereocal.rig.clusters import in_runs
 from stereocal.rig.compiled import BoolArray, IntArray
 
 BLOCK = {True: 8, False: 24}
@@ -230,6 +230,5 @@ def _design_effect(fit: Fit, runs: bool) -> tuple[float, int]:
     data, q, frames = fit.images.dataset, fit.q, fit.frames[used]
     rig = rig_of(data.primary, data.secondary, q)
     clusters = clusters_in(data.correspondences.of_frames(frames), rig, frames)
-    if runs and not clusters.has_runs:
-        clusters = Clusters(np.arange(len(used)) * FEWEST // len(used), max(len(used) // FEWEST, 1))
+    clusters = in_runs(clusters) if runs else clusters
     return design_effect(fit, q, used, clusters), clusters.count
