@@ -178,7 +178,7 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
             partial(_camera_by_camera, dataset),
         )
     frames = dataset.correspondences.frames
-    for order in _orders_of_words(frames):
+    for order in orders_of_words(frames):
         yield Reading(
             "The frames of one camera seem to be in the order of words (1, 10, 11, ... 2, 20)",
             "Sort its files by their numbers, or write these with zeros before: 01, 02, ...",
@@ -199,7 +199,7 @@ def counted_apart(frames: IntArray, whole: int) -> tuple[str, str]:
     )
 
 
-def _orders_of_words(frames: Any) -> Iterator[list[int]]:
+def orders_of_words(frames: Any) -> Iterator[list[int]]:
     """Which frame's points stand in the place of each frame, if they were counted from 0, from 1 or
     as they are, and the inverse of each order."""
     count, seen = len(frames), set[tuple[int, ...]]()

@@ -16,6 +16,7 @@ import numpy as np
 from stereocal.calibration.readings import (
     Claim,
     Reading,
+    orders_of_words,
     readings_of_cameras,
     readings_of_points,
     same_lens,
@@ -26,6 +27,7 @@ from stereocal.errors import StereocalError
 from stereocal.network.pairs import shared_bars
 from stereocal.refined.best_reading import centred_readings, is_near
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import CameraPair, Recording
 
@@ -65,15 +67,36 @@ def readings_of_rig(recording: Recording, about: Sequence[str]) -> Iterator[RigR
     yield from _of_all(recording)
     for name in about:
         yield from _of_camera(recording, name)
-        for late in range(-MOST_SHIFT, MOST_SHIFT + 1):
-            if late:
-                yield _counted_apart(recording, name, late)
         yield RigReading(
             f"The images of camera {name} seem to be turned by half a turn",
             "Turn them back, or give the camera file of the turned images.",
             (name,),
             partial(seen_otherwise, recording, (name,), (True, True)),
         )
+
+
+def readings_of_frames(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
+    """Frames of a camera that are counted apart, or in the order of words."""
+    frames = np.unique(recording.frame)
+    for name in about:
+        for late in range(-MOST_SHIFT, MOST_SHIFT + 1):
+            if late:
+                yield _counted_apart(recording, name, late)
+        for order in orders_of_words(frames):
+            yield RigReading(
+                f"The frames of camera {name} seem to be in the order of words (1, 10, 11, ... 2)",
+                "Sort its files by their numbers, or write these with zeros before: 01, 02, ...",
+                (name,),
+                partial(_reordered, recording, name, frames, np.array(order)),
+            )
+
+
+def _reordered(recording: Recording, name: str, frames: IntArray, of_frames: IntArray) -> Recording:
+    """The recording with a camera's points of other frames in the place of each."""
+    own = recording.camera == [*recording.cameras].index(name)
+    order = np.argsort(of_frames)
+    moved = frames[order][np.searchsorted(of_frames[order], recording.frame)]
+    return replace(recording, frame=np.where(own, moved, recording.frame))
 
 
 def best_pair(recording: Recording, name: str) -> CameraPair | None:

@@ -25,6 +25,7 @@ from stereocal.network.rig_readings import (
     RigReading,
     best_pair,
     carried_over,
+    readings_of_frames,
     readings_of_rig,
     with_lenses,
 )
@@ -112,13 +113,14 @@ def check_inputs(recording: Recording, lenses_contradicted: bool) -> list[str]:
         lenses_contradicted: whether the images contradict the stated lens of any camera.
     """
     certain, possible = list[tuple[float, str]](), list[str]()
-    for part, about in _parts(recording):
+    for whole, about in _parts(recording):
+        part = _fewer_points(whole)
         nominal = noise_of_rig(part)
         if nominal.px < _largest_noise(part, nominal) and not lenses_contradicted:
             suspected = _judged(part, nominal, _suspects(part, about))
             if not _named(nominal, suspected, POSSIBLE_GAIN):
                 continue
-        judged = _judged(part, nominal, every_reading(part, about))
+        judged = _judged(part, nominal, every_reading(whole, part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
             certain.append((named[0].rank, _message(nominal, named)))
         possible += [
@@ -134,9 +136,10 @@ def check_inputs(recording: Recording, lenses_contradicted: bool) -> list[str]:
 def find_wrong_input(recording: Recording) -> str:
     """A message that names the wrong input of a rig if one explains the points; else empty."""
     found = []
-    for part, about in _parts(recording):
+    for whole, about in _parts(recording):
+        part = _fewer_points(whole)
         nominal = noise_of_rig(part)
-        judged = _judged(part, nominal, every_reading(part, about))
+        judged = _judged(part, nominal, every_reading(whole, part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
             found.append((named[0].rank, _message(nominal, named)))
     return min(found)[1] if found else ""
@@ -162,14 +165,14 @@ def _parts(recording: Recording) -> list[tuple[Recording, list[str]]]:
     if len(names) < 2:
         return []
     if len(names) <= MOST_CAMERAS:
-        return [(_fewer_points(recording.of_cameras(names)), names)]
+        return [(recording.of_cameras(names), names)]
     found = []
     for name in names:
         group = [name]
         while len(group) < MOST_CAMERAS:  # the camera that shares most bars with one of the group
             group += next({*pair} - {*group} for pair in bars if len({*pair} & {*group}) == 1)
         ordered = [each for each in names if each in group]
-        found.append((_fewer_points(recording.of_cameras(ordered)), [name]))
+        found.append((recording.of_cameras(ordered), [name]))
     return found
 
 
@@ -193,10 +196,11 @@ def _spread(count: int, most: int) -> IntArray:
     return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
 
 
-def every_reading(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
-    """All of `readings_of_rig`, and one file of several cameras."""
-    yield from _one_file(recording)
-    yield from readings_of_rig(recording, about)
+def every_reading(whole: Recording, part: Recording, about: Sequence[str]) -> Iterator[RigReading]:
+    """All readings: those of the order of frames are of the whole recording, others of a part."""
+    yield from _one_file(part)
+    yield from readings_of_rig(part, about)
+    yield from readings_of_frames(whole, about)
 
 
 def _suspects(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
@@ -239,11 +243,11 @@ def _judged(
     for reading in every:
         px.append(np.inf)
         with suppress(StereocalError):
-            px[-1] = _quick_px(reading.corrected(), reading.cameras, bars)
+            px[-1] = _quick_px(_fewer_points(reading.corrected()), reading.cameras, bars)
     best = min([_quick_px(recording, [*recording.cameras], bars), *px])
     for reading, quick_px in zip(every, px, strict=True):
         if quick_px <= WORTH_A_FIT * best < np.inf:
-            data = reading.corrected()
+            data = _fewer_points(reading.corrected())
             known = [pair for pair in nominal.pairs if not {*pair.pair} & {*reading.cameras}]
             noise = noise_of_rig(data, known)
             fits = noise.px < _largest_noise(data, noise)

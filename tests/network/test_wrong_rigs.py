@@ -48,6 +48,7 @@ def test_a_sound_rig_has_no_warnings(seed: int) -> None:
         ("3 cameras", "K of half size", "camera c1's"),
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
         ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
+        ("3 cameras", "frames as words", "frames of camera c1 seem to be in the order of words"),
         ("3 cameras", "frames shifted by one", "frames of camera c1 seem to be counted 1 apart"),
         ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
         ("3 cameras", "object in cm, baseline", "c1 and c2: .*The distance looks like centimetres"),
