@@ -6,7 +6,7 @@ cameras, of the readings with the best essential matrices. Of more than `MOST_CA
 is judged with those with which it shares most bars.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -120,7 +120,7 @@ def check_inputs(recording: Recording, lenses_contradicted: bool) -> list[str]:
             suspected = _judged(part, nominal, _suspects(part, about))
             if not _named(nominal, suspected, POSSIBLE_GAIN):
                 continue
-        judged = _judged(part, nominal, every_reading(whole, part, about))
+        judged = _judged(part, nominal, every_reading(recording, part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
             certain.append((named[0].rank, _message(nominal, named)))
         possible += [
@@ -139,7 +139,7 @@ def find_wrong_input(recording: Recording) -> str:
     for whole, about in _parts(recording):
         part = _fewer_points(whole)
         nominal = noise_of_rig(part)
-        judged = _judged(part, nominal, every_reading(whole, part, about))
+        judged = _judged(part, nominal, every_reading(recording, part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
             found.append((named[0].rank, _message(nominal, named)))
     return min(found)[1] if found else ""
@@ -200,7 +200,12 @@ def every_reading(whole: Recording, part: Recording, about: Sequence[str]) -> It
     """All readings: those of the order of frames are of the whole recording, others of a part."""
     yield from _one_file(part)
     yield from readings_of_rig(part, about)
-    yield from readings_of_frames(whole, about)
+    for reading in readings_of_frames(whole, about):
+        yield replace(reading, corrected=partial(_of_these, reading.corrected, [*part.cameras]))
+
+
+def _of_these(corrected: Callable[[], Recording], cameras: Sequence[str]) -> Recording:
+    return corrected().of_cameras(cameras)
 
 
 def _suspects(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
