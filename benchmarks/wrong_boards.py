@@ -1,6 +1,6 @@
 """Boards before two cameras with one thing wrong, and sound ones: what is named, what is silent.
 
-    python -m benchmarks.wrong_boards [sound|wrong|real] [--trials 4]
+    python -m benchmarks.wrong_boards [wrong|sound|late|real] [--trials 4]
 
 Pairs of unlike cameras and boards of several sizes (`tests.rigs.board_pairs`), 20 frames, bent by
 0.4 % of their width or not, noise of 0.1 to 0.5 px. `real` puts each kind into OpenCV's sample of
@@ -21,10 +21,11 @@ from benchmarks.studies import run_studies
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.stereo_boards import recording_of
 from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rig import Rig
 from stereocal.workflow import Run
 from tests.rigs.board_mistakes import MISTAKES, BoardMistake
-from tests.rigs.board_pairs import BoardPair, draw_placings, images_of, sound, true_corners
+from tests.rigs.board_pairs import BoardPair, draw_placings, images_of, sound, true_corners, waved
 
 SUBSET, FURTHER, MOST, MOST_BASELINE = 20, 40, 3.0, 0.05
 REFUSED, WARNED, NOTED, OTHER, WRONG, RIGHT = (
@@ -117,6 +118,21 @@ def sound_pairs(trials: int) -> None:
         print(f"    {number}: {notes}")
 
 
+def late(trials: int) -> None:
+    """Waved boards, the secondary late by a part of a frame, or not."""
+    for frames in (0.0, 0.3, 0.7):
+        found = [
+            Run(with_baseline_found(waved(n, frames).recording.pair(*CAMERAS))).screening.shift
+            for n in range(trials)
+        ]
+        right = [it for it in found if it and abs(it.frames - frames) < 4.0 * it.sigma]
+        print(
+            f"  {frames} frames late: {sum(map(bool, found))} of {trials} brought into step, "
+            f"{len(right)} within 4 standard errors",
+            flush=True,
+        )
+
+
 def real(_: int) -> None:
     """OpenCV's sample, with each kind put into it."""
     boards = boards_in(Path(os.environ["STEREOCAL_REAL_DATA"]) / "opencv_boards")
@@ -139,7 +155,7 @@ def _print(name: str, found: Counter[str], begun: float) -> None:
     print(f"  {name}: {each} ({time.monotonic() - begun:.0f} s)", flush=True)
 
 
-STUDIES = {"wrong": (wrong, 4), "sound": (sound_pairs, 60), "real": (real, 1)}
+STUDIES = {"wrong": (wrong, 4), "sound": (sound_pairs, 60), "late": (late, 3), "real": (real, 1)}
 
 
 if __name__ == "__main__":

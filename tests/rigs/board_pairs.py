@@ -1,6 +1,7 @@
 """A board before two cameras as a recording: sound ones of unlike cameras, and one thing wrong."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -16,6 +17,7 @@ from stereocal.simulation.simulate import lens_off_by
 SIZES = ((9, 6), (7, 5), (11, 8), (8, 6))
 MARGIN_PX = 8.0
 TRIES = 4000
+WAVED_NOISE_PX = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,3 +197,27 @@ def _seen(rig: Rig, pose: Pose, corners: FloatArray) -> FloatArray:
     return np.stack(
         [rig.primary.project(points), rig.secondary.project(rig.pose.apply(points))], axis=1
     )
+
+
+def waved(number: int, late: float, frames: int = 80, length: int = 10) -> BoardPair:
+    """A board that is waved before exact lenses, the secondary late by a part of a frame."""
+    placings: tuple[Pose, ...] = ()
+    for attempt in range(20):
+        rng = np.random.default_rng([number, attempt, 31])
+        rig, far = drawn_rig(rng)
+        square = 0.3 * rig.primary.image_size[0] * far / rig.primary.K[0, 0] / 7
+        board = BoardPattern(7, 5, float(np.round(square, 4)))
+        placings = waved_placings(rig, far, board, rng, frames, length)
+        if len(placings) == frames:
+            break
+    corners, points = true_corners(board, 0.0), []
+    for here, there in pairwise(placings):
+        turns = Slerp([0, 1], Rotation.from_matrix(np.stack([here.R, there.R])))
+        then = Pose(turns(late).as_matrix(), (1.0 - late) * here.T + late * there.T)
+        seen = rig.primary.project(here.apply(corners))
+        points.append(
+            np.stack([seen, rig.secondary.project(rig.pose.apply(then.apply(corners)))], axis=1)
+        )
+    noisy = np.stack(points) + WAVED_NOISE_PX * rng.standard_normal((len(points), 35, 2, 2))
+    cameras = rig.primary, rig.secondary
+    return BoardPair(cameras, board, noisy, None, rig, placings[:-1], WAVED_NOISE_PX)
