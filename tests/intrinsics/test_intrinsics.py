@@ -31,6 +31,7 @@ from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_row
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.photograph import read_photograph
 from tests.fisheye_rig import fisheye
 from tests.lens import (
     PATTERN,
@@ -341,6 +342,19 @@ class TestFisheye:
         for seed in range(8):
             px = held_out_px(search(8, seed, 0.2), LensSettings())
             assert better_model(px, "brown") == "brown"
+
+    def test_a_board_that_the_sector_based_finder_misses(self) -> None:
+        """Rendered before a fisheye of 187 degrees; OpenCV's classical finder finds it."""
+        folder = CASES / "board_at_rim"
+        found = find_board(read_photograph(folder / "photograph.jpg"), BoardPattern(8, 6, 0.03), "")
+        assert isinstance(found, BoardView)
+        true = np.array(json.loads((folder / "corners.json").read_text()))
+        # Either way round: the board looks nearly the same. Measured: at most 0.17 px.
+        apart = [
+            np.linalg.norm(found.corners - way[found.ids], axis=1) for way in (true, true[::-1])
+        ]
+        assert len(found.ids) == 48
+        assert min(own.max() for own in apart) < 0.4
 
     def test_corners_that_are_no_crossings_are_told(self) -> None:
         pose = facing()
