@@ -8,8 +8,10 @@ import pytest
 
 from stereocal.calibration.checks import warnings_about
 from stereocal.errors import StereocalError
+from stereocal.field.checking.new_images import images_of_matches
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from tests.fisheye_rig import IMAGE_SIZE, fisheye, fisheye_rig, recording
@@ -141,7 +143,7 @@ def test_a_point_beyond_75_degrees_is_named() -> None:
 
 
 def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
-    dataset, _ = recording(150.0, 1, exact=True)
+    dataset, scene = recording(150.0, 1, exact=True)
     rows, camera = dataset.correspondences, dataset.secondary
     moved = rows.secondary.copy()
     directions = np.array([[0.9, 0.43], [-0.9, 0.43]])
@@ -152,6 +154,10 @@ def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
     assert len(found.correspondences) == len(rows) - 2
     assert found.beyond_view == {"primary": 0, "secondary": 2}
     assert "2 points of the camera secondary" in warnings_about(found)[0]
+    pair = RigParameters(dataset.primary, camera, scene.rig.pose, "refined", 0.0, {}, {})
+    new = images_of_matches(rows.frame, rows.primary, rows.secondary, pair, "new")
+    assert len(new.dataset.correspondences) == len(rows) - 2
+    assert "2 points of the camera secondary" in new.notes[0]
     again = Recording.of_pair(dataset)
     points = again.points.copy()
     points[[len(rows) + 4, len(rows) + 9]] = moved[[4, 9]]
