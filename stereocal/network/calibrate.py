@@ -7,7 +7,7 @@ import numpy as np
 from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.network.diagnosis import camera_warnings, contradicts_lenses, refuse_poor_fit
+from stereocal.network.diagnosis import camera_warnings, refuse_poor_fit
 from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import Fused, PairFit, fuse
 from stereocal.network.pairs import (
@@ -70,7 +70,7 @@ def calibrate_rig(
         raise StereocalError(cause or (str(error) if known else NO_RIG)) from error
     if rig.unreached and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
-    possible = check_inputs(rig.recording, contradicts_lenses(rig.fit))
+    possible = check_inputs(rig.recording)
     told = [*possible, *rig.warnings, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, told)))
 

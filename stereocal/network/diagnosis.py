@@ -90,23 +90,6 @@ def _baseline_warnings(fit: RigFit) -> list[str]:
     return list(filter(None, warnings))
 
 
-def contradicts_lenses(fit: RigFit) -> bool:
-    """Whether the images contradict the stated lens of any camera."""
-    return max(_lens_chi_squares(fit)) > CONTRADICTED
-
-
-def _lens_chi_squares(fit: RigFit) -> list[float]:
-    """Of the cameras."""
-    return [
-        _lens_chi_square(
-            fit.q[lens_places(number)],
-            camera.lens_values,
-            lens_prior(camera, fit.rig_settings.lenses.get(name)),
-        )
-        for number, (name, camera) in enumerate(fit.recording.cameras.items())
-    ]
-
-
 def _lens_warnings(fit: RigFit) -> list[str]:
     """Cameras whose files the images contradict."""
     return [

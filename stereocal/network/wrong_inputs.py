@@ -105,18 +105,14 @@ def refuse_same_points(recording: Recording) -> None:
                 )
 
 
-def check_inputs(recording: Recording, lenses_contradicted: bool) -> list[str]:
+def check_inputs(recording: Recording) -> list[str]:
     """Reject inputs of a rig that are certainly wrong, though it fits; return warnings about those
-    that may be.
-
-    Args:
-        lenses_contradicted: whether the images contradict the stated lens of any camera.
-    """
+    that may be."""
     certain, possible = list[tuple[float, str]](), list[str]()
     for whole, about in _parts(recording):
         part = _fewer_points(whole)
         nominal = noise_of_rig(part)
-        if nominal.px < _largest_noise(part, nominal) and not lenses_contradicted:
+        if nominal.px < _largest_noise(part, nominal) and nominal.of_lenses < CONTRADICTED:
             suspected = _judged(part, nominal, _suspects(part, about))
             if not _named(nominal, suspected, POSSIBLE_GAIN):
                 continue
