@@ -5,7 +5,7 @@ a mistake is described once. What only a rig can have is added: any two cameras 
 for several cameras, all cameras alike.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -63,7 +63,6 @@ def readings_of_rig(recording: Recording, about: Sequence[str]) -> Iterator[RigR
     Args:
         about: the cameras that they are to concern.
     """
-    yield from exchanged_files(recording, about)
     yield from _of_all(recording)
     for name in about:
         yield from _of_camera(recording, name)
@@ -135,9 +134,14 @@ def carried_over(
                 )
 
 
-def exchanged_files(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
-    """Any two cameras with the file, or with the points, of each other."""
-    cameras = recording.cameras
+def exchanged_files(
+    recording: Recording, about: Sequence[str], cameras: Mapping[str, Camera]
+) -> Iterator[RigReading]:
+    """Any two cameras with the file, or with the points, of each other.
+
+    Args:
+        cameras: of the rig, of which the recording may have some.
+    """
     for a, b in combinations(cameras, 2):
         one, other = cameras[a], cameras[b]
         if same_lens(one, other) or not {a, b} & {*about}:
@@ -146,11 +150,12 @@ def exchanged_files(recording: Recording, about: Sequence[str]) -> Iterator[RigR
             a: replace(other, image_size=one.image_size),
             b: replace(one, image_size=other.image_size),
         }
+        here = {name: file for name, file in files.items() if name in recording.cameras}
         yield RigReading(
             f"The camera files of {a} and {b}, or their points, seem to be exchanged",
             "Exchange them.",
-            (a, b),
-            partial(with_lenses, recording, files),
+            tuple(here),
+            partial(with_lenses, recording, here),
         )
 
 

@@ -25,6 +25,7 @@ from stereocal.network.rig_readings import (
     RigReading,
     best_pair,
     carried_over,
+    exchanged_files,
     readings_of_frames,
     readings_of_rig,
     with_lenses,
@@ -195,6 +196,7 @@ def _spread(count: int, most: int) -> IntArray:
 def every_reading(whole: Recording, part: Recording, about: Sequence[str]) -> Iterator[RigReading]:
     """All readings: those of the order of frames are of the whole recording, others of a part."""
     yield from _one_file(part)
+    yield from exchanged_files(part, about, whole.cameras)
     yield from readings_of_rig(part, about)
     for reading in readings_of_frames(whole, about):
         yield replace(reading, corrected=partial(_of_these, reading.corrected, [*part.cameras]))
