@@ -285,9 +285,11 @@ def test_exchanged_camera_files_are_named(app: AppTest, home: Path) -> None:
     files = {"c1.json": two, "c2.json": one, "c3.json": three, "points.csv": packed["points.csv"]}
     given(app, files).number_input(key="several_B_m").set_value(0.6).run()
     app.button(key="several_run").click().run()
-    store = ProjectRecording(Project.open(home, find_projects(home)[0]))
-    wait_until(lambda: store.rig is not None)
-    assert "c1 and c2 look exchanged" in told(go(app, "rig"), "warning")
+    project = Project.open(home, find_projects(home)[0])
+    assert ended(project, "rig").state == "failed"
+    assert ProjectRecording(project).rig is None
+    sentence = told(go(app, "rig"), "error")
+    assert "c1 and c2" in sentence and "exchanged" in sentence
 
 
 CORNERS = PATTERN.points - PATTERN.points.mean(axis=0)
