@@ -81,7 +81,8 @@ def board_images(recording: Recording) -> dict[str, list[BoardImage]]:
             if np.isfinite(rays).all():
                 nearest = np.asarray(KDTree(rays).query(rays, 2)[0])[:, 1]
                 spacing = float(np.median(nearest))
-                found[name].append(BoardImage(recording.target[rows], rays, spacing))
+                if spacing > 0.0:  # else most corners are at the place of another
+                    found[name].append(BoardImage(recording.target[rows], rays, spacing))
     return {name: images for name, images in found.items() if images}
 
 

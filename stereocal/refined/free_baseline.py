@@ -13,8 +13,10 @@ from stereocal.calibration.readings import fewer_corners
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS
 from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import explain_failure
-from stereocal.refined.refine import refine, robust_start
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
+from stereocal.refined.refine import robust_start
 from stereocal.refined.screening import unscreened
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.rig.recording import Recording
@@ -31,7 +33,8 @@ def with_baseline_found(dataset: Dataset) -> Dataset:
     rough = dataset
     try:
         rough = with_rough_baseline(dataset)
-        return replace(dataset, baseline_m=refine(rough).pose.baseline)
+        fit, _ = with_offset_if_out_of_step(rough, RefineSettings(), also_failing=False)
+        return replace(dataset, baseline_m=fit.pose.baseline)
     except StereocalError as error:
         if len(dataset.correspondences.bars) < MINIMUM_BARS:
             raise

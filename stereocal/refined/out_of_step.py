@@ -48,17 +48,20 @@ PARTS = 5
 
 
 def with_offset_if_out_of_step(
-    dataset: Dataset, settings: RefineSettings
+    dataset: Dataset, settings: RefineSettings, also_failing: bool = True
 ) -> tuple[RefinedResult, str]:
     """The fit, with the time offset if the cameras are out of step, and then a note in words.
 
     Args:
         settings: without an offset.
+        also_failing: try the offset also where nothing fits without one.
     """
     failure: StereocalError | None = None
     try:
         recorded: RefinedResult | None = refine(dataset, settings)
     except StereocalError as error:
+        if not also_failing:
+            raise
         recorded, failure = None, error
     found = None
     if recorded is None or _is_worth_trying(recorded):

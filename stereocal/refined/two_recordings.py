@@ -103,11 +103,13 @@ def other_size(fit: RefinedResult, out: BoolArray) -> str:
         return ""
     middle = float(np.median(sizes[others]))
     alike = others & (np.abs(sizes - middle) < ALIKE * abs(middle))
+    if np.count_nonzero(alike) < 0.8 * np.count_nonzero(others) or out.all():
+        return ""
     residuals = np.abs(fit.standardised_residuals)
     of_these, of_kept = (
         float(np.median(residuals[np.isin(rows.frame, fit.frames[own])])) for own in (alike, ~out)
     )
-    if np.count_nonzero(alike) < 0.8 * np.count_nonzero(others) or of_these > 2.0 * of_kept:
+    if of_these > 2.0 * of_kept:
         return ""
     frames = fit.frames[alike].tolist()
     named = ", ".join(map(str, frames[:MOST_NAMED])) + (", ..." if frames[MOST_NAMED:] else "")

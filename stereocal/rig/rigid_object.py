@@ -36,6 +36,8 @@ FEWEST_TO_PLACE = 4
 """Points of an object in one image."""
 COLLINEAR = 0.05
 """Points closer to a line than this share of their length do not tell how they are turned."""
+ONE_PLACE = 1e-4
+"""Rays no farther apart are of one place, about 0.1 px, where OpenCV raises an error."""
 
 
 @dataclass(frozen=True)
@@ -267,7 +269,8 @@ def placed(frame: IntArray, points: FloatArray, rays: FloatArray) -> FloatArray:
         rows = np.flatnonzero(frame == one)
         own, seen = points[rows], np.ascontiguousarray(rays[:, rows].T)
         spread = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
-        if len(rows) < FEWEST_TO_PLACE or spread[1] < COLLINEAR * spread[0]:
+        at_one_place = np.ptp(seen, axis=0).max() < ONE_PLACE
+        if len(rows) < FEWEST_TO_PLACE or spread[1] < COLLINEAR * spread[0] or at_one_place:
             continue
         # SQPnP takes four points, in a plane or not; ITERATIVE wants six that are not.
         solved, turn, at = cv2.solvePnP(own, seen, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)

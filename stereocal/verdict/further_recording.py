@@ -134,26 +134,35 @@ def _further_boards(
     frames, at = np.unique(table.frame[used], return_inverse=True)
     bars = np.flatnonzero(used[table.bars].all(axis=1))
     of_bars = np.searchsorted(frames, table.frame[table.bars[bars, 0]])
-    if len(frames) < FEWEST_BOARDS:
+    if len(np.unique(of_bars)) < FEWEST_BOARDS:
         return {}
     found: dict[Method, Further] = {}
     for method, rig in files.items():
-        rng = np.random.default_rng([seed, 0xB0A2])
         seen = _seen_by(model, rig)
         errors = errors_of(seen, rig.pose)
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
-        drawn = rng.integers(len(frames), size=(DRAWN, len(frames)))
+        drawn = _drawn_boards(len(frames), seed)
         in_images = _half_width_of_boards(px[drawn].mean(axis=1), len(frames))
-        lengths = [errors.length[bars[of_bars == board]] for board in range(len(frames))]
-        known = [own[np.isfinite(own)] for own in lengths]
-        samples = [np.concatenate([known[board] for board in boards]) for boards in drawn]
+        lengths = [errors.length[bars[of_bars == board]] for board in np.unique(of_bars)]
+        known = [own for each in lengths if len(own := each[np.isfinite(each)])]
+        if len(known) < FEWEST_BOARDS:
+            continue
+        samples = [
+            np.concatenate([known[board] for board in boards])
+            for boards in _drawn_boards(len(known), seed)
+        ]
         of_lengths = (
-            _half_width_of_boards(np.array([figure(own) for own in samples]), len(frames))
+            _half_width_of_boards(np.array([figure(own) for own in samples]), len(known))
             for figure in (np.mean, np.median, partial(np.percentile, q=95))
         )
         of_pairs = _half_width_of_boards_fcp(seen, rig.pose, np.flatnonzero(used), at)
         found[method] = Further(in_images, max(of_pairs, in_images), *of_lengths)
     return found
+
+
+def _drawn_boards(boards: int, seed: int) -> IntArray:
+    """(draws, boards): drawn with replacement."""
+    return np.random.default_rng([seed, 0xB0A2]).integers(boards, size=(DRAWN, boards))
 
 
 def _half_width_of_boards(figures: FloatArray, boards: int) -> float:

@@ -59,3 +59,9 @@ def test_fewer_corners_keep_the_outermost() -> None:
     few = fewer_corners(data)
     assert len(few.correspondences) < len(data.correspondences)
     assert np.array_equal(few.bar_distances_m, data.bar_distances_m)
+
+
+def test_corners_at_one_place_tell_no_numbers() -> None:
+    points = PAIR.points.copy()
+    points[:, :34:2] = points[:, 1:35:2]
+    check_numbering(replace(PAIR, points=points).recording)

@@ -8,13 +8,17 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import refuse_two_recordings
 from stereocal.refined.disagreement import compare_inputs
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.stated_inputs import far_off
 from stereocal.refined.stretched_board import stretched_board
+from stereocal.refined.two_recordings import other_size
 from stereocal.rig.dataset import Dataset
+from stereocal.workflow import calibrate
+from tests import known_rig as rig
 from tests.rigs.board_mistakes import board_of, moved
-from tests.rigs.board_pairs import BoardPair, sound
+from tests.rigs.board_pairs import BoardPair, sound, waved
 
 PAIR = sound(0, frames=16, baseline=True)
 
@@ -57,3 +61,29 @@ def test_a_length_that_is_far_off_is_a_reason_not_to_rely_on_the_files() -> None
 
     assert "contradict" in caution(1.1)
     assert not caution(1.01)
+
+
+def test_bars_that_are_longer_and_shorter_are_no_other_bar() -> None:
+    fit = refine(rig.dataset(60, 0.2))
+    logs = np.repeat([0.06, -0.06, 0.0], [3, 3, 54])
+    lengths = fit.dataset.bar_distances_m * np.exp(logs)
+    rows = fit.dataset.correspondences
+    stated = replace(rows, distance_m=np.repeat(lengths, 2))
+    assert not other_size(
+        replace(fit, dataset=replace(fit.dataset, correspondences=stated)), logs != 0
+    )
+
+
+def test_camera_that_sees_all_corners_at_one_place_ends_in_no_traceback() -> None:
+    points = PAIR.points.copy()
+    points[:, :, 1] = points[:, :1, 1]
+    with pytest.raises(StereocalError):
+        calibrate(data(replace(PAIR, points=points)))
+
+
+def test_baseline_of_boards_out_of_step_is_found_in_step() -> None:
+    late = waved(0, 0.3, frames=24)
+    assert late.truth is not None
+    found = with_baseline_found(data(late)).baseline_m
+    # Measured: 0.4 % off; 1.8 % as recorded.
+    assert found == pytest.approx(late.truth.pose.baseline, rel=0.008)

@@ -129,3 +129,11 @@ def test_boards_whose_corners_share_errors_have_wider_intervals() -> None:
     # Measured: 0.10 and 0.63.
     assert 0.0 < even.in_images < 0.3 < uneven.in_images
     assert uneven.of_pairs >= uneven.in_images
+
+
+def test_boards_of_single_corners_have_no_lengths_to_draw() -> None:
+    pair = sound(0, frames=16, baseline=True)
+    pair.points[3:, 1:] = np.nan
+    data = pair.recording.pair("primary", "secondary")
+    forecast = forecast_files(calibrate(data, refined=RefineSettings()))
+    assert not forecast.draws.further
