@@ -68,9 +68,10 @@ def calibrate_rig(
         known = isinstance(error, StereocalError)
         cause = contradicting_lengths(recording) or find_wrong_input(recording)
         raise StereocalError(cause or (str(error) if known else NO_RIG)) from error
-    if rig.unreached and (wrong := find_wrong_input(recording)):
+    disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
+    if disagree and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
-    possible = check_inputs(rig.recording)
+    possible = check_inputs(rig.recording, rig.fit.sigma_px)
     told = [*possible, *rig.warnings, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, told)))
 

@@ -56,13 +56,7 @@ def pair_name(pair: CameraPair) -> str:
 
 def shared_bars(recording: Recording) -> dict[CameraPair, int]:
     """How many bars each pair of cameras sees, of all pairs that see any; most first."""
-    _, pixels = recording.images()
-    seen, names = np.isfinite(pixels[..., 0]), list(recording.cameras)
-    if recording.object.board is None:
-        whole = np.asarray(seen[:, list(recording.object.longest)].all(axis=1), dtype=np.int64)
-        counts = whole.T @ whole
-    else:  # a board of which some corners are hidden is one too
-        counts = (_common_points(seen) >= FEWEST_TO_PLACE).sum(axis=0)
+    counts, names = bars_by_frame(recording).sum(axis=0), list(recording.cameras)
     found = {
         (names[i], names[j]): int(counts[i, j])
         for i in range(len(names))
@@ -70,6 +64,16 @@ def shared_bars(recording: Recording) -> dict[CameraPair, int]:
         if counts[i, j]
     }
     return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def bars_by_frame(recording: Recording) -> BoolArray:
+    """(f, c, c): in which frames two cameras see a bar together, or enough of a board."""
+    seen = np.isfinite(recording.images()[1][..., 0])
+    if recording.object.board is None:
+        whole: BoolArray = np.asarray(seen[:, list(recording.object.longest)].all(axis=1))
+        return np.asarray(whole[:, :, None] & whole[:, None])
+    # A board of which some corners are hidden is one too.
+    return np.asarray(_common_points(seen) >= FEWEST_TO_PLACE)
 
 
 def _common_points(seen: BoolArray) -> IntArray:

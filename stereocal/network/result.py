@@ -221,13 +221,15 @@ def third_cameras(rig: RigCalibration, images: FloatArray | None = None) -> tupl
                 continue
             before = _off(pair, with_third, seen[:, order])
             after = _off(rig.pair(a, b), rig.pair(a, c), seen[:, order])
-            entries.append(ThirdCamera((a, b), c, len(seen), before, after))
+            if np.isfinite([before, after]).all():
+                entries.append(ThirdCamera((a, b), c, len(seen), before, after))
     return tuple(entries)
 
 
 def _off(pair: Rig, with_third: Rig, images: FloatArray) -> float:
     """Median distance of the points of a pair from their images (n, 3, 2) in a third camera, the
-    secondary of another pair with the same primary."""
+    secondary of another pair with the same primary; infinite if none is in front of it."""
     points = with_third.pose.apply(pair.reconstruct(images[:, 0], images[:, 1]))
     predicted = with_third.secondary.project(points)
-    return float(np.nanmedian(np.linalg.norm(predicted - images[:, 2], axis=1)))
+    apart = np.linalg.norm(predicted - images[:, 2], axis=1)
+    return float(np.nanmedian(apart)) if np.isfinite(apart).any() else np.inf

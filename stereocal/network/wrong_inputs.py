@@ -19,7 +19,13 @@ from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_mess
 from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings, camera_at
 from stereocal.network.fuse import PairFit, chained
-from stereocal.network.pairs import FEWEST_BARS, pairs_worth_a_fit, reached, shared_bars
+from stereocal.network.pairs import (
+    FEWEST_BARS,
+    bars_by_frame,
+    pairs_worth_a_fit,
+    reached,
+    shared_bars,
+)
 from stereocal.network.rig_readings import (
     ESTIMATED_HANDICAP,
     RigReading,
@@ -51,6 +57,8 @@ from stereocal.system.numbers import rounded
 
 MOST_FRAMES = 75
 """Are enough to tell; of longer recordings so many, evenly spread."""
+LEAST_BARS = 16
+"""Of two cameras, or all that they share."""
 MOST_POINTS, MOST_IN_ROW = 9, 3
 """Of an object; of a row, and of a column, of a board."""
 MOST_CAMERAS = 4
@@ -106,13 +114,19 @@ def refuse_same_points(recording: Recording) -> None:
                 )
 
 
-def check_inputs(recording: Recording) -> list[str]:
+def check_inputs(recording: Recording, noise_px: float) -> list[str]:
     """Reject inputs of a rig that are certainly wrong, though it fits; return warnings about those
-    that may be."""
+    that may be.
+
+    Args:
+        noise_px: of the rig, for groups of cameras of which the fit from chained pairs fails.
+    """
     certain, possible = list[tuple[float, str]](), list[str]()
     for whole, about in _parts(recording):
         part = _fewer_points(whole)
         nominal = noise_of_rig(part)
+        if not np.isfinite(nominal.px):
+            nominal = RigNoise(noise_px, 0.0, noise_px, {})
         if nominal.px < _largest_noise(part, nominal) and nominal.of_lenses < CONTRADICTED:
             suspected = _judged(part, nominal, _suspects(part, about))
             if not _named(nominal, suspected, POSSIBLE_GAIN):
@@ -157,8 +171,8 @@ def contradicting_lengths(recording: Recording) -> str:
 
 def _parts(recording: Recording) -> list[tuple[Recording, list[str]]]:
     """Groups of cameras that share bars, and the cameras that each is to tell about."""
-    bars = shared_bars(recording)
-    names = reached([*recording.cameras], pairs_worth_a_fit(recording))
+    worth = pairs_worth_a_fit(recording)
+    names = reached([*recording.cameras], worth)
     if len(names) < 2:
         return []
     if len(names) <= MOST_CAMERAS:
@@ -167,25 +181,35 @@ def _parts(recording: Recording) -> list[tuple[Recording, list[str]]]:
     for name in names:
         group = [name]
         while len(group) < MOST_CAMERAS:  # the camera that shares most bars with one of the group
-            group += next({*pair} - {*group} for pair in bars if len({*pair} & {*group}) == 1)
+            group += next({*pair} - {*group} for pair in worth if len({*pair} & {*group}) == 1)
         ordered = [each for each in names if each in group]
         found.append((recording.of_cameras(ordered), [name]))
     return found
 
 
 def _fewer_points(recording: Recording) -> Recording:
-    """Of the frames in which cameras see a bar together, and of a large object's points, enough."""
+    """Of the frames in which cameras see a bar together, and of a large object's points, enough;
+    of cameras that share few bars, all."""
     frames, images = recording.images()
-    common = frames[(np.isfinite(images[..., 0]).sum(axis=2) > 1).any(axis=1)]
+    common = np.flatnonzero((np.isfinite(images[..., 0]).sum(axis=2) > 1).any(axis=1))
+    worth = pairs_worth_a_fit(recording)
     if len(common) > MOST_FRAMES:
-        common = common[np.linspace(0, len(common) - 1, MOST_FRAMES).round().astype(int)]
+        names, bars = list(recording.cameras), bars_by_frame(recording)
+        common = common[_spread(len(common), MOST_FRAMES)]
+        for pair in worth:
+            own = np.flatnonzero(bars[:, names.index(pair[0]), names.index(pair[1])])
+            if np.isin(own, common).sum() < LEAST_BARS:
+                common = np.union1d(common, own[_spread(len(own), LEAST_BARS)])
+    kept = np.isin(recording.frame, frames[common])
     count, board = len(recording.object.names), recording.object.board
-    chosen = _spread(count, MOST_POINTS)
-    if board is not None:
-        grid = np.arange(count).reshape(board.rows, board.columns)
-        chosen = grid[np.ix_(*(_spread(n, MOST_IN_ROW) for n in grid.shape))]
-    kept = np.isin(recording.frame, common) & np.isin(recording.target, chosen)
-    return recording.where(kept)
+    if board is None:
+        chosen = np.union1d(_spread(count, MOST_POINTS), recording.object.longest)
+        return recording.where(kept & np.isin(recording.target, chosen))
+    grid = np.arange(count).reshape(board.rows, board.columns)
+    chosen = grid[np.ix_(*(_spread(n, MOST_IN_ROW) for n in grid.shape))]
+    fewer = recording.where(kept & np.isin(recording.target, chosen))
+    # Of a few boards, or of hidden ones, all corners.
+    return fewer if {*worth} <= {*pairs_worth_a_fit(fewer)} else recording.where(kept)
 
 
 def _spread(count: int, most: int) -> IntArray:
@@ -272,7 +296,8 @@ def _quick_px(recording: Recording, cameras: Sequence[str], bars: Iterable[Camer
     pairs = {
         pair for name in cameras for pair in [each for each in bars if name in each][:QUICK_PAIRS]
     }
-    return float(np.mean([essential_fit(recording.pair(*pair)).px for pair in pairs]))
+    found = [essential_fit(recording.pair(*pair)).px for pair in pairs]
+    return float(np.mean(found)) if found else np.inf
 
 
 def _named(nominal: RigNoise, judged: list[JudgedReading], gain: float) -> list[JudgedReading]:

@@ -31,8 +31,8 @@ from stereocal.rig.dataset import Dataset
 TRIED, SIGNIFICANT = 2.0, 5.0
 """Standard errors from which an offset is tried, and applied."""
 POOR_PX, ALIKE = 1.0, 10.0
-"""Noise, and the design effect, above which an offset is tried in any case: the derivatives say
-little of one by a frame and more."""
+"""Noise above which an offset is tried in any case, and the design effect above which it need not
+be significant: the derivatives say little of one by a frame and more."""
 EXPLAINED = 0.05
 """An offset that explains less of the residuals is not applied. Measured on the real recording:
 0.02 with a distortion of the wrong sign, 0.5 with an offset of 0.02 frames."""
@@ -100,11 +100,8 @@ def _is_worth_trying(fit: RefinedResult) -> bool:
     if found is None:
         return False
     poor = fit.sigma_px.value > POOR_PX or fit.outlying.mean() > MOST_OUTLYING
-    return (
-        poor
-        or fit.design_effect > ALIKE
-        or (found.is_claimed(TRIED) and abs(found.frames) >= SMALLEST)
-    )
+    alike = fit.design_effect > ALIKE or found.is_claimed(TRIED)
+    return poor or (alike and abs(found.frames) >= SMALLEST)
 
 
 def _drifting(dataset: Dataset, fit: RefinedResult) -> RefinedResult:

@@ -10,7 +10,11 @@ from stereocal.errors import StereocalError
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import rig_file
+from stereocal.network.wrong_inputs import _fewer_points, noise_of_rig
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.simulation import rigs
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
 from tests.rigs.moving_wand import wave_wand
@@ -38,6 +42,42 @@ def bumped(truth: SimulatedRig, name: str, degrees: float, frame: int) -> Record
 def test_a_sound_rig_has_no_warnings(seed: int) -> None:
     rig = calibrate_rig(simulated(seed).recording)
     assert rig.warnings == ()
+
+
+def test_a_sound_rig_of_an_object_whose_ends_are_among_its_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    along = np.linspace(0.05, 0.55, 12)
+    along[[2, 5]] = 0.0, 0.6
+    wand = RigidObject(tuple("abcdefghijkl"), np.outer(along, [1.0, 0.0, 0.0]))
+    assert wand.longest == (2, 5)
+    monkeypatch.setattr(rigs, "WAND", wand)
+    assert calibrate_rig(simulated_rig(np.random.default_rng(1), 3, 60).recording).warnings == ()
+
+
+@pytest.mark.parametrize(("boards", "seen"), [(7, 0.99), (12, 0.4)])
+def test_a_sound_rig_of_few_boards_or_of_hidden_ones(
+    boards: int, seen: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nine corners of a board are too few to judge these."""
+    board = RigidObject.of_board(BoardPattern(8, 6, 0.08))
+
+    def placed(rng: np.random.Generator, frames: int) -> FloatArray:
+        turns = Rotation.from_rotvec(rng.normal(0.0, 0.35, (frames, 3))).as_matrix()
+        middle = rng.uniform([-1.0, -0.7, -1.0], [1.0, 0.7, 1.0], (frames, 1, 3))
+        flat = board.points - board.points.mean(axis=0)
+        return np.asarray(flat @ turns.transpose(0, 2, 1) + middle)
+
+    for name, value in {"WAND": board, "_placed": placed, "NEAR": seen, "FAR": seen}.items():
+        monkeypatch.setattr(rigs, name, value)
+    recording = simulated_rig(np.random.default_rng(boards), 3, boards).recording
+    assert calibrate_rig(recording).warnings == ()
+    assert np.isfinite(noise_of_rig(_fewer_points(recording)).px)
+
+
+def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> None:
+    chain = simulated_rig(np.random.default_rng(6), 9, 200, neighbours_only=True)
+    assert {*calibrate_rig(chain.recording).unreached} == {"c1", "c2", "c3"}
 
 
 @pytest.mark.parametrize(

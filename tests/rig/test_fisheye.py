@@ -8,7 +8,7 @@ import pytest
 
 from stereocal.calibration.checks import warnings_about
 from stereocal.errors import StereocalError
-from stereocal.field.checking.new_images import images_of_matches
+from stereocal.field.checking.new_images import images_of_bars, images_of_matches
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
@@ -158,6 +158,7 @@ def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
     new = images_of_matches(rows.frame, rows.primary, rows.secondary, pair, "new")
     assert len(new.dataset.correspondences) == len(rows) - 2
     assert "2 points of the camera secondary" in new.notes[0]
+    assert images_of_bars(found, pair).notes == new.notes
     again = Recording.of_pair(dataset)
     points = again.points.copy()
     points[[len(rows) + 4, len(rows) + 9]] = moved[[4, 9]]

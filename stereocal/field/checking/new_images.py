@@ -92,7 +92,7 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     rows = seen.correspondences
     if not len(rows.bars):
         return images_of_matches(rows.frame, rows.primary, rows.secondary, rig, dataset.name)
-    notes = []
+    notes = list(filter(None, [beyond_in_words(dataset.beyond_view)]))
     if rig.time_offset is not None:
         seen = seen.shifted(rig.time_offset)
         alone = np.isnan(seen.correspondences.motion[:, 0]) & rig.time_offset.is_shift
@@ -101,7 +101,7 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
             f"{rig.time_offset.frames:.3f} frames."
         )
         if alone.any():
-            notes[0] += (
+            notes[-1] += (
                 f" {alone.sum():,} of {len(rows):,} points have no neighbours in time and are used "
                 "as recorded: the bar must have been at rest there."
             )
