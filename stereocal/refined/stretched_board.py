@@ -2,7 +2,8 @@
 
 Printers stretch a page by a per cent along one side. The cameras see it: the corners of each board,
 as they are reconstructed, give the lengths along both sides, whose ratio depends neither on the
-scale nor, over boards turned in all directions, on the lenses.
+scale nor, over boards turned in all directions, on the lenses. Where all rows are level, or all
+upright, wrong ratios of fx and fy look the same.
 """
 
 import numpy as np
@@ -20,6 +21,9 @@ SMALLEST = 0.003
 """Of a stretch that is named: of sound pairs 0.0014 at most, from errors of the lenses."""
 LARGEST = 0.01
 """A larger one is rejected: no file says that its lengths are wrong by so much."""
+HELD_ALIKE = 0.5
+"""Share of a wrong ratio of fx and fy that looks like a stretch: 1 where all rows are level, 0 over
+all directions. Above it the two are not told apart."""
 FEWEST = 5
 """Boards, and corners of each."""
 
@@ -28,12 +32,12 @@ def stretched_board(fit: RefinedResult) -> str:
     """What a ruler along both sides of the board would show; empty if the images do not tell.
 
     Raises:
-        StereocalError: says the same of a stretch above `LARGEST`.
+        StereocalError: says the same of a stretch above `LARGEST`, of boards not held alike.
     """
     board = board_of(fit.dataset)
     if board is None:
         return ""
-    found = _stretches(fit)
+    found, level = _stretches(fit).T
     if len(found) < FEWEST:
         return ""
     stretch = float(found.mean())
@@ -51,14 +55,20 @@ def stretched_board(fit: RefinedResult) -> str:
         f"{row:.1f} mm and {column * np.exp(-stretch):.1f} mm, or between. Print it again, or "
         "state the measured places of its corners as an object."
     )
+    if abs(level.mean()) > HELD_ALIKE:
+        return (
+            f"{message} The boards were all held alike: lenses whose fx and fy are in a wrong "
+            "ratio would look the same. Check them too, or record boards with their rows level and "
+            "others with them upright."
+        )
     if abs(stretch) > LARGEST:
         raise StereocalError(message)
     return message
 
 
 def _stretches(fit: RefinedResult) -> FloatArray:
-    """(b,): of each board the length along its rows over that along its columns, over those stated,
-    in logarithms."""
+    """(b, 2): of each board the length along its rows over that along its columns, over those
+    stated, in logarithms; and whether its rows are level (1) or upright (-1) in the image."""
     rows = fit.dataset.correspondences.where(fit.used_rows)
     assert rows.rigid_object is not None
     points = fit.rig.reconstruct(rows.primary, rows.secondary)
@@ -70,5 +80,6 @@ def _stretches(fit: RefinedResult) -> FloatArray:
             continue
         sides = np.linalg.lstsq(own[of_frame], points[of_frame], rcond=None)[0][:2]
         along, across = np.linalg.norm(sides, axis=1)
-        found.append(np.log(along / across))
-    return np.array(found)
+        level = np.cos(2.0 * np.arctan2(sides[0, 1], sides[0, 0]))
+        found.append((np.log(along / across), level))
+    return np.array(found).reshape(-1, 2)

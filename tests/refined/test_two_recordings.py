@@ -15,10 +15,11 @@ from stereocal.refined.stated_inputs import far_off
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.two_recordings import other_size
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.rigid_object import BoardPattern
 from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.board_mistakes import board_of, moved
-from tests.rigs.board_pairs import BoardPair, sound, waved
+from tests.rigs.board_pairs import BoardPair, draw_placings, drawn_rig, seen_by, sound, waved
 
 PAIR = sound(0, frames=16, baseline=True)
 
@@ -87,3 +88,15 @@ def test_baseline_of_boards_out_of_step_is_found_in_step() -> None:
     found = with_baseline_found(data(late)).baseline_m
     # Measured: 0.4 % off; 1.8 % as recorded.
     assert found == pytest.approx(late.truth.pose.baseline, rel=0.008)
+
+
+def test_level_boards_do_not_tell_a_stretch_from_focal_lengths() -> None:
+    rng = np.random.default_rng(1)
+    own, far = drawn_rig(rng)
+    board = BoardPattern(9, 6, 0.03 * far)
+    placings = draw_placings(own, far, board, rng, 12, largest_roll=0.1)
+    pair = seen_by(own, board, placings, rng, 0.2, baseline=True)
+    stretched = np.diag([1.02, 1.0, 1.0])
+    wrong = [replace(camera, K=camera.K @ stretched) for camera in pair.cameras]
+    said = stretched_board(refine(data(replace(pair, cameras=(wrong[0], wrong[1])))))
+    assert "fx and fy" in said

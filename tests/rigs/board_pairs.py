@@ -108,16 +108,21 @@ def images_of(rig: Rig, pose: Pose, corners: FloatArray) -> FloatArray | None:
 
 
 def draw_placings(
-    rig: Rig, far: float, board: BoardPattern, rng: np.random.Generator, count: int
+    rig: Rig,
+    far: float,
+    board: BoardPattern,
+    rng: np.random.Generator,
+    count: int,
+    largest_roll: float = np.pi,
 ) -> tuple[Pose, ...]:
-    """Boards of any direction that both cameras see whole, from the front."""
+    """Boards that both cameras see whole, from the front."""
     found, corners = [], true_corners(board, 0.0)
     for _ in range(TRIES):
         depth = far * rng.uniform(0.6, 1.4)
         size = np.array(rig.primary.image_size)
         pixel = rng.uniform(0.1, 0.9, 2) * size
         ray = rig.primary.undistort(pixel[None])[0]
-        turn = Rotation.from_rotvec([0, 0, rng.uniform(-np.pi, np.pi)])
+        turn = Rotation.from_rotvec([0, 0, rng.uniform(-largest_roll, largest_roll)])
         tilt = Rotation.from_rotvec([*rng.normal(0, 0.35, 2), 0.0])
         half = Rotation.from_matrix(rig.pose.R.T).as_rotvec() / 2
         R = (Rotation.from_rotvec(half) * tilt * turn).as_matrix()
