@@ -105,6 +105,8 @@ def _left_out(run: Run) -> Iterator[str]:
             f"Before the calibration, a robust fit found {count(len(frames), 'frame')} that "
             f"contradicted the others; {_them(frames)} left out."
         )
+    if (shift := screening.shift) is not None:
+        yield f"{shift.sentence()} Its points were interpolated at the instants of the primary's."
     if by_user := screening.by_user:
         yield f"{'Further, f' if frames else 'F'}{_them(by_user)[1:]} left out by hand."
     if copies := tuple(screening.copies):

@@ -26,6 +26,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.workflow import Run
 from tests.paper_kit.answers import of_field, of_recording, run_of
+from tests.refined.test_time_offset import moving
 from tests.terminal import ROOT
 
 
@@ -51,6 +52,12 @@ def test_a_kit_holds_all_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert names == {"methods.md", "references.bib", "table.csv", "archive.zip", *figures}
     assert {"dataset.json", "correspondences.csv", "reproduce.json"} < archived
     assert {f"parameters_{method}.json" for method in ("2d", "3d", "refined")} < archived
+
+
+def test_the_methods_say_that_the_secondary_points_were_shifted() -> None:
+    text = methods_md(Run(moving(0.3)))
+    assert "later than the primary. Its points were interpolated" in text
+    assert "interpolated" not in methods_md(of_field())
 
 
 def test_the_methods_say_the_figures_of_the_result() -> None:
