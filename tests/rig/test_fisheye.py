@@ -159,6 +159,8 @@ def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
     assert len(new.dataset.correspondences) == len(rows) - 2
     assert "2 points of the camera secondary" in new.notes[0]
     assert images_of_bars(found, pair).notes == new.notes
+    ends = found.correspondences.where(found.correspondences.target == 0)
+    assert images_of_bars(replace(found, correspondences=ends), pair).notes == new.notes
     again = Recording.of_pair(dataset)
     points = again.points.copy()
     points[[len(rows) + 4, len(rows) + 9]] = moved[[4, 9]]

@@ -90,9 +90,10 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     own = rig.inputs.get("sha256") in (dataset.sha256, used.sha256)
     seen = replace(dataset, primary=rig.primary, secondary=rig.secondary)
     rows = seen.correspondences
-    if not len(rows.bars):
-        return images_of_matches(rows.frame, rows.primary, rows.secondary, rig, dataset.name)
     notes = list(filter(None, [beyond_in_words(dataset.beyond_view)]))
+    if not len(rows.bars):
+        matches = rows.frame, rows.primary, rows.secondary
+        return images_of_matches(*matches, rig, dataset.name, tuple(notes))
     if rig.time_offset is not None:
         seen = seen.shifted(rig.time_offset)
         alone = np.isnan(seen.correspondences.motion[:, 0]) & rig.time_offset.is_shift

@@ -20,6 +20,7 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RigFile
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.numbers import plural
 from stereocal.verdict.in_words import listed
@@ -99,6 +100,10 @@ class RigCheck:
         ]
         if self.verdict == "moved":
             found.append("Calibrate the rig again, with bars recorded since.")
+        beyond: dict[str, int] = {}
+        for check in self.pairs.values():
+            beyond.update(check.images.dataset.beyond_view)
+        found += filter(None, [beyond_in_words(beyond)])
         unchecked = self.unchecked.items()
         return found + [f"{pair_name(pair)} was not checked: {why}" for pair, why in unchecked]
 
