@@ -73,8 +73,9 @@ class CalibrationSettings(Settings):
     time_offset: bool = described(
         False,
         "Find the time offset between the cameras",
-        "For cameras that are not quite in step: how many frames later the secondary takes its "
-        "frames. Its points are shifted by that. Needs a bar that moves, in consecutive frames.",
+        "How many frames later the secondary takes its frames; its points are shifted by that. An "
+        "offset that is significant is applied without this; with it, any. Needs a bar that moves, "
+        "in consecutive frames.",
         name="time offset",
     )
     time_drift: bool = described(

@@ -63,8 +63,8 @@ def show_page() -> None:
         end_here()
     rig = store.rig
     left, right = st.columns([1, 2], vertical_alignment="center")
-    title = "The cameras may be out of step by fractions of a frame"
-    work = rig_work(project, right.toggle(title, key=TIME_OFFSETS))
+    title, told = "Apply every time offset", "Else those that are significant are applied."
+    work = rig_work(project, right.toggle(title, key=TIME_OFFSETS, help=told))
     with left:
         label = "Calibrate all again" if rig else "Calibrate all"
         jobs.start_button(work, label, "rig_run", primary=rig is None)
