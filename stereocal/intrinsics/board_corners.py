@@ -90,6 +90,8 @@ def find_chessboard(
             raw = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
             # Pixel centres are integers: the middle of pixels 0 and 1 is 0.5.
             grid = scale * raw + 0.5 * (scale - 1.0)
+            if finder is classic and goes_on(grid, grey):
+                continue
             best = Chessboard(*in_board_order(grid, grey), outer_squares(grid, grey))
             if best.outer:
                 break
@@ -104,15 +106,36 @@ def outer_squares(grid: FloatArray, grey: GreyImage) -> float:
 
 def _alternate(grid: FloatArray, grey: GreyImage, beyond: float) -> bool:
     """Whether black and white alternate on all four sides at a distance in squares."""
-    for _ in range(2):  # a row of squares more before the first and after the last, and columns
-        step = 2 * beyond * (grid[[0, -1]] - grid[[1, -2]])
+    return not any(margin < 0.0 for margin in _margins(_with_more(grid, 2 * beyond), grey))
+
+
+def goes_on(grid: FloatArray, grey: GreyImage) -> bool:
+    """Whether squares alternate on a side beyond those next to a grid: it is a part of a board.
+
+    Asked for 7x6 corners, the classical finder found a part of a board of 9x6 in 9 of 13
+    photographs; two cameras may find different ones.
+    """
+    wider = _with_more(_with_more(grid, 1.0), 0.4)  # the outermost squares may be as narrow
+    return any(margin > 0.0 for margin in _margins(wider, grey))
+
+
+def _with_more(grid: FloatArray, squares: float) -> FloatArray:
+    """A grid with a row more before the first and after the last, at this distance, and columns."""
+    for _ in range(2):
+        step = squares * (grid[[0, -1]] - grid[[1, -2]])
         grid = np.concatenate([grid[:1] + step[:1], grid, grid[-1:] + step[1:]]).swapaxes(0, 1)
+    return grid
+
+
+def _margins(grid: FloatArray, grey: GreyImage) -> list[float]:
+    """By how much the contrast of the outermost squares exceeds the least one, on the four sides;
+    NaN out of view."""
     level, like_first = _squares(grid, grey)
     inner = np.s_[1:-1, 1:-1]
     usual = _contrast(level[inner], like_first[inner])
     sides = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
     found = [_contrast(level[side], like_first[side]) * np.sign(usual) for side in sides]
-    return not any(contrast < MINIMUM_CONTRAST * abs(usual) for contrast in found)
+    return [contrast - MINIMUM_CONTRAST * abs(usual) for contrast in found]
 
 
 def _contrast(level: FloatArray, like_first: BoolArray) -> float:

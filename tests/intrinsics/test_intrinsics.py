@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.intrinsics.board_corners import are_crossings
+from stereocal.intrinsics.board_corners import are_crossings, find_chessboard
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_board
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
@@ -50,6 +50,7 @@ from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import chessboard, chessboard_corners, turned
 
 FEW = LensSettings(subset=12, repeats=20)
+ROOT = Path(__file__).parents[2]
 CASES = Path(__file__).parents[1] / "cases"
 
 
@@ -355,6 +356,14 @@ class TestFisheye:
         ]
         assert len(found.ids) == 48
         assert min(own.max() for own in apart) < 0.4
+
+    @pytest.mark.parametrize("name", ["left01.jpg", "left03.jpg"])
+    def test_a_part_of_a_board_is_no_board(self, name: str) -> None:
+        """Of 9x6 corners; the classical finder alone takes a part of 8x6 for a board."""
+        path = ROOT / "sample_data" / "boards" / name
+        grey = np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8)
+        assert find_chessboard(grey, 9, 6) is not None
+        assert find_chessboard(grey, 8, 6) is None
 
     def test_corners_that_are_no_crossings_are_told(self) -> None:
         pose = facing()
