@@ -30,6 +30,7 @@ from stereocal.ui.texts import escape_markdown
 KIND: jobs.Kind = "rig"
 GRAPH = "rig_graph"
 TIME_OFFSETS = "rig_time_offsets"
+NOTES = "rig_pairs_without_files"
 
 
 def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
@@ -43,7 +44,8 @@ def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
             raise StereocalError("This project holds no recording of several cameras.")
         settings = RigSettings(time_offsets=time_offsets or None)
         found = rig_file(calibrate_rig(recording, settings, job.progress))
-        sets, _ = sets_of_pairs(recording, found)
+        sets, notes = sets_of_pairs(recording, found)
+        project.keep_settings({NOTES: notes})
         store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))
 
     return jobs.PageWork(project, KIND, ("steps",), run)
@@ -96,7 +98,7 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
     st.caption("A click on a line opens that pair.")
     if loops := loops_sentence(rig):
         st.caption(escape_markdown(loops))
-    for note in rig_notes(rig):
+    for note in [*rig_notes(rig), *store.project.settings.get(NOTES, [])]:
         st.warning(escape_markdown(note))
     st.caption("A pair by itself, on the pages Calibrate and Validate:")
     pair_buttons(store.project)

@@ -292,6 +292,18 @@ def test_exchanged_camera_files_are_named(app: AppTest, home: Path) -> None:
     assert "c1 and c2" in sentence and "exchanged" in sentence
 
 
+def test_pairs_without_files_are_told(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    why = "The pair 1-2 has no files: its images determine too little of it."
+    monkeypatch.setattr("stereocal.ui.rig.sets_of_pairs", lambda *_: ({}, [why]))
+    given(app, files_of_rig()).number_input(key="several_B_m").set_value(0.39).run()
+    app.number_input(key="several_M_m").set_value(0.13).run()
+    app.button(key="several_run").click().run()
+    assert ended(Project.open(home, find_projects(home)[0]), "rig").state == "done"
+    assert why in told(go(app, "rig"), "warning")
+
+
 CORNERS = PATTERN.points - PATTERN.points.mean(axis=0)
 """Of a board whose pose is that of its middle."""
 
