@@ -6,10 +6,10 @@ what they compile in the cache, from which this process loads it.
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -73,24 +73,32 @@ def compile_all(progress: Progress | None = None) -> int:
 
 
 def _compile_apart(progress: Progress | None) -> int:
-    """Compile each part in a process of its own, all at once."""
+    """Compile each part in a process of its own, all at once; they say how far they are."""
     done = dict.fromkeys(PARTS, 0)
-
-    def follow(part: str) -> None:
-        command = [sys.executable, "-m", __name__, part]
-        with subprocess.Popen(command, cwd=PACKAGE, stdout=subprocess.PIPE) as process:
-            assert process.stdout is not None
-            for line in process.stdout:
-                done[part] = int(line)
+    reading, writing = os.pipe()
+    with os.fdopen(reading, encoding="utf-8") as lines:
+        commands = [[sys.executable, "-m", __name__, part] for part in PARTS]
+        processes = [subprocess.Popen(own, cwd=PACKAGE, stdout=writing) for own in commands]
+        os.close(writing)
+        try:
+            for line in lines:
+                part, count = line.split()
+                done[part] = int(count)
                 if progress is not None:
                     progress(min(sum(done.values()), FUNCTIONS - 1), FUNCTIONS)
-
-    with ThreadPoolExecutor(len(PARTS)) as threads:
-        for each in [threads.submit(follow, part) for part in PARTS]:
-            each.result()
+        finally:  # also after Ctrl-C
+            for process in processes:
+                process.terminate()
+                process.wait()
     if progress is not None:
         progress(FUNCTIONS, FUNCTIONS)
     return sum(done.values())
+
+
+def _say(part: str, count: int) -> None:
+    # Written at once, whatever the buffer of stdout: else lines of two processes are mixed.
+    sys.stdout.write(f"{part} {count}\n")
+    sys.stdout.flush()
 
 
 def _recordings() -> tuple[Scene, list[Dataset]]:
@@ -139,7 +147,8 @@ def _use_refined() -> None:
 PARTS: Mapping[str, Callable[[], None]] = {"searches": _use_searches, "refined": _use_refined}
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who began this also ends it
     if hasattr(os, "nice"):  # pages and commands come first
         os.nice(5)
-    with compilations(partial(print, flush=True)):
+    with compilations(partial(_say, sys.argv[1])):
         PARTS[sys.argv[1]]()

@@ -39,7 +39,7 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, str]] = {
         True,
         "reconstruct IN/pairs.csv --parameters IN/parameters_2d.json --out OUT/points.csv",
     ),
-    "compile": ("Compiling", True, "compile"),
+    "compile": ("functions compiled", True, "compile"),
 }
 FEW = ("calibrate", "match")
 """One that computes, one with processes of its own, one with half a file; the rest in the soak."""

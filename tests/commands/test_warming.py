@@ -98,7 +98,10 @@ for one in gc.get_objects():
         if len(kinds) != 1:
             print(one.py_func.__name__, len(kinds))
 """
-OF_BOTH_LENSES = {"_fill_errors", "cost", "reprojection_cost", "reprojection_shift", "search"}
+OF_BOTH_LENSES = {
+    *("_fill_errors", "calibrate_rays", "cost", "count_pairs", "reprojection_cost"),
+    *("reprojection_shift", "search", "validate_rays"),
+}
 """A fisheye has a scale of the pixels at each point."""
 
 
